@@ -11,6 +11,7 @@ from observer_rt.bus.links.receiver import BusDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
+from observer_rt.daemon.bus_connection import RETRY, Port
 from observer_rt.daemon.input_monitoring.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_monitoring.input_watch import (
     InputWatch,
@@ -18,8 +19,8 @@ from observer_rt.daemon.input_monitoring.input_watch import (
     RestartWatch,
     StateWatch,
 )
+from observer_rt.daemon.link_opening import buses_of
 from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.daemon.port import RETRY, Port, buses_of
 from observer_rt.daemon.pump.latency import Latency
 from observer_rt.daemon.pump.pump import FramePump
 from observer_rt.daemon.rights import take_time, touch
@@ -77,7 +78,7 @@ class Daemon:
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)
         self._watch = InputWatch(bench.injector, bus, self.core)
         self.arrivals = self._watch.arrivals
-        """Of all input messages, by the monotonic clock, and of others under our identifiers."""
+        """Arrivals of all input messages, by the monotonic clock, and of others under our identifiers."""
         self._state_watch = StateWatch(self.arrivals)
         self._restart_watch = RestartWatch(self.arrivals)
         self._learning_watch = LearningWatch()
@@ -117,7 +118,7 @@ class Daemon:
             self._executor.shutdown(cancel_futures=True)
 
     def _serve_once(self) -> None:
-        """What the pump has, soon; results, and status when it is due."""
+        """Serves what the pump has, soon; results, and status when it is due."""
         try:
             results = self._pump.serve(RETRY if self._is_waiting else RECEIVE_TIMEOUT)
         except BusDownError as error:
@@ -144,7 +145,7 @@ class Daemon:
                 self.arrivals.begin(now)
 
     def _look(self, now: int) -> None:
-        """What is wrong with the inputs, and which state it is; of inputs on a bus that is down nothing is asked."""
+        """Looks for faults of the inputs, and for the state; inputs on a bus that is down are not judged."""
         if not self._down:
             for notice in self._watch.look(now):
                 self._tell(notice)
@@ -158,7 +159,7 @@ class Daemon:
             self._on_alive()
 
     def _post(self, frames: Sequence[OutputFrame]) -> None:
-        """Results to their buses, behind those that wait there."""
+        """Posts results to their buses, behind those that wait there."""
         for bus, port in enumerate(self.ports):
             try:
                 port.post((frame for frame in frames if frame.bus == bus), self._pump.sender(bus))
@@ -167,7 +168,7 @@ class Daemon:
         self._is_waiting = any(port.is_waiting for port in self.ports)
 
     def _lose(self, bus: int, error: LinkDownError) -> None:
-        """A link failed: go on without it until it is mended."""
+        """Goes on without a link that failed, until it is mended."""
         self._pump.leave_out(bus)
         self._down.append(bus)
         self.ports[bus].go_down(error)
@@ -213,17 +214,17 @@ class Daemon:
 
     @property
     def failed_writes(self) -> int:
-        """How often learned state or journal could not be written, and lines of the log that were given up."""
+        """Number of failures to write learned state or journal, and lines of the log that were given up."""
         return self._failed_writes()
 
     @property
     def troubles(self) -> int:
-        """How often an interface went down or away, and its controller error-passive or bus-off."""
+        """Number of times an interface went down or away, or its controller error-passive or bus-off."""
         return sum(port.troubles for port in self.ports)
 
     @property
     def latency(self) -> Latency | None:
-        """Of the rates sent so far; None before the first."""
+        """Latency of the rates sent so far; None before the first."""
         return self._latency()
 
     @property

@@ -1,4 +1,4 @@
-"""Logs news in words, each incident once: to the log, the stream of records and the service manager."""
+"""Logs reports and notices in words, each incident once: to the log, the stream of records and the manager."""
 
 import math
 import threading
@@ -18,14 +18,14 @@ TOGETHER = 10.0  # s within which the same from another injector is the same inc
 
 
 class Deduplicator:
-    """Knows what was said of the buses lately, and by whom."""
+    """Remembers the latest reports about the buses, and their sources."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._said: dict[str, tuple[float, set[str]]] = {}
 
     def is_new(self, who: str, what: str) -> bool:
-        """Whether `who` is the first to say it, or says it again."""
+        """Whether `who` is the first to report it, or reports it again."""
         now = time.monotonic()
         with self._lock:
             self._said = {
@@ -40,7 +40,7 @@ class Deduplicator:
 
 
 class EventLogger:
-    """Logs in words what it hears."""
+    """Listener that logs in words."""
 
     def __init__(self, log: Voice, notifier: Notifier, c: Coefficients, once: Deduplicator) -> None:
         """c: of the nominal model; once: of all injectors, for what they share."""
@@ -50,7 +50,7 @@ class EventLogger:
         self._c = c
 
     def hear(self, news: News) -> None:
-        """Say it."""
+        """Logs it."""
         match news:
             case InjectionReport():
                 self._log.say(Topic.INJECTION, line(news) + self._offset(news))
@@ -63,14 +63,14 @@ class EventLogger:
                 self._notice(news)
 
     def _offset(self, report: InjectionReport) -> str:
-        """How far the line-pressure sensor is off, where that is why."""
+        """Offset of the line-pressure sensor in words, where that is why."""
         if Reason.PRESSURE_OFFSET not in report.reasons or not report.indicators[OFFSET].value:
             return ""
         offset = report.indicators[OFFSET].value * self._c.pressure_scale / MEGAPASCAL
         return f", line pressure reads {offset:+.2f} MPa off"
 
     def _notice(self, notice: Notice) -> None:
-        """Without a name where it is the same for all injectors."""
+        """Logs a notice, without a name where it is the same for all injectors."""
         is_shared = notice.incident == notice.text
         text = notice.text if is_shared else self._log.named(notice.text)
         self._log.log.say(notice.topic, text, notice.is_over)
@@ -79,7 +79,7 @@ class EventLogger:
 
 
 def line(report: InjectionReport) -> str:
-    """An injection on one line."""
+    """Describes an injection on one line."""
     reasons = [*map(named, report.reasons)]
     if Reason.OUTSIDE_LEARNED_RANGE in report.reasons:
         reasons.append(beyond_learned(report))

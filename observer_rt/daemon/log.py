@@ -27,7 +27,7 @@ QUIET_TOPICS = frozenset({Topic.INJECTION, Topic.MEASURED, Topic.STATE})  # whic
 
 
 class ServiceLog:
-    """What is said while the service runs; a context manager that writes what waits when it ends."""
+    """Log of the service while it runs; a context manager that writes what waits when it ends."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class ServiceLog:
             self._records = _Outlet(records, partial(_tell_loss, screen, "records on stdout"))
 
     def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
-        """A line; its level is that of the topic, `is_over`: of something that is well again or normal."""
+        """Logs a line; its level is that of the topic, `is_over`: of something that is well again or normal."""
         level = logging.INFO if is_over else TOPICS[topic].level
         if text.startswith(_WARNING):
             level, text = logging.WARNING, text.removeprefix(_WARNING)
@@ -66,9 +66,11 @@ class ServiceLog:
             outlet.put(record)
 
     def record(self, content: Mapping[str, Any]) -> None:
-        """A record for the stream, one line of JSON, with the time it was made."""
+        """Writes a record to the stream, one line of JSON, with the time it was made."""
         if self._records is not None:
-            line = json.dumps({"time": _now().isoformat(timespec="milliseconds"), **content})
+            line = json.dumps(
+                {"time": datetime.now(UTC).astimezone().isoformat(timespec="milliseconds"), **content}
+            )
             self._records.put(logging.makeLogRecord({"msg": line}))
 
     @property
@@ -86,7 +88,7 @@ class ServiceLog:
 
 
 class Voice:
-    """What is said of one injector, in the log of all; `name` stands before it where there are several."""
+    """Log of one injector within that of all; `name` stands before it where there are several."""
 
     def __init__(self, log: ServiceLog, name: str) -> None:
         self.log = log
@@ -97,12 +99,12 @@ class Voice:
         return f"{self.name}: {text}" if self.name else text
 
     def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
-        """As `ServiceLog.say`."""
+        """Logs as `ServiceLog.say`."""
         warning = _WARNING if text.startswith(_WARNING) else ""
         self.log.say(topic, warning + self.named(text.removeprefix(_WARNING)), is_over)
 
     def record(self, content: Mapping[str, Any]) -> None:
-        """As `ServiceLog.record`."""
+        """Records as `ServiceLog.record`."""
         self.log.record({"injector": self.name, **content} if self.name else content)
 
 
@@ -130,10 +132,6 @@ def _tell_loss(screen: "_Outlet", what: str, why: str) -> None:
     screen.put(_made(Topic.STREAM, TOPICS[Topic.STREAM].level, f"{what} are lost: {why}"))
 
 
-def _now() -> datetime:
-    return datetime.now(UTC).astimezone()
-
-
 class _Line(logging.Formatter):
     """`2026-03-01T12:00:00.000+01:00 WARNING input: text`.
 
@@ -151,7 +149,7 @@ class _Line(logging.Formatter):
 
 
 class _Shown(logging.Handler):
-    """Onto the console, above the view where there is one."""
+    """Handler that prints onto the console, above the view where there is one."""
 
     def __init__(self, console: Console) -> None:
         super().__init__()

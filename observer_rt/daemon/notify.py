@@ -1,4 +1,4 @@
-"""What systemd wants to hear of a service of `Type=notify`: sd_notify(3), over the socket it names."""
+"""Notification of systemd by a service of `Type=notify`: sd_notify(3), over the socket it names."""
 
 import os
 import socket
@@ -25,21 +25,21 @@ class Notifier:
         self._due = 0.0
 
     def ready(self) -> None:
-        """The service runs."""
+        """Reports that the service runs."""
         self._tell("READY=1")
 
     def status(self, text: str) -> None:
-        """One line for `systemctl status`."""
+        """Sets the line of `systemctl status`."""
         self._tell("STATUS=" + text.partition("\n")[0])
 
     def alive(self) -> None:
-        """The loop went round; to be called often, feeds the watchdog when it is due."""
+        """Feeds the watchdog when it is due; to be called often, whenever the loop went round."""
         if self._period and time.monotonic() >= self._due:
             self._due = time.monotonic() + self._period
             self._tell("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """The service was asked to stop."""
+        """Reports that the service was asked to stop."""
         self._tell("STOPPING=1")
 
     def _tell(self, message: str) -> None:
@@ -59,7 +59,7 @@ class WatchdogPulse:
 
     @contextmanager
     def beating(self, loop: int) -> Iterator[Callable[[], None]]:
-        """To be called whenever loop number `loop` went round; afterwards nobody waits for it.
+        """Yields a beat to be called whenever loop number `loop` went round; afterwards nobody waits for it.
 
         After the last one the manager hears that the service stops.
         """

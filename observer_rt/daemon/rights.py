@@ -21,28 +21,29 @@ _PR_SET_TIMERSLACK = 29
 _CAP_IPC_LOCK = 1 << 14
 _ISOLATED = Path("/sys/devices/system/cpu/isolated")
 _T = TypeVar("_T")
+REMEDY = "name others; `cat /sys/fs/cgroup/cpuset.cpus.effective` shows which there are"
 
 
 @dataclass(frozen=True)
 class Rights:
-    """What this process may ask for, or has."""
+    """Rights that this process may ask for, or has."""
 
     may_hurry: bool
     """Real-time priority."""
     may_lock_memory: bool
     """Pages once touched stay in memory."""
     priority: int
-    """That is asked for; 0: none."""
+    """Real-time priority that is asked for; 0: none."""
 
     def as_text(self) -> str:
-        """In a few words."""
+        """Describes them in a few words."""
         priority = f"priority {self.priority} for the loop" if self.may_hurry else "no real-time priority"
         memory = "memory locked" if self.may_lock_memory else "memory not locked"
         return f"real time: {priority}, {memory}"
 
 
 def rights(priority: int) -> Rights:
-    """Of this process, whose limits are raised as far as they can be; priority: wanted for the loop, 0: none."""
+    """Rights of this process, whose limits are raised as far as possible; priority: wanted for the loop, 0: none."""
     may_hurry = _tried(partial(hurry, None, priority))  # limits do not tell what a sandbox forbids
     _raise_limit(resource.RLIMIT_MEMLOCK)
     memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
@@ -91,7 +92,7 @@ def hurry(processor: int | None, priority: int) -> bool:
 
 
 def _tried(what: Callable[[], _T]) -> _T:
-    """What comes of it in a thread that ends with it."""
+    """Result of a call in a thread that ends with it."""
     with ThreadPoolExecutor(1) as trial:
         return trial.submit(what).result()
 
@@ -103,7 +104,7 @@ def take_time() -> None:
 
 
 def _raise_limit(which: int) -> None:
-    """The soft limit to the hard one."""
+    """Raises the soft limit to the hard one."""
     _, most = resource.getrlimit(which)
     with suppress(ValueError, OSError):
         resource.setrlimit(which, (most, most))
@@ -111,7 +112,7 @@ def _raise_limit(which: int) -> None:
 
 @dataclass(frozen=True)
 class Processors:
-    """What the loops get. own: theirs, in turn; refused: asked for in vain.
+    """CPUs of the loops. own: theirs, in turn; refused: asked for in vain.
 
     are_isolated: Linux keeps everything else off them; are_shared: Python has no others.
     """
@@ -122,11 +123,11 @@ class Processors:
     are_shared: bool = False
 
     def of(self, loop: int) -> int | None:
-        """Where loop number `loop` (0, 1, ...) is to stay, None: anywhere."""
+        """CPUs at which loop number `loop` (0, 1, ...) is to stay, None: any."""
         return self.own[loop % len(self.own)] if self.own else None
 
     def as_text(self) -> str:
-        """In a few words."""
+        """Describes them in a few words."""
         if not self.own:
             return "no CPU of its own for the loop"
         text = f"the loop on CPU {_listed(self.own)}"
@@ -136,17 +137,14 @@ class Processors:
 
     @property
     def trouble(self) -> str:
-        """What was asked for and is not there; empty if nothing."""
+        """Names the CPUs that were asked for and are not there; empty: none."""
         if not self.refused:
             return ""
         return f"CPU {_listed(self.refused)} of realtime.cpus cannot be used: not there, or kept from this process"
 
 
-REMEDY = "name others; `cat /sys/fs/cgroup/cpuset.cpus.effective` shows which there are"
-
-
 def processors(asked: Sequence[int] | None, loops: int) -> Processors:
-    """What `loops` loops can have of the CPUs asked for, of those that are isolated if None. Each is tried."""
+    """CPUs for `loops` loops, of those asked for, or of those that are isolated if None. Each is tried."""
     isolated = numbers_in(_ISOLATED.read_text()) if _ISOLATED.exists() else ()
     wanted = tuple(dict.fromkeys(isolated if asked is None else asked))
     granted = _tried(lambda: tuple(filter(_may_stay_on, wanted)))
@@ -170,7 +168,7 @@ def leave_to_loops(found: Processors) -> None:
 
 
 def numbers_in(text: str) -> tuple[int, ...]:
-    """Of a list of CPUs as Linux writes it: `1,4-6`."""
+    """Numbers in a list of CPUs as Linux writes it: `1,4-6`."""
     ranges = (each.partition("-") for each in text.strip().split(",") if each.strip())
     return tuple(n for first, _, last in ranges for n in range(int(first), int(last or first) + 1))
 

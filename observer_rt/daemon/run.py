@@ -22,11 +22,11 @@ from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.event_logger import Deduplicator, EventLogger
+from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.daemon.log import ServiceLog, Voice
 from observer_rt.daemon.notify import Notifier
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of, kept_files
 from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
-from observer_rt.daemon.port import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.daemon.rights import (
     REMEDY,
     Processors,
@@ -56,7 +56,7 @@ _PATIENCE = 2.0  # s that one is waited for
 
 @dataclass(frozen=True)
 class Shared:
-    """What all injectors use. buses: by their number, those that can be opened once only; once: what was said."""
+    """Means that all injectors share. buses: by number, those that can be opened once only; once: reports so far."""
 
     notifier: Notifier
     buses: Mapping[int, SharedBus]
@@ -79,7 +79,7 @@ class InjectorService:
     ) -> None:
         """bench: with this injector only; shared: with the others; on_thread: see `Daemon`.
 
-        learned: before the bench file was changed, else as kept. Says what that is, and what it will observe.
+        learned: before the bench file was changed, else from the file. Logs what that is, and what it will observe.
         """
         injector = bench.injector
         self._bench = bench
@@ -103,12 +103,12 @@ class InjectorService:
 
     @property
     def name(self) -> str:
-        """Of the injector, empty where the bench has one."""
+        """Name of the injector, empty where the bench has one."""
         return self._bench.injector.name
 
     @property
     def learned(self) -> tuple[str, Knowledge | None]:
-        """For which model, what."""
+        """Model and the knowledge that was learned for it."""
         return self._model, self._daemon.core.knowledge if self._daemon else self._knowledge
 
     @property
@@ -149,7 +149,7 @@ class InjectorService:
                 daemon.run(stop)
 
     def tell_end(self, failure: BaseException) -> None:
-        """Say that this injector is not served any more, while others are."""
+        """Reports that this injector is not served any more, while others are."""
         self._voice.say(Topic.STOP, f"warning: ended, the other injectors go on: {failure}")
 
     def _tell(self, news: News) -> None:
@@ -238,7 +238,7 @@ def refuse_shared(bench: Bench, options: RunOptions) -> None:
 
 @dataclass
 class Serving:
-    """What outlasts a change of the bench file. screen: of the view, if there is one.
+    """Things that outlast a change of the bench file. screen: of the view, if there is one.
 
     read_again: as of `serve`; learned: by the name of the injector, for which model, so that nothing is lost where no
     file keeps it.
@@ -274,7 +274,7 @@ class Serving:
         return None if self.stop.is_set() else successor()
 
     def say(self, text: str) -> None:
-        """Of the start."""
+        """Logs a line about the start."""
         self.log.say(Topic.START, text)
 
     def _services(self, bench: Bench, maps: Sequence[BusMap], stack: ExitStack) -> list[InjectorService]:

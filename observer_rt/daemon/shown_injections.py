@@ -21,10 +21,22 @@ from observer_rt.engine.words import REASONS
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 
+LOWEST = 6  # lines of a plot
+SIDE_BY_SIDE = 130  # columns
+STACKED = 20  # lines, from which there is room for two plots
+_BAND, _ESTIMATE, _MEASURED = "gray", "green+", "cyan"
+_REFERENCES = ("orange", "magenta")
+_STYLES = {"gray": "dim", "green+": "bright_green", "cyan": "cyan", "orange": "yellow", "magenta": "magenta"}
+
+WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
+HEADING = 2  # lines
+_FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_bound_mg")]
+_COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
+
 
 @dataclass(frozen=True)
 class ComparedRate:
-    """What an injection can be compared with: its rate [m3/s] over the injection's samples, and its mass [kg]."""
+    """Reference of an injection: its rate [m3/s] over the injection's samples, and its mass [kg]."""
 
     name: str
     rate: NDArray[np.float64]
@@ -32,7 +44,7 @@ class ComparedRate:
 
 
 References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate]]
-"""Of an injection and its samples, dtype `stream.state.SAMPLE`."""
+"""References for an injection and its samples, dtype `stream.state.SAMPLE`."""
 
 
 @dataclass
@@ -53,7 +65,7 @@ class NominalInjection:
         self.coefficients: Coefficients = self._constants.coefficients
 
     def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:
-        """Its rate and mass; none where the needle was open from the start."""
+        """Rate and mass of the injection; none where the needle was open from the start."""
         is_open = rows["seat_area"] > 0.0
         if not is_open.any() or is_open[0]:
             return ()
@@ -62,14 +74,6 @@ class NominalInjection:
         rate = follower.along(rows)
         mass = float(np.trapezoid(rate)) * self._constants.interval * report.density
         return [ComparedRate("nominal", rate, mass)]
-
-
-LOWEST = 6  # lines of a plot
-SIDE_BY_SIDE = 130  # columns
-STACKED = 20  # lines, from which there is room for two plots
-_BAND, _ESTIMATE, _MEASURED = "gray", "green+", "cyan"
-_REFERENCES = ("orange", "magenta")
-_STYLES = {"gray": "dim", "green+": "bright_green", "cyan": "cyan", "orange": "yellow", "magenta": "magenta"}
 
 
 class _CurveLine(NamedTuple):
@@ -138,14 +142,8 @@ def _plot(
     return Group(heading, Text.from_ansi(str(plotext.build()).rstrip("\n")))
 
 
-WITH_WORDS = 110  # columns, from which all columns have room, and reasons are put into words
-HEADING = 2  # lines
-_FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "mass_bound_mg")]
-_COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
-
-
 def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> Table:
-    """A row for each, the last one at the bottom; in 76 columns no figure is cut. c: of the nominal model."""
+    """Table of injections, the last one at the bottom; in 76 columns no figure is cut. c: of the nominal model."""
     is_measured = any(item.measured for item in shown)
     is_commanded = any(item.report.commanded for item in shown)
     is_tight = width < WITH_WORDS and (is_measured or is_commanded)

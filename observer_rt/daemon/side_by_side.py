@@ -51,7 +51,7 @@ class LearningQueue:
 
 
 class Share(Executor):
-    """What one injector has in the queue."""
+    """Share of one injector in the queue."""
 
     def __init__(self, do_soon: Callable[[], object]) -> None:
         self.waiting: deque[tuple[Future[Any], Callable[[], Any]]] = deque()

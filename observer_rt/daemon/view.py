@@ -44,6 +44,10 @@ TABLE_SHARE = 0.3  # of the lines that curves and table have
 NOISE_EVERY = 5_000_000_000  # ns between two looks at the spectrum of the noise
 FEW_LINES = 30  # of a terminal, below which inputs that are well share a line
 PAUSE = 10 * MILLISECOND  # lateness that is none of a bus
+FRAMES_PER_SECOND = 8
+TURN = 5_000_000_000  # ns, for which one injector is shown
+_HEADINGS = ("injector", "state", "reason", "no", "mass mg", "± 95 %", "nozzle flow", "valid?")
+_BORDER = 2  # lines: the headings, and one to spare
 
 
 class View:
@@ -66,7 +70,7 @@ class View:
         self._daemon = daemon
 
     def hear(self, news: News) -> None:
-        """Take in an injection, and later its measured mass; a listener."""
+        """Takes in an injection, and later its measured mass; a listener."""
         if isinstance(news, InjectionReport) and self._daemon is not None:
             self._shown.append(ShownInjection(news, self._daemon.core.rows(news.start, news.end + 1)))
         elif isinstance(news, MeasuredMass):
@@ -92,12 +96,12 @@ class View:
         inner = max(1, min(width, WIDEST) - FRAME)
         if self._daemon is None:
             return Panel(Text("starting", style="dim"), title=self._title, expand=False)
-        said = [*_inputs(self._daemon, now, height), *_links(self._daemon), *_figures(self._daemon)]
-        said += self._noise_line(self._daemon.core, now)
+        lines = [*_inputs(self._daemon, now, height), *_links(self._daemon), *_figures(self._daemon)]
+        lines += self._noise_line(self._daemon.core, now)
         head = _heading(self._daemon, now, inner)
         drawn = len(Console(width=inner).render_lines(head))  # long reasons take more lines than one
-        left = max(0, height - BORDER - len(said) - drawn - HEADING)
-        parts: list[RenderableType] = [head, *said]
+        left = max(0, height - BORDER - len(lines) - drawn - HEADING)
+        parts: list[RenderableType] = [head, *lines]
         shown = list(self._shown)
         if shown:
             rows = max(1, min(len(shown), round(TABLE_SHARE * left)))
@@ -112,7 +116,7 @@ class View:
         return Panel(Group(*parts), title=self._title, expand=False)
 
     def _noise_line(self, core: Core, now: int) -> list[Text]:
-        """What the noise is like, looked at every few seconds."""
+        """Describes the noise, looked at every few seconds."""
         white = core.standstill.noise
         if white is None:
             return []
@@ -161,7 +165,7 @@ def _inputs(daemon: Daemon, now: int, height: int) -> list[Text]:
 
 
 def _late(timing: list[MessageTiming] | tuple[MessageTiming, ...]) -> str:
-    """How late frames come, and how well the time of their samples is known."""
+    """Describes how late frames come, and how well the time of their samples is known."""
     if not timing or any(one.jitter.frames == 0 for one in timing):
         return ""
     lately = max(one.lately for one in timing)
@@ -224,12 +228,6 @@ def _figures(daemon: Daemon) -> list[Text]:
     return lines
 
 
-FRAMES_PER_SECOND = 8
-TURN = 5_000_000_000  # ns, for which one injector is shown
-_HEADINGS = ("injector", "state", "reason", "no", "mass mg", "± 95 %", "nozzle flow", "valid?")
-_BORDER = 2  # lines: the headings, and one to spare
-
-
 class Overview:
     """Draws the views of all injectors; `render` may be called from another thread."""
 
@@ -237,7 +235,7 @@ class Overview:
         self._views = views
 
     def render(self, now: int, width: int, height: int) -> RenderableType:
-        """All of it at a monotonic time [ns], for a terminal of `width` x `height` characters."""
+        """The whole overview at a monotonic time [ns], for a terminal of `width` x `height` characters."""
         shown = now // TURN % len(self._views)
         table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
         for title in _HEADINGS:
@@ -258,4 +256,4 @@ def draw(screen: View | Overview, until: threading.Event, console: Console) -> N
         while not until.wait(1 / FRAMES_PER_SECOND):
             live.update(picture(), refresh=True)
         live.update(picture(), refresh=True)
-    console.print()  # what is said next has a line of its own
+    console.print()  # what is written next has a line of its own

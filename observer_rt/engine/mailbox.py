@@ -8,8 +8,8 @@ from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS, SLOW_PEA
 from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.engine.estimation.scalars import learned_of
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.interval import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.stream.state import Observer, Reason
 
 
@@ -108,7 +108,7 @@ def _at_rest(observer: Observer, number: int) -> float:
 def _write(
     observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known: KnownFlow
 ) -> None:
-    """What the stream is to carry, into a slot."""
+    """Writes what the stream is to carry into a slot."""
     constants = observer.constants
     learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
     verdict = observer.verdicts.slots[slot]

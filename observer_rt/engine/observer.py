@@ -71,7 +71,7 @@ QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure 
 
 @dataclass(frozen=True)
 class Durations:
-    """What the user may set of the timing [s]."""
+    """Timing [s] that the user may set."""
 
     event_gap: float = 10 * MILLISECOND
     learning_delay: float = 20 * MILLISECOND
@@ -178,7 +178,7 @@ def make_observer(
 
 
 def with_constants(observer: Observer, constants: Constants) -> Observer:
-    """The same observer, that goes on with other constants."""
+    """Observer that goes on with other constants."""
     carried = observer.phi.carried(observer.verdicts.phi)
     stepper = _bound_stepper(observer.stream, constants, carried, observer.stepper)
     return observer._replace(constants=constants, stepper=stepper)
@@ -187,7 +187,7 @@ def with_constants(observer: Observer, constants: Constants) -> Observer:
 def _bound_stepper(
     stream: Stream, constants: Constants, carried: CarriedPhi, before: Stepper | None = None
 ) -> Stepper:
-    """What steps the pair by these constants from now on; before: what did so far."""
+    """Stepper of the pair by these constants from now on; before: what stepped it so far."""
     stepper = Stepper(
         stream,
         constants.coefficients,
@@ -265,7 +265,7 @@ def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
 
 
 def event_standstill(observer: Observer, number: int) -> Standstill:
-    """What was known of the standstill when the `number`-th closed event (0, 1, ..) ended.
+    """Standstill as known when the `number`-th closed event (0, 1, ..) ended.
 
     Not what is known when somebody asks: that depends on how many samples a frame carries.
     """

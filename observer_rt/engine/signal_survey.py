@@ -18,10 +18,32 @@ from observer_rt.model.baseline import Baseline
 if TYPE_CHECKING:
     from pathlib import Path
 
+PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
+LARGEST_LIFT = 2 * MILLIMETRE
+DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
+PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
+BEYOND = 2.0  # times a fitted range of rail pressures
+OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
+SMALLEST_LIFT = 5 * MICROMETRE
+SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
+SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
+FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
+RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
+_PRESSURE_FACTORS = (
+    (1e-6, "Pa"),
+    (1e-3, "kPa"),
+    (0.1, "bar"),
+    (0.00689476, "psi"),
+    (10.0, "MPa, read as bar"),
+    (1e3, "MPa, read as kPa"),
+    (1e6, "MPa, read as Pa"),
+)  # what the values are to be multiplied by, if they are in a unit although MPa was stated
+_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
+
 
 @dataclass
 class SignalSurvey:
-    """Of one signal (SI); missing: samples that are NaN."""
+    """Survey of one signal (SI); missing: samples that are NaN."""
 
     lowest: float = math.inf
     highest: float = -math.inf
@@ -54,7 +76,7 @@ class SignalSurvey:
 
     @property
     def as_missing(self) -> str:
-        """How much is missing."""
+        """Describes how much is missing."""
         return f"{self.missing} of {self.missing + self.count} values are missing, in {self.gaps} gaps"
 
     @property
@@ -64,12 +86,12 @@ class SignalSurvey:
 
     @property
     def mean_change(self) -> float:
-        """From sample to sample; NaN of nothing."""
+        """Mean change from sample to sample; NaN of nothing."""
         return self.change / self.count if self.count else math.nan
 
 
 class Openings:
-    """How often a lift rises: at least as often as the observer finds the needle opening.
+    """Count of a lift's rises: at least as often as the observer finds the needle opening.
 
     Its dead band follows the noise, with a hysteresis of a factor of two, and is 2 um at least: so an opening rises
     through one of the levels, wherever the dead band is.
@@ -87,13 +109,13 @@ class Openings:
 
     @property
     def most(self) -> int:
-        """That there can be."""
+        """Most openings that there can be."""
         return int(self._counts.max())
 
 
 @dataclass
 class Survey:
-    """Of all signals by their names in a `Recording`."""
+    """Survey of all signals by their names in a `Recording`."""
 
     signals: dict[str, SignalSurvey] = field(default_factory=dict)
     openings: Openings = field(default_factory=Openings)
@@ -117,29 +139,6 @@ def _count_rises(
     return float(values[-1]) if values.size else last
 
 
-PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
-LARGEST_LIFT = 2 * MILLIMETRE
-DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
-PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
-BEYOND = 2.0  # times a fitted range of rail pressures
-OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
-SMALLEST_LIFT = 5 * MICROMETRE
-SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond which it is no noise
-SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
-FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
-RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
-_PRESSURE_FACTORS = (
-    (1e-6, "Pa"),
-    (1e-3, "kPa"),
-    (0.1, "bar"),
-    (0.00689476, "psi"),
-    (10.0, "MPa, read as bar"),
-    (1e3, "MPa, read as kPa"),
-    (1e6, "MPa, read as Pa"),
-)  # what the values are to be multiplied by, if they are in a unit although MPa was said
-_LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
-
-
 @dataclass(frozen=True)
 class Implausible:
     """A signal that cannot be right."""
@@ -149,7 +148,7 @@ class Implausible:
     remedy: str
 
     def error(self, path: Path | None, column: str = "") -> UserError:
-        """For the user; column: what the signal is called in the file."""
+        """Error for the user; column: what the signal is called in the file."""
         name = self.signal if column in ("", self.signal) else f"{column} ({self.signal})"
         return UserError(f"{path or 'recording'}, {name}", self.problem, self.remedy)
 
@@ -161,7 +160,7 @@ def refuse_implausible(path: Path | None, survey: Survey, columns: dict[str, str
 
 
 def implausible(survey: Survey) -> Iterator[Implausible]:
-    """What cannot be right in a recording's ranges."""
+    """Impossible values in a recording's ranges."""
     rail, line, lift = (
         survey.signals.get(name) for name in ("rail_pressure", "line_pressure", "needle_lift")
     )
@@ -210,18 +209,18 @@ def swapped(survey: Survey) -> tuple[str, str] | None:
 
 @dataclass(frozen=True)
 class SignalDoubt:
-    """What is most likely wrong with a recording that can be read."""
+    """Likeliest fault of a recording that can be read."""
 
     problem: str
     remedy: str
 
     def as_text(self, path: Path | None) -> str:
-        """For the user."""
+        """Text for the user."""
         return f"warning: {path or 'recording'}, {self.problem}\n  remedy: {self.remedy}"
 
 
 def doubts(survey: Survey, baseline: Baseline | None = None) -> Iterator[SignalDoubt]:
-    """What is odd about a recording's ranges; baseline: of the model, where it was fitted."""
+    """Oddities of a recording's ranges; baseline: of the model, where it was fitted."""
     if (odd := swapped(survey)) is not None:
         yield SignalDoubt(*odd)
     lift = survey.signals.get("needle_lift")

@@ -1,4 +1,4 @@
-"""What the service says, in words: states, reasons, counters and log lines, and what is to be done about each.
+"""Words of the service: states, reasons, counters and log lines, and what is to be done about each.
 
 The one table of them, but for counters, which have theirs beside their signals. The log, the view and the databases'
 value tables use `Words.what`; docs/operating.md has all.
@@ -15,14 +15,14 @@ from observer_rt.engine.stream.state import Reason, State
 
 @dataclass(frozen=True)
 class Words:
-    """What something means, in a few words, and what to do about it."""
+    """Meaning of something, in a few words, and what to do about it."""
 
     what: str
     remedy: str = "nothing"
 
 
 class Topic(StrEnum):
-    """What a log line is about."""
+    """Subject of a log line."""
 
     START = "start"
     STOP = "stop"
@@ -167,7 +167,7 @@ COUNTERS: Mapping[str, Words] = {
 
 @dataclass(frozen=True)
 class TopicWords(Words):
-    """The same of log lines, which have a level of `logging`."""
+    """Words of log lines, which have a level of `logging`."""
 
     level: int = logging.INFO
 

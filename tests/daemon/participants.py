@@ -17,7 +17,7 @@ from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.daemon import port
+from observer_rt.daemon import link_opening
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_monitoring.arrivals import Arrivals
 from observer_rt.daemon.pump.pump import FramePump
@@ -216,7 +216,7 @@ def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
         is_input = (BLOCK_ID, False) in wanted
         return link if is_input else FakeLink()
 
-    monkeypatch.setattr(port, "open_link", opened)
+    monkeypatch.setattr(link_opening, "open_link", opened)
 
 
 def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:

@@ -31,11 +31,12 @@ from observer_rt.engine.learning.disturbances.masks import End, EventEnds, Outli
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.fallback import Freezer, Mistrust
 from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.learning.interval import EventPoint
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.lateness import LiftLagSearch, SlowedSensor, no_doubt
+from observer_rt.engine.learning.learned_range import EventPoint
+from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.overdispersion import Overdispersion
-from observer_rt.engine.learning.state import Checkpoint, Learned, LearningState
+from observer_rt.engine.learning.pressure_lag import SlowedSensor, no_doubt
+from observer_rt.engine.learning.state import Checkpoint, LearnedInjector, LearningState
 from observer_rt.engine.learning.trend import RecentScores, Trend
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import RestingLift
@@ -53,7 +54,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     belief = Belief(random.uniform(-0.01, 0.01, PARAMETERS), covariance, 0.6 * covariance)
     in_force = np.clip(random.uniform(-0.01, 0.01, PARAMETERS), lowest, highest)
     noise = NoiseLevels(*(random.uniform(0.1, 1.0, 3) * [1e6, 1e6, 1e-6]).tolist())
-    learned = Learned(
+    learned = LearnedInjector(
         belief=belief,
         theta=0.9 * in_force,
         statistics=PhaseStatistics(

@@ -1,1 +1,1 @@
-"""What is wrong with what comes in: messages that stay away, odd values, other senders of our results."""
+"""Faults of the inputs: messages that stay away, odd values, other senders of our results."""

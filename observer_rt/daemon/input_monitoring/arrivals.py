@@ -1,4 +1,4 @@
-"""Which frames came, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
+"""Arrivals of frames, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
 
 import math
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from observer_rt.config.signals import Role
 
 SECOND = 1e9  # ns
 STALE = 0.5  # s without a frame of a message that carries samples
+CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class WatchedMessage:
     """`NeedleLiftBlock 0x111 (needle_lift)`."""
     roles: tuple[str, ...]
     streams: tuple[int, ...]
-    """Of samples that it carries; none: optional inputs only."""
+    """Streams of samples that it carries; none: optional inputs only."""
     patience: float
 
 
@@ -48,32 +49,32 @@ class Arrivals:
         self._begin = 0
 
     def begin(self, now: int) -> None:
-        """What stays away does so from now on, at the earliest: before, nothing could come."""
+        """Begins to wait for messages now: before, nothing could come."""
         self._begin = now
 
     def last_result(self, layout: MessageLayout) -> int:
-        """When the last frame of a message of results came, or when it could have come first [ns]."""
+        """Time [ns] of the last frame of a message of results, or from which on it could have come."""
         return max(self._begin, self._heard[_key(layout)].last)
 
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:
-        """A frame came."""
+        """Counts a frame."""
         heard = self._heard.get((bus, frame_id, is_extended))
         if heard is not None:
             heard.frames += 1
             heard.last = now
 
     def set(self, layout: MessageLayout, frames: int, last: int) -> None:
-        """So many frames of a message came so far, the last one at a time."""
+        """Sets how many frames of a message came so far, and when the last one did."""
         heard = self._heard[_key(layout)]
         heard.frames, heard.last = frames, last
 
     def heard_of(self, source: WatchedMessage) -> Heard:
-        """What came of an input message."""
+        """Arrivals of an input message."""
         return self._heard[_key(source.layout)]
 
     @property
     def frames(self) -> int:
-        """Of all input messages."""
+        """Frames of all input messages."""
         return sum(heard.frames for _, heard in self._inputs)
 
     def age(self, source: WatchedMessage, now: int) -> float:
@@ -122,11 +123,8 @@ class Arrivals:
         )
 
 
-CONTESTED = 2.0  # s after a frame of another sender: it may send seldom
-
-
 def age_text(age: float) -> str:
-    """An age [s] in a few words."""
+    """Describes an age [s] in a few words."""
     if math.isnan(age):
         return "never came"
     return f"{age * 1e3:.0f} ms ago" if age < 1.0 else f"{age:.1f} s ago"
@@ -165,7 +163,7 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
 
 
 def message_text(bus: BusMap, layout: MessageLayout) -> str:
-    """A message with its identifier."""
+    """Describes a message with its identifier."""
     return f"{bus.name_of(layout)} 0x{layout.frame_id:X}"
 
 

@@ -1,4 +1,4 @@
-"""What the frames of the inputs say by themselves: damaged, twice, samples lost at once, another rate, as news."""
+"""Faults shown by the frames of the inputs themselves: damaged, twice, samples lost at once, another rate."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -59,12 +59,12 @@ class FrameWatch:
         self._reported: set[_Fault] = set()
 
     def look(self, counters: Counters, is_explained: bool) -> Iterator[Notice]:
-        """News; is_explained: it is said already why frames are of no use."""
+        """Notices; is_explained: it is reported already why frames are of no use."""
         if self._begin is None or self._last is None:
             self._begin = self._last = counters
             return
         lost, self._last = counters.lost_samples - self._last.lost_samples, counters
-        if LOST_AT_ONCE <= lost / self._rate < REPORTED_AFTER:  # a longer silence is told by itself
+        if LOST_AT_ONCE <= lost / self._rate < REPORTED_AFTER:  # a longer silence is reported by itself
             yield Notice(
                 Topic.INPUT,
                 f"{self._names}: {lost} samples were lost at once, {lost / self._rate:.2g} s\n"
@@ -96,7 +96,7 @@ class FrameWatch:
 
 
 class RateWatch:
-    """Says which rate the bench file should state, where the model is contradicted and samples come at another.
+    """Reports the rate that the bench file should state, where the model is contradicted and samples come at another.
 
     A recording that is replayed at another speed is no contradiction.
     """
@@ -106,10 +106,10 @@ class RateWatch:
         self._rate = rate
         self._looks = 0
         self.reported = ""
-        """What was said, with its remedy; empty: nothing."""
+        """Last report, with its remedy; empty: there is none."""
 
     def look(self, timing: Sequence[MessageTiming], reason: Reason) -> Iterator[Notice]:
-        """News."""
+        """Notices."""
         off = [
             one for one in timing if abs(one.drift) >= LARGEST_DRIFT and one.jitter.frames >= ENOUGH_FRAMES
         ]

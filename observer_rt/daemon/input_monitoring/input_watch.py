@@ -28,6 +28,16 @@ HUNG = 5.0  # s, of learning from one event
 LOOKS = 10  # whose values are judged together
 IN_A_ROW = 2  # times that the same is found, before it is reported
 SWAPPED = "swapped"  # what is wrong with two signals together
+REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
+REPORTED_EVERY = 30.0  # s between two reports of the same
+PERIOD = 100_000_000  # ns between two looks
+MOST_SAMPLES = 1024  # of a look, which the loop waits for
+
+# s that a state must last to be reported: a source that sends windows changes it at each of them.
+LASTING = 1.0
+_ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
+_Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
+MOST_NOTES = 20
 
 
 class UnitWatch:
@@ -40,10 +50,10 @@ class UnitWatch:
         self._found: Mapping[str, str] = {}
         self._times = 0  # in a row that this was found
         self.reported: Mapping[str, str] = {}
-        """What is wrong by signal, as reported, in words with its remedy."""
+        """Faults by signal, as reported, in words with their remedy."""
 
     def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Notice]:
-        """News; newest (3,) [SI]: last value of every role; samples: since the last look."""
+        """Notices; newest (3,) [SI]: last value of every role; samples: since the last look."""
         for role, value in zip(ROLES, newest.tolist(), strict=True):
             self._take(self._survey, role, np.array([value]))
         self._take(self._survey, Role.NEEDLE_LIFT, samples[Role.NEEDLE_LIFT])
@@ -64,9 +74,9 @@ class UnitWatch:
         if self._times < IN_A_ROW or odd.keys() == self.reported.keys():
             return []
         before, self.reported = self.reported, odd
-        news = [Notice(Topic.VALUE, text) for signal, text in odd.items() if signal not in before]
+        notices = [Notice(Topic.VALUE, text) for signal, text in odd.items() if signal not in before]
         over = [signal for signal in before if signal not in odd]
-        return news + [
+        return notices + [
             Notice(Topic.VALUE, f"{self._named[signal]} is in its range again", is_over=True)
             for signal in over
         ]
@@ -93,12 +103,8 @@ class UnitWatch:
             survey.count += values.size
 
 
-REMEDY = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
-REPORTED_EVERY = 30.0  # s between two reports of the same
-
-
 class SenderWatch:
-    """Tells of another sender when it is first heard, and again from time to time while it goes on."""
+    """Reports another sender when its first frame comes, and again from time to time while it goes on."""
 
     def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
         self._bus = bus
@@ -108,7 +114,7 @@ class SenderWatch:
         self._is_contested = False
 
     def look(self, now: int) -> list[Notice]:
-        """News at a time [ns]."""
+        """Notices at a time [ns]."""
         frames = self._arrivals.foreign_frames
         if self._is_contested and not self._arrivals.is_contested(now):
             self._is_contested = False
@@ -123,7 +129,7 @@ class SenderWatch:
 
 
 class ProtectionWatch:
-    """Tells whose end-to-end protection is INVALID, so that none of its values are taken."""
+    """Reports messages whose end-to-end protection is INVALID, so that none of its values are taken."""
 
     def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
         keys = bus.inputs.messages["key"].tolist()
@@ -132,28 +138,24 @@ class ProtectionWatch:
         """Whose protection is INVALID, as reported."""
 
     def look(self, states: Sequence[int]) -> Iterator[Notice]:
-        """News; states: `E2EState` of every input message."""
+        """Notices; states: `E2EState` of every input message."""
         for source, number in self._numbers.items():
             is_invalid = states[number] == E2EState.INVALID
             if is_invalid == (source in self.reported):
                 continue
             self.reported ^= {source}
-            said = "its end-to-end protection is INVALID, its values are not taken"
+            fault = "its end-to-end protection is INVALID, its values are not taken"
             remedy = "another sender? a disturbed bus? E2EProfile and data id of the database? limits: [e2e]"
             if is_invalid:
-                yield Notice(Topic.INPUT, f"{source.text}: {said}\n  remedy: {remedy}")
+                yield Notice(Topic.INPUT, f"{source.text}: {fault}\n  remedy: {remedy}")
             else:
                 yield Notice(
                     Topic.INPUT, f"{source.text}: its end-to-end protection is VALID again", is_over=True
                 )
 
 
-PERIOD = 100_000_000  # ns between two looks
-MOST_SAMPLES = 1024  # of a look, which the loop waits for
-
-
 class InputWatch:
-    """Says of the inputs of a core what is wrong with them, by message and identifier."""
+    """Reports faults of the inputs of a core, by message and identifier."""
 
     def __init__(self, fitted: BenchInjector, bus: BusMap, core: Core) -> None:
         self.arrivals = Arrivals(bus)
@@ -170,29 +172,29 @@ class InputWatch:
         self._frames = 0
 
     def look(self, now: int) -> list[Notice]:
-        """News at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
+        """Notices at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
         core = self._core
-        news = [*self._protection.look(core.protection)]
-        news += self._silence.look(now, core.progress, self._protection.reported)
-        news += self._faulty.look(core.counters, bool(self._protection.reported))
-        news += self._rate.look(core.timing, core.state[1])
+        notices = [*self._protection.look(core.protection)]
+        notices += self._silence.look(now, core.progress, self._protection.reported)
+        notices += self._faulty.look(core.counters, bool(self._protection.reported))
+        notices += self._rate.look(core.timing, core.state[1])
         has_frames = core.frames_taken > self._frames
         self._frames = core.frames_taken
         if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
             samples = core.inputs(self._seen, MOST_SAMPLES)
             self._seen = core.processed
-            news += self._values.look(core.newest, samples)
-            news += self._units.look(core.newest, samples)
-        return [*news, *self._lift.look(core.lift), *self._senders.look(now)]
+            notices += self._values.look(core.newest, samples)
+            notices += self._units.look(core.newest, samples)
+        return [*notices, *self._lift.look(core.lift), *self._senders.look(now)]
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """What is known to be wrong with the inputs and lasts, which may be why nothing is valid."""
+        """Lasting faults of the inputs, which may be why nothing is valid."""
         return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
 
 
 class RestartWatch:
-    """Tells when a device begins its sample index anew."""
+    """Reports a device that begins its sample index anew."""
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._sources = arrivals.sources
@@ -200,7 +202,7 @@ class RestartWatch:
         self._before: list[int] = []
 
     def look(self, progress: list[int], restarts: int) -> list[Notice]:
-        """News; progress: as of `SilenceWatch`, restarts: so far."""
+        """Notices; progress: as of `SilenceWatch`, restarts: so far."""
         before, self._before = self._before, progress
         if restarts == self._restarts:
             return []
@@ -225,7 +227,7 @@ class LearningWatch:
         self._is_reported = False
 
     def look(self, now: int, event: int | None) -> list[Notice]:
-        """News at a monotonic time [ns]; event: by its number, that is being learned from, None: none is."""
+        """Notices at a monotonic time [ns]; event: by its number, that is being learned from, None: none is."""
         if event != self._event or event is None:
             was_reported, self._is_reported = self._is_reported, False
             self._event, self._since = event, now
@@ -247,9 +249,9 @@ class LiftWatch:
         self._before = LiftFigures()
 
     def look(self, figures: LiftFigures) -> list[Notice]:
-        """News."""
+        """Notices."""
         before, self._before = self._before, figures
-        news = []
+        notices = []
         is_pressed = figures.crosstalk != 0.0
         if is_pressed != (before.crosstalk != 0.0):
             found = "the line pressure shows in it no more"
@@ -259,7 +261,7 @@ class LiftWatch:
                     f"the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
                     "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
                 )
-            news.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
+            notices.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
         if figures.is_to_scale != before.is_to_scale:
             found = "as the injector file says"
             if not figures.is_to_scale:
@@ -269,21 +271,12 @@ class LiftWatch:
                 )
             at = f"{figures.at_stop / MICROMETRE:.0f} um"
             text = f"needle_lift: long openings stay at {at}, {found}"
-            news.append(Notice(Topic.VALUE, text, figures.is_to_scale))
-        return news
-
-
-LASTING = (
-    1.0  # s that a state must last to be reported: a source that sends windows changes it at each of them
-)
-_ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
-
-
-_Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
+            notices.append(Notice(Topic.VALUE, text, figures.is_to_scale))
+        return notices
 
 
 class StateWatch:
-    """Tells what state the service is in, with the ages of the inputs where these are the reason."""
+    """Reports the state of the service, with the ages of the inputs where these are the reason."""
 
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
@@ -294,7 +287,7 @@ class StateWatch:
     def look(
         self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()
     ) -> list[Notice]:
-        """News at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
+        """Notices at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
         what, why = state
         standing = (what, why, () if is_good(what) else causes)
         if standing != self._now:
@@ -308,9 +301,6 @@ class StateWatch:
         if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]
-
-
-MOST_NOTES = 20
 
 
 class LogWatch:
@@ -328,7 +318,7 @@ class LogWatch:
         return self._first is None or stamp >= self._next
 
     def note(self, bus: int, frame: Frame) -> None:
-        """A frame of the log."""
+        """Takes a frame of the log."""
         if self._first is None:
             self._first = self._next = frame.stamp_ns
             self._watch.arrivals.begin(frame.stamp_ns)
@@ -349,7 +339,7 @@ class LogWatch:
         ]
 
     def notes(self, path: Path) -> list[str]:
-        """What was found, the end of the log included."""
+        """Findings in words, the end of the log included."""
         arrivals = self._watch.arrivals
         ended = [
             f"{source.text}: no frame in the last {arrivals.age(source, self._now):.1f} s"

@@ -1,4 +1,4 @@
-"""Messages that stay away, cannot be used, or carry values that cannot be right, as news: begun, and over."""
+"""Messages that stay away, cannot be used, or carry values that cannot be right, as notices: begun, and over."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -19,11 +19,19 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 
 REPORTED_AFTER = 2.0  # s without a frame, or with useless ones only, after which it is reported
 _USELESS = 10  # frames
+LOOKS = 5  # in a row that find the same, before it is reported
+RAIL_LOOKS = 30  # of a rail pressure that does not change: it may be steady and coarse
+LIFT_MOVED = 50 * MICROMETRE  # in which there is an injection
+PRESSURE_MOVED = 5 * MEGAPASCAL  # of the line against the rail: the needle has opened
+FEWEST = 100  # samples, of which a look makes anything
+
+Samples = Mapping[Role, NDArray[np.float64]]
+"""Samples of every role [SI, pressures to any zero], at the same times."""
 
 
 @dataclass
 class _Use:
-    """How far a message's samples got, with how many of its frames, and when that was last new."""
+    """Progress of a message's samples, with how many of its frames, and when that was last new."""
 
     progress: tuple[int, ...]
     frames: int
@@ -42,7 +50,7 @@ class SilenceWatch:
         self._uses = {source: _Use((), 0, 0) for source in arrivals.sources if source.streams}
 
     def look(self, now: int, progress: list[int], refused: Collection[WatchedMessage] = ()) -> list[Notice]:
-        """News at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`.
+        """Notices at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`.
 
         refused: messages of which it is known why their frames cannot be used.
         """
@@ -121,16 +129,6 @@ class SilenceWatch:
                 )
 
 
-LOOKS = 5  # in a row that find the same, before it is reported
-RAIL_LOOKS = 30  # of a rail pressure that does not change: it may be steady and coarse
-LIFT_MOVED = 50 * MICROMETRE  # in which there is an injection
-PRESSURE_MOVED = 5 * MEGAPASCAL  # of the line against the rail: the needle has opened
-FEWEST = 100  # samples, of which a look makes anything
-
-Samples = Mapping[Role, NDArray[np.float64]]
-"""Of every role [SI, pressures to any zero], at the same times."""
-
-
 @dataclass
 class _Watched:
     """One role: limits, and what the last looks found."""
@@ -149,7 +147,7 @@ class _Watched:
     frozen: bool = False
 
     def notice(self, what: str, is_over: bool = False) -> Notice:
-        """What is said of it."""
+        """Notice about the message."""
         return Notice(Topic.VALUE, f"{self.source.text}: {self.role} {what}", is_over)
 
 
@@ -167,19 +165,19 @@ class ValueWatch:
             )
 
     def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Notice]:
-        """News; newest (3,) [SI]: last value received of every role, whether it could be used or not.
+        """Notices; newest (3,) [SI]: last value received of every role, whether it could be used or not.
 
         Without a value in it is only what has none while there are no samples: the last frame of a window may be
         filled up with `not available`.
         """
         has_samples = len(samples[Role.LINE_PRESSURE]) > 0
-        news: list[Notice] = []
+        notices: list[Notice] = []
         for watched, value in zip(self._watched, newest.tolist(), strict=True):
             is_filled_up = has_samples and np.isnan(value)
-            news += self._reading(watched, "" if is_filled_up else _oddity(watched, value))
+            notices += self._reading(watched, "" if is_filled_up else _oddity(watched, value))
         if all(len(values) >= FEWEST for values in samples.values()):
-            news += self._constancy(samples)
-        return news
+            notices += self._constancy(samples)
+        return notices
 
     def _reading(self, watched: _Watched, reading: str) -> Iterator[Notice]:
         watched.looks = watched.looks + 1 if reading == watched.reading else 1
@@ -224,7 +222,7 @@ def _is_frozen(watched: _Watched) -> bool:
 
 
 def _oddity(watched: _Watched, value: float) -> str:
-    """What is wrong with a value; empty: nothing."""
+    """Fault of a value in words; empty: none."""
     _, unit, size = SIGNALS[watched.role]
     limits, half = watched.limits, watched.step / 2
     if np.isnan(value):

@@ -1,1 +1,1 @@
-"""What is kept on disk while the daemon runs, so that a kill, a power cut or a full disk cost little."""
+"""Files on disk while the daemon runs, written so that a kill, a power cut or a full disk cost little."""

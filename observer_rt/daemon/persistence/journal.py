@@ -41,9 +41,9 @@ PATIENCE = 2.0  # s for another program that has the file locked
 BATCH = 500  # entries in one transaction
 MOST_WAITING = 10_000  # entries, some minutes of a full disk; those beyond are lost
 
-_SAID = columns_of(FIELDS, Output.JOURNAL)
-COLUMNS = {"judged_utc": str, **_SAID, "measured_mass_mg": float}
-"""Of an injection beside its run, with their types; those of a measured mass are added later."""
+_REPORTED = columns_of(FIELDS, Output.JOURNAL)
+COLUMNS = {"judged_utc": str, **_REPORTED, "measured_mass_mg": float}
+"""Columns of an injection beside its run, with their types; those of a measured mass are added later."""
 _KINDS = {int: "INTEGER", bool: "INTEGER", float: "REAL", str: "TEXT"}
 _RUN = """CREATE TABLE IF NOT EXISTS run (
     started_unix_us INTEGER PRIMARY KEY,
@@ -63,14 +63,25 @@ _INJECTION = f"""CREATE TABLE IF NOT EXISTS injection (
 # a batch may come again when it is not known whether its transaction reached the disk
 _ADD_RUN = "INSERT OR IGNORE INTO run VALUES (?, ?, NULL, ?, ?, ?, ?, ?)"
 _ADD_INJECTION = (
-    f"INSERT OR IGNORE INTO injection (run, judged_utc, {', '.join(_SAID)}) "
-    f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _SAID)})"
+    f"INSERT OR IGNORE INTO injection (run, judged_utc, {', '.join(_REPORTED)}) "
+    f"VALUES (:run, :judged_utc, {', '.join(f':{name}' for name in _REPORTED)})"
 )
 _ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
+Row = Mapping[str, Value]
+"""A row of the journal by its columns; those of a version that knew fewer are missing."""
+SPANS = 12  # of the table of wear
+
+_NEWEST = """SELECT * FROM injection ORDER BY run DESC, number DESC LIMIT ?"""
+_SPANS = f"""
+WITH part AS (SELECT *, ntile(?) OVER (ORDER BY run, number) AS span FROM injection)
+SELECT max(judged_utc) AS until_utc, count(*) AS injections, sum(valid) AS valid_injections,
+    min(rail_pressure_MPa) AS lowest_rail_MPa, max(rail_pressure_MPa) AS highest_rail_MPa,
+    {", ".join(f"avg({name}) FILTER (WHERE valid) AS {name}" for each in WEAR for name in each.columns)}
+FROM part GROUP BY span ORDER BY span"""
 
 
 class JournalWriter:
-    """Listens in the loop, where it only keeps what it hears; writes the rows of one run from another thread.
+    """Listener in the loop, where it only collects; writes the rows of one run from another thread.
 
     A file that is taken away meanwhile is begun anew.
     """
@@ -156,8 +167,8 @@ class JournalWriter:
         if isinstance(entry, MeasuredMass):
             connection.execute(_ADD_MASS, (entry.mass / MILLIGRAM, self._run, entry.report.number))
         else:
-            said = row_of(FIELDS, Output.JOURNAL, entry, self._c)
-            connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **said})
+            row = row_of(FIELDS, Output.JOURNAL, entry, self._c)
+            connection.execute(_ADD_INJECTION, {"run": self._run, "judged_utc": utc(at), **row})
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
@@ -195,7 +206,7 @@ def is_at(path: Path, file: os.stat_result) -> bool:
 
 
 def utc(unix_ns: int) -> str:
-    """A Unix time [ns] as SQLite and people read it, to the millisecond."""
+    """Writes a Unix time [ns] as SQLite and people read it, to the millisecond."""
     seconds, rest = divmod(unix_ns, 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d}"
 
@@ -258,19 +269,6 @@ def make_tables(connection: sqlite3.Connection) -> None:
     connection.execute(f"PRAGMA user_version = {SCHEMA}")
 
 
-Row = Mapping[str, Value]
-"""A row of the journal by its columns; those of a version that knew fewer are missing."""
-SPANS = 12  # of the table of wear
-
-_NEWEST = """SELECT * FROM injection ORDER BY run DESC, number DESC LIMIT ?"""
-_SPANS = f"""
-WITH part AS (SELECT *, ntile(?) OVER (ORDER BY run, number) AS span FROM injection)
-SELECT max(judged_utc) AS until_utc, count(*) AS injections, sum(valid) AS valid_injections,
-    min(rail_pressure_MPa) AS lowest_rail_MPa, max(rail_pressure_MPa) AS highest_rail_MPa,
-    {", ".join(f"avg({name}) FILTER (WHERE valid) AS {name}" for each in WEAR for name in each.columns)}
-FROM part GROUP BY span ORDER BY span"""
-
-
 class JournalReader:
     """A journal that is read; what is written meanwhile is not seen half."""
 
@@ -278,7 +276,7 @@ class JournalReader:
         self._connection = connection
 
     def count(self) -> int:
-        """How many injections it has."""
+        """Number of injections in the journal."""
         (count,) = self._connection.execute("SELECT count(*) FROM injection").fetchone()
         return int(count)
 

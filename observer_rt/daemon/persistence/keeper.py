@@ -23,6 +23,10 @@ from observer_rt.foundation.file_kinds import JOURNAL, LEARNED_STATE
 
 LONGEST_ID = 20  # digits of a process id
 IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
+Tell = Callable[[str], None]
+"""Says a message to whoever runs the daemon; called from the thread that writes."""
+KnowledgeSource = Callable[[], Knowledge]
+"""All that was learned so far: another value whenever something was, never one that changes."""
 
 
 @contextlib.contextmanager
@@ -79,12 +83,6 @@ def _no_lock(lock: Path, error: OSError) -> UserError:
     return UserError(
         str(lock), f"cannot be locked: {error.strerror}", "check its rights, or name a file on a local disk"
     )
-
-
-Tell = Callable[[str], None]
-"""Says a message to whoever runs the daemon; called from the thread that writes."""
-KnowledgeSource = Callable[[], Knowledge]
-"""All that was learned so far: another value whenever something was, never one that changes."""
 
 
 class Persisted(Protocol):
@@ -150,7 +148,7 @@ class Keeper:
         """state: where the learned state is kept; None, as for the journal: nowhere."""
         self.state = state
         self.listeners: Sequence[Listener] = [] if journal is None else [journal]
-        """Who wants to hear the daemon's news."""
+        """Listeners to the daemon's reports and notices."""
         self._fitted = fitted
         self._journal = journal
         self._tell = tell
@@ -203,7 +201,7 @@ class Keeper:
 
 
 class LearnedState:
-    """What was learned, in a state file."""
+    """Learned state in a state file."""
 
     def __init__(self, path: Path, fitted: BenchInjector, source: KnowledgeSource) -> None:
         self.name = f"learned state in {path}"
@@ -227,7 +225,7 @@ class LearnedState:
 
 
 class KeptFiles(NamedTuple):
-    """Where learned state and journal are kept; None: nowhere."""
+    """Paths of learned state and journal; None: not on disk."""
 
     state: Path | None
     journal: Path | None
@@ -261,7 +259,7 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
 
 @contextlib.contextmanager
 def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell) -> Iterator[Keeper]:
-    """What keeps the files of a daemon, theirs alone while it lasts; those the bench file names where none is given.
+    """Keeper of a daemon's files, theirs alone while it lasts; those the bench file names where none is given.
 
     Raises `UserError` for files that cannot be kept, or are another daemon's.
     """

@@ -56,10 +56,15 @@ BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; el
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
+_WHOLE = ("learned", "noise", "events", "learned_at", "interval")
+"""Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
+
+_json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
+"""Text of numbers, lists, mappings and arrays."""
 
 
 def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
-    """What makes knowledge impossible or implausible, in a few words; None if nothing does.
+    """Fault that makes knowledge impossible or implausible, in a few words; None if there is none.
 
     pressure_scale: p_0 [Pa], by which the bounds are counted.
     """
@@ -112,7 +117,7 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
 
 
 def _doubt_of(knowledge: Knowledge) -> str | None:
-    """Why restored knowledge would be refused event after event, in a few words; None if nothing says so.
+    """Objection to restored knowledge that would be refused event after event, in a few words; None: there is none.
 
     While it is learned such a sensor is reported as a fault; of another run it may come from signals that are past.
     An offset is none: one that follows the rail pressure is a gain, with which it goes on.
@@ -140,16 +145,12 @@ def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
 
 
 class _UnusableError(Exception):
-    """Why a file's content is not restored."""
-
-
-_WHOLE = ("learned", "noise", "events", "learned_at", "interval")
-"""Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
+    """Reason not to restore a file's content."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Content:
-    """What is learned, as it lies in the file. columns: names of the parameters, in their order."""
+    """Learned state as it lies in the file. columns: names of the parameters, in their order."""
 
     package_version: str
     model_sha256: str
@@ -162,7 +163,7 @@ class _Content:
 
 @dataclass(frozen=True)
 class Restored:
-    """What was found: the knowledge, None if there was none to use, and a message that says so."""
+    """Knowledge that was found, None if there was none to use, and a message that says so."""
 
     knowledge: Knowledge | None
     message: str
@@ -258,11 +259,11 @@ def load_knowledge(
                 str(path), f"is no learned state for this model: {reason}", "name another file, or none"
             ) from None
         refuse_other_kind("learned state", path, LEARNED_STATE)  # only what was one is ever set aside
-        said = f"warning: learned state not restored, for {reason}; kept as {_set_aside(path)}"
+        warning = f"warning: learned state not restored, for {reason}; kept as {_set_aside(path)}"
         before = _set_aside_before(path, model, pressure_scale)
         if before is None:
-            return Restored(None, f"{said}\n  remedy: {BEGUN_ANEW}")
-        return replace(before, message=f"{said}\n{before.message}, which is of this model")
+            return Restored(None, f"{warning}\n  remedy: {BEGUN_ANEW}")
+        return replace(before, message=f"{warning}\n{before.message}, which is of this model")
     return _restored(path, knowledge)
 
 
@@ -285,10 +286,6 @@ def _set_aside_before(path: Path, model: str, pressure_scale: float) -> Restored
         with suppress(_UnusableError, OSError):
             return _restored(older, _usable(older.read_bytes(), model, pressure_scale))
     return None
-
-
-_json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
-"""Text of numbers, lists, mappings and arrays."""
 
 
 def _is_finite(value: Any) -> bool:
@@ -367,7 +364,7 @@ def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
 
 
 def _state_in(values: Mapping[str, Any], start: LearningState) -> LearningState:
-    """What `plain` made of a state; start: before any event."""
+    """State restored from what `plain` made of it; start: before any event."""
     hints = get_type_hints(LearningState, include_extras=True)
     found = {name: restored(hints[name], values[name], place=name) for name in _WHOLE}
     shapes = vars(start) | {"checkpoint": SimpleNamespace(learned=start.learned, at_rest=start.at_rest)}
@@ -412,7 +409,7 @@ def _of_4(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _at(values: Any, place: str) -> Any:
-    """What is at a place of the memory of version 4, whose names were private; None: nothing."""
+    """Value at a place of the memory of version 4, whose names were private; None: there is none."""
     for name in place.split("."):
         values = values.get(name) if isinstance(values, Mapping) else None
 
@@ -458,7 +455,7 @@ def restored_knowledge(
     tell: Callable[[str], None],
     set_aside: bool = True,
 ) -> Knowledge | None:
-    """What a state file holds for this model, telling what became of it; None without one.
+    """Reads a state file's knowledge for this model, and reports what became of it; None without one.
 
     A state learned from no event is no reason to trust the first results sooner: it counts as none.
     """

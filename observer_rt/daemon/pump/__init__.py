@@ -1,1 +1,1 @@
-"""From the buses into the core and back onto them: who receives, hands over and sends."""
+"""Pump from the buses into the core and back onto them: who receives, hands over and sends."""

@@ -14,19 +14,19 @@ MOST = 0.999  # of the rates, that `Latency.p999` is about
 
 @dataclass(frozen=True)
 class Latency:
-    """Of all rates so far [s]: what 99.9 % of them stayed within, to a quarter of an octave, and the largest."""
+    """Latency of all rates so far [s]: the 99.9 % quantile, to a quarter of an octave, and the largest."""
 
     p999: float
     largest: float
 
     def as_text(self) -> str:
-        """In a few words."""
+        """Describes it in a few words."""
         p999, largest = (each / MICROSECOND for each in (self.p999, self.largest))
         return f"99.9 % of rates sent within {p999:.0f} us, the latest after {largest:.0f} us"
 
 
 def latency_of(memory: np.void) -> Latency | None:
-    """By the counts of a `memory.PUMP`; None before rates were sent."""
+    """Latency by the counts of a `memory.PUMP`; None before rates were sent."""
     counts: NDArray[np.int64] = memory["latencies"]
     total, largest = int(counts.sum()), int(memory["largest_latency"])
     if not total:

@@ -18,7 +18,7 @@ PUMP = dtype_of(RECORDS["PumpMemory"])
 
 
 class Pump(NamedTuple):
-    """What Python reads and writes beside the loop."""
+    """Memory that Python reads and writes beside the loop."""
 
     memory: NDArray[np.void]  # (1,) PUMP
     buses: NDArray[np.void]  # BUS

@@ -1,4 +1,4 @@
-"""From the links of a daemon through its core and back: a compiled loop in a thread of its own, fed by threads."""
+"""Pump from the links of a daemon through its core and back: a compiled loop in its own thread, fed by threads."""
 
 import errno
 import os
@@ -18,8 +18,8 @@ from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.core.frames.frames import ERRORS, WAIT_MS, WAITING, PumpLoop
+from observer_rt.daemon.bus_connection import RETRY
 from observer_rt.daemon.input_monitoring.arrivals import Arrivals
-from observer_rt.daemon.port import RETRY
 from observer_rt.daemon.pump.latency import Latency, latency_of
 from observer_rt.daemon.pump.memory import BUS, make_pump
 from observer_rt.engine.service.core import Core
@@ -30,6 +30,7 @@ RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which
 FAR = SLOTS // 4  # samples, of those that may wait for another message
 PAUSE = 0.05  # s without a new sample, after which nothing waits for a message any more
 _STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind it [ns]
+_TIMEVAL = struct.Struct("@ll")
 
 
 class Pace:
@@ -81,7 +82,7 @@ class Feeder(DescriptorLink):
             thread.start()
 
     def failure(self, error: OSError) -> Exception:
-        """What ended the carrying, if it was the link."""
+        """Failure that ended the carrying, if it was the link."""
         return self._error or super().failure(error)
 
     def goes_round(self) -> bool:
@@ -109,7 +110,7 @@ class Feeder(DescriptorLink):
         self._other_end.close()
 
     def _bring(self) -> None:
-        """Frames from the link to the loop."""
+        """Brings frames from the link to the loop."""
         try:
             while not self._ended.is_set():
                 frame = self._link.receive(LONGEST_WAIT)
@@ -125,7 +126,7 @@ class Feeder(DescriptorLink):
             self._fail(error)
 
     def _send_on(self) -> None:
-        """Results to the link, until the last; those that come too late are kept."""
+        """Sends results to the link, until the last; those left over are for `end` to return."""
         while data := self._other_end.recv(FD_MTU):
             identifier, length = struct.unpack_from("=IB", data)
             is_extended, is_fd = bool(identifier & EXTENDED_FLAG), len(data) == FD_MTU
@@ -147,9 +148,6 @@ class Feeder(DescriptorLink):
             self._error = error
             self._ended.set()
             self._other_end.shutdown(socket.SHUT_WR)
-
-
-_TIMEVAL = struct.Struct("@ll")
 
 
 class FramePump:
@@ -217,7 +215,7 @@ class FramePump:
             self._may_go_on.set()
         else:
             frames = self._core.attend()
-        if failure is not None and not frames:  # what came before it is said first
+        if failure is not None and not frames:  # what came before it is reported first
             raise failure
         return frames
 
@@ -234,7 +232,7 @@ class FramePump:
         return goes or self._waits.is_set()
 
     def latency(self) -> Latency | None:
-        """Of the rates so far."""
+        """Latency of the rates so far."""
         return latency_of(self._pump.memory[0])
 
     def leave_out(self, bus: int) -> None:
@@ -266,12 +264,12 @@ class FramePump:
         state["failure"] = 0  # last: from here on the loop uses it
 
     def sender(self, bus: int) -> Link:
-        """By which results of a bus are to be sent, so that they come behind its rates."""
+        """Link by which results of a bus are to be sent, so that they come behind its rates."""
         end = self._ends[bus]
         return end if isinstance(end, Feeder) and not end.is_ended else self._links[bus]
 
     def finish(self) -> Sequence[OutputFrame]:
-        """No frame will come: results that wait for room, and what is complete, for the caller to send."""
+        """Ends the frames: returns results that wait for room, and what is complete, for the caller to send."""
         self._stop()
         self._note_what_came()
         fed = [frame for feeder in self._feeders for frame in feeder.end()]
@@ -293,7 +291,7 @@ class FramePump:
         return [end for end in self._ends.values() if isinstance(end, Feeder)]
 
     def _loop(self) -> None:
-        """The thread of the compiled loop."""
+        """Runs the compiled loop in its thread."""
         try:
             self._on_thread()
             while self._compiled.run(self._core.compiled.path, self._wake):
@@ -314,7 +312,7 @@ class FramePump:
             self._thread.join()
 
     def _waiting_rates(self) -> Iterator[OutputFrame]:
-        """Those for which there was no room yet: they are the caller's now."""
+        """Rates for which there was no room yet: they are the caller's now."""
         memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
         while memory["first_waiting"] < memory["end_waiting"]:
             assert self._rate is not None
@@ -323,7 +321,7 @@ class FramePump:
             yield output_frame(self._rate, frame[HEADER_BYTES : HEADER_BYTES + int(frame[4])].tobytes())
 
     def _note_what_came(self) -> None:
-        """Arrivals, error frames, lost frames and results given up, as the loop has counted them."""
+        """Takes over arrivals, error frames, lost frames and results given up, as the loop has counted them."""
         pump = self._pump
         for layout, arrival in zip(self._layouts, pump.arrivals, strict=True):
             self._arrivals.set(layout, int(arrival["frames"]), int(arrival["last"]))
@@ -341,7 +339,7 @@ class FramePump:
             self._unsent = unsent
 
     def _failed(self) -> Exception | None:
-        """What the loop met on a bus that is served; None: nothing."""
+        """Failure that the loop met on a bus that is served; None: there is none."""
         for number, end in self._ends.items():
             code = int(self._pump.buses[number]["failure"])
             if code != 0 and number not in self._left_out:

@@ -20,7 +20,7 @@ from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig, NamedLink
 from observer_rt.daemon.input_monitoring.arrivals import SECOND
-from observer_rt.daemon.port import buses_of
+from observer_rt.daemon.link_opening import buses_of
 from observer_rt.desk.live_page.injector import Seen, WatchedInjector
 from observer_rt.files.channels import chosen_channels
 from observer_rt.files.formats import open_log

@@ -1,4 +1,4 @@
-"""The steady and the starting gain of the identification system, from noise levels and sample rate."""
+"""Steady and starting gain of the identification system, from noise levels and sample rate."""
 
 import math
 from dataclasses import dataclass
@@ -133,7 +133,7 @@ def _coloured(
 def _measurement(
     c: Coefficients, size: int, interval: float, lag: float, late: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What is measured of the states at a sample, and of those one sample before, both (size,).
+    """Rows (size,) that make the measurement of the states at a sample, and of those one sample before.
 
     The last state is the indicated pressure; of an averaged line, the one before it the integral of p_L.
     """

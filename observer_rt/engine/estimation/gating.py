@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.gating import search_subsets
 
+ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
+STAY = 6.25  # and (2.5 sigma) that keeps it active
+
 
 @dataclass(frozen=True)
 class Belief:
@@ -25,7 +28,7 @@ class Belief:
 
     @property
     def parts(self) -> dict[str, NDArray[np.float64]]:
-        """What it consists of by name, without what was worked out of it meanwhile."""
+        """Arrays of the belief by name, without what was worked out of it meanwhile."""
         return {
             "mean": self.mean,
             "covariance": self.covariance,
@@ -77,13 +80,9 @@ def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(0.5 * (matrix + matrix.T), np.float64)
 
 
-ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
-STAY = 6.25  # and (2.5 sigma) that keeps it active
-
-
 @dataclass(frozen=True)
 class Gate:
-    """Which parameters are gated (column numbers), and the lowest value each may take."""
+    """Columns of the gated parameters, and the lowest value each may take."""
 
     columns: tuple[int, ...]
     lowest: tuple[float, ...]
@@ -143,7 +142,7 @@ class GatedBelief:
 
     @cached_property
     def _by_joint(self) -> NDArray[np.float64]:
-        """What the estimate is of the joint mean, (m, m): the rows of what is left out are 0."""
+        """Map (m, m) from the joint mean to the estimate: the rows of what is left out are 0."""
         information = self.belief.information
         columns = [i for i in range(len(information)) if i not in self.gate.columns or i in self.active]
         result = np.zeros_like(information)

@@ -40,7 +40,7 @@ class EventStretch(NamedTuple):
 
     @property
     def pressure(self) -> float:
-        """The rail pressure as courses change with it."""
+        """Rail pressure in the unit by which courses change."""
         return (self.rail_pressure - CENTRE) / SPAN
 
     def times(self, at: float) -> NDArray[np.float64]:
@@ -85,7 +85,7 @@ class ShapeFit:
         self._sigma = sigma
 
     def shape(self, left_out: int | None = None) -> HealthyShape:
-        """By all recordings, or all but the one with this number."""
+        """Fits the shape to all recordings, or to all but the one with this number."""
         kept = [part for number, part in enumerate(self._parts) if number != left_out]
         information = np.sum([part[0] for part in kept], axis=0)
         gradient = np.sum([part[1] for part in kept], axis=0)

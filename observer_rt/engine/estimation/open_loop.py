@@ -1,4 +1,4 @@
-"""The observer x^ over an event, open loop: its injection rate with slopes, and what noise of inputs makes of it."""
+"""Observer x^ over an event, open loop: its injection rate with slopes, and its variance by noise of the inputs."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -57,7 +57,7 @@ class InputVariance:
 
 
 def input_variance(window: Window, run: OpenLoop, setting: Setting, noise: NoiseLevels) -> InputVariance:
-    """Noise of lift and rail pressure, and of x~ at the opening, through `run` over the window."""
+    """Variance by noise of lift and rail pressure, and of x~ at the opening, through `run` over the window."""
     n = window.output.shape[0]
     result = InputVariance(np.zeros(n), np.zeros(n))
     c = setting.coefficients

@@ -1,4 +1,4 @@
-"""Phases of an event, and what the innovations in each of them say of the model."""
+"""Phases of an event, and statistics of the innovations in each of them."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ _BLOCKS = np.array(BLOCKS)
 
 
 class Phase(IntEnum):
-    """Where in an event a sample lies."""
+    """Phase of an event in which a sample lies."""
 
     STANDSTILL = 0
     OPENING = 1
@@ -43,17 +43,17 @@ class PhaseStatistics:
 
     @property
     def table(self) -> NDArray[np.float64]:
-        """All of them, (PHASES, 2 + 2 len(BLOCKS)), as `of_table` takes them."""
+        """Table of all sums, (PHASES, 2 + 2 len(BLOCKS)), as `of_table` takes it."""
         return np.column_stack((self.squares, self.samples, self.block_squares, self.blocks))
 
     @classmethod
     def of_table(cls, table: NDArray[np.float64]) -> "PhaseStatistics":
-        """Those of a table."""
+        """Statistics of a table."""
         end = 2 + len(BLOCKS)
         return cls(table[:, 0], table[:, 1], table[:, 2:end], table[:, end:])
 
     def faded(self, factor: float, newer: "PhaseStatistics") -> "PhaseStatistics":
-        """These statistics weighted by `factor`, and newer ones added."""
+        """Statistics weighted by `factor`, and newer ones added."""
         return PhaseStatistics(
             factor * self.squares + newer.squares,
             factor * self.samples + newer.samples,
@@ -62,7 +62,7 @@ class PhaseStatistics:
         )
 
     def capped(self, deviate: float) -> "PhaseStatistics":
-        """These statistics, none further from white noise than `deviate` standard deviations (see `excess`)."""
+        """Statistics, none further from white noise than `deviate` standard deviations (see `excess`)."""
         return PhaseStatistics(
             _capped(self.squares, deviate, self.samples),
             self.samples,
@@ -71,7 +71,7 @@ class PhaseStatistics:
         )
 
     def relative_to(self, variance: NDArray[np.float64], colour: NDArray[np.float64]) -> "PhaseStatistics":
-        """These statistics where what they come to is `variance` (PHASES,) and `colour` (PHASES, len(BLOCKS))."""
+        """Statistics relative to ones that come to `variance` (PHASES,) and `colour` (PHASES, len(BLOCKS))."""
         return PhaseStatistics(
             self.squares / variance, self.samples, self.block_squares / colour, self.blocks
         )
@@ -94,7 +94,7 @@ class PhaseStatistics:
         return np.asarray(_excess_beyond(*sums, colour, variance), np.float64)
 
     def excess(self, phase: Phase) -> float:
-        """How improbable the largest of variance and colours is for white noise, in standard deviations.
+        """Improbability of the largest of variance and colours for white noise, in standard deviations.
 
         0 without samples. The sums of few blocks have a long tail, which a normal distribution would ignore.
         """
@@ -104,7 +104,7 @@ class PhaseStatistics:
 
 
 def no_statistics() -> PhaseStatistics:
-    """Nothing seen yet."""
+    """Statistics before any sample."""
     return PhaseStatistics(
         np.zeros(PHASES), np.zeros(PHASES), np.zeros((PHASES, len(BLOCKS))), np.zeros((PHASES, len(BLOCKS)))
     )

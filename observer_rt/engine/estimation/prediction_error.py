@@ -22,6 +22,8 @@ from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, l
 from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
+OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +54,6 @@ def forgetting_of(time_constant: float, interval: float) -> float:
     return math.exp(-interval / time_constant)
 
 
-OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
-_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
-
-
 @dataclass(frozen=True)
 class Linearisation:
     """Cost of an event round theta: value, gradient (m,) and Gauss-Newton information (m, m)."""
@@ -76,12 +74,12 @@ class Linearisation:
         return self.value + float(self.gradient @ step) + 0.5 * float(step @ self.information @ step)
 
     def moved(self, theta: NDArray[np.float64], value: float) -> "Linearisation":
-        """The same quadratic approximation round another theta (m,), where the cost was found to be `value`."""
+        """Quadratic approximation expanded round another theta (m,), where the cost was found to be `value`."""
         gradient = self.gradient + self.information @ (theta - self.theta)
         return Linearisation(theta, value, gradient, self.information)
 
     def tempered(self, factor: float) -> "Linearisation":
-        """The same of the cost divided by a factor."""
+        """Linearisation of the cost divided by a factor."""
         value, gradient, information = self.value / factor, self.gradient / factor, self.information / factor
         return Linearisation(self.theta, value, gradient, information)
 
@@ -93,7 +91,7 @@ class Linearisation:
         return float(self.gradient @ np.linalg.solve(self._spread(covariance), self.gradient))
 
     def standard_scores(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """By how many standard deviations each parameter pulls up (m,), tested alone as in `score`; 0 without say."""
+        """Upward pull on each parameter (m,), in standard deviations, tested alone as in `score`; 0 without data."""
         sigma = np.sqrt(np.diag(self._spread(covariance)))
         return np.divide(-self.gradient, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
 
@@ -154,7 +152,7 @@ class EventCost:
 
     @property
     def terms(self) -> int:
-        """How many squares J sums."""
+        """Number of squares that J sums."""
         return (self._window.output.size - self.burn_in) // self._together
 
     def value(self, theta: NDArray[np.float64]) -> float:

@@ -37,13 +37,13 @@ class Window(NamedTuple):
     clock: Clock = NO_CLOCK
 
     def until(self, end: int) -> "Window":
-        """Its first samples, so many."""
+        """Cuts the window to its first `end` samples."""
         sampled = ("inputs", "output", "resting", "knots", "masked")
         return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
 
 
 class Setting(NamedTuple):
-    """What stays the same while parameters are sought: sample interval [s], substeps, model, gain (states,).
+    """Constants while parameters are sought: sample interval [s], substeps, model, gain (states,).
 
     late: by which share of an interval (0..1) the indicated pressure is recorded late; lag [s] and offset (in units
     of p_0): of the sensor of the model in force, what is learned comes on top. program: of the terms in force.
@@ -60,7 +60,7 @@ class Setting(NamedTuple):
 
 
 class Gradient(NamedTuple):
-    """What carries the filtered gradient d e~/d theta along; all but the state's tangent as wide as that is."""
+    """Carrier of the filtered gradient d e~/d theta; all but the state's tangent as wide as that is."""
 
     tangent: Tangent
     lag: NDArray[np.float64]  # of the sensor's lag [s]

@@ -1,4 +1,4 @@
-"""What theta means, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
+"""Table of theta, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,9 +17,22 @@ from observer_rt.model.network import HIDDEN, Network, constant_network, zero_ne
 from observer_rt.model.right_hand_side import ByTheta
 from observer_rt.model.sensor import LAG_UNIT
 
+PARAMETERS = 10 + HIDDEN
+
+Theta = NDArray[np.float64]
+"""A parameter vector, as wide as its table: (m,)."""
+
+NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
+"""Indicators that have a place of their own in tables and frames."""
+
+_TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
+
+_several = lru_cache(maxsize=8, typed=True)
+"""An event is gone over several times, most find the same line; lines of two kinds may have equal coefficients."""
+
 
 class Parameter(IntEnum):
-    """Columns by name."""
+    """Columns of theta by name."""
 
     NOZZLE_BIAS = 0  # b_H
     NOZZLE_WEIGHT = 1  # w_1; w_2 .. w_q follow
@@ -33,25 +46,15 @@ class Parameter(IntEnum):
     BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
 
 
-PARAMETERS = 10 + HIDDEN
-
-
-Theta = NDArray[np.float64]
-"""A parameter vector, as wide as its table: (m,)."""
-
-NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
-"""Indicators that have a place of their own in tables and frames."""
-
-
 class ScalarUnit(Enum):
-    """What the numbers of a row are given in."""
+    """Unit of the numbers of a row."""
 
     AS_IT_IS = "-"
     PRESSURE = "Pa"  # theta counts in p_0
     TIME = "s"  # theta counts in `LAG_UNIT`
 
     def unit(self, pressure_scale: float) -> float:
-        """What theta = 1 is; pressure_scale p_0 [Pa]."""
+        """Size of theta = 1; pressure_scale p_0 [Pa]."""
         return {ScalarUnit.AS_IT_IS: 1.0, ScalarUnit.PRESSURE: pressure_scale, ScalarUnit.TIME: LAG_UNIT}[
             self
         ]
@@ -59,7 +62,7 @@ class ScalarUnit(Enum):
 
 @dataclass(frozen=True)
 class ShownIndicator:
-    """How a parameter is shown as an indicator. si: what theta = 1 is in SI.
+    """Indicator that shows a parameter. si: size of theta = 1 in SI.
 
     effect: that it stands for, and its name among indicators; key: in JSON, unless that is the effect; label: on the
     screen, beside the rate;
@@ -74,7 +77,7 @@ class ShownIndicator:
     screen_unit: tuple[str, float] | None = None
 
     def factor(self, c: Coefficients, unit: tuple[str, float] | None = None) -> float:
-        """From theta to a unit, that of JSON unless another is given."""
+        """Factor from theta to a unit, that of JSON unless another is given."""
         return self.si(c) / (unit or self.unit)[1]
 
 
@@ -116,7 +119,7 @@ class Scalars:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the columns, by which files know them."""
+        """Names of the columns in files."""
         named = {
             row.column + i: row.name if row.columns == 1 else f"{row.name}_{i + 1}"
             for row in self.rows
@@ -131,7 +134,7 @@ class Scalars:
         return tuple((row.column, row.change) for row in rows if row.change is not None)
 
     def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
-        """Of theta (m,) what changes line and guide, in the order of `laws`."""
+        """Entries of theta (m,) that change line and guide, in the order of `laws`."""
         values = theta.tolist()
         return tuple([values[column] for column, _ in self.laws])
 
@@ -144,7 +147,7 @@ class Scalars:
         return self._vector(attrgetter("drift"), pressure_scale)
 
     def longest_step(self, pressure_scale: float) -> NDArray[np.float64]:
-        """Of one iteration."""
+        """Longest step (m,) of one iteration."""
         return self._vector(attrgetter("longest_step"), pressure_scale)
 
     def bounds(self, pressure_scale: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -217,7 +220,6 @@ _NOZZLE, _WEIGHTS, _SEAT, _BACK_PRESSURE = (
         Parameter.BACK_PRESSURE,
     )
 )
-_TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
 
 class Learned(NamedTuple):
@@ -230,7 +232,7 @@ class Learned(NamedTuple):
 
 
 def nothing_learned(c: Coefficients) -> Learned:
-    """The model in force as it is."""
+    """Meaning of theta = 0: the model in force as it is."""
     return Learned(constant_network(), c, 0.0, 0.0)
 
 
@@ -254,15 +256,11 @@ def network_of(theta: NDArray[np.float64]) -> Network:
 
 
 def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> ByTheta:
-    """How theta (m,) acts on a model without it: where the network's parameters stand, the line's slopes.
+    """Action of theta (m,) on a model without it: where the network's parameters stand, the line's slopes.
 
     The slopes are those of the laws themselves, by complex steps.
     """
     return _by_values(c.line, scalars.of_line(theta), scalars)
-
-
-_several = lru_cache(maxsize=8, typed=True)
-"""An event is gone over several times, most find the same line; lines of two kinds may have equal coefficients."""
 
 
 @_several

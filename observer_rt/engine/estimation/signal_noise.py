@@ -16,12 +16,18 @@ BLOCKS_A_PERIOD = 4  # of the fastest of these tones
 MOST_BLOCKS = 8_000
 SEGMENT = 1024  # samples of a spectrum of single stretches
 DECAYING = 2.0  # mean squares, early over late at rest
-FEWEST = 512  # samples, without which nothing is told
+FEWEST = 512  # samples, without which nothing is reported
+_ORDER = 4  # differences: what physics does to a signal within four samples is far below the noise
+_GAIN = math.sqrt(70.0)  # by which they raise white noise: 1 4 6 4 1
+_CLIP = 5.0  # standard deviations beyond which a difference is a kink or a spike
+_NORMAL_MEDIAN = 0.6745  # median of |z| of a standard normal z
+_ITERATIONS = 20
+FEWEST_DIFFERENCES = 200
 
 
 @dataclass(frozen=True)
 class SlowNoise:
-    """Beside white noise: a tone of this frequency [Hz], or what lies half below and half above it.
+    """Noise beside white noise: a tone of this frequency [Hz], or what lies half below and half above it.
 
     strength: amplitude of a tone, else standard deviation, in the unit of the signal.
     """
@@ -31,7 +37,7 @@ class SlowNoise:
     is_tone: bool
 
     def as_text(self, unit: str, size: float) -> str:
-        """In words, its strength in a unit of this size."""
+        """Describes the noise in words, its strength in a unit of this size."""
         strength = f"{self.strength / size:.2g} {unit}"
         if self.is_tone:
             return f"hum {_rounded(self.frequency)} Hz {strength}"
@@ -41,7 +47,7 @@ class SlowNoise:
 def slow_noise(
     values: NDArray[np.float64], index: NDArray[np.int64], sample_rate: float, white: float
 ) -> SlowNoise | None:
-    """Of samples (n,) at rest with their sample index, None for white noise or too few of them.
+    """Finds the slow noise of samples (n,) at rest with their sample index; None: white noise or too few of them.
 
     white: standard deviation of the white part; sample_rate [Hz].
     """
@@ -124,14 +130,6 @@ def _middle(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> flo
 
 def _rounded(frequency: float) -> str:
     return f"{float(f'{frequency:.2g}'):.0f}"
-
-
-_ORDER = 4  # differences: what physics does to a signal within four samples is far below the noise
-_GAIN = math.sqrt(70.0)  # by which they raise white noise: 1 4 6 4 1
-_CLIP = 5.0  # standard deviations beyond which a difference is a kink or a spike
-_NORMAL_MEDIAN = 0.6745  # median of |z| of a standard normal z
-_ITERATIONS = 20
-FEWEST_DIFFERENCES = 200
 
 
 def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> float:

@@ -1,1 +1,1 @@
-"""What happens between injections: fit, belief, adequacy, intervals."""
+"""Learning between injections: fit, belief, adequacy, intervals."""

@@ -1,4 +1,4 @@
-"""Whether an event can be believed: innovation statistics and plausibility, learned from or not."""
+"""Adequacy of the model for an event: innovation statistics and plausibility, learned from or not."""
 
 import math
 from dataclasses import dataclass
@@ -33,9 +33,8 @@ RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that 
 TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.85  # weight of the statistics before this event
-REMEMBERED = (
-    5.0  # standard deviations up to which they count, so that a passing trouble is over with the next event
-)
+# Standard deviations up to which they count, so that a passing trouble is over with the next event.
+REMEMBERED = 5.0
 # Pa, between line and rail pressure: more may be a gain of the sensor, which is an error of the mass
 LARGEST_OFFSET = 1.5e6
 LEAST_SCALE = 0.03  # of the logarithm of 1 + r
@@ -45,18 +44,20 @@ BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
 _RELEVANT = np.array([RELEVANT_VARIANCE if phase in EDGES else RELEVANT_LOUDNESS for phase in Phase])
 WEAR = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))
+BELIEVED_AFTER = 2  # explained events in a row, after one that was not
+SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
 
 
 @dataclass(frozen=True)
 class Objection:
-    """Why an event is not believed, and the phase in which it shows."""
+    """Reason against an event, and the phase in which it shows."""
 
     reason: Reason
     phase: Phase | None = None
 
 
 class Innovations(NamedTuple):
-    """Of an event: e~ (n,) and its standard deviation if the model is right, both in units of p_0."""
+    """Innovations e~ (n,) of an event and their standard deviation if the model is right, both in units of p_0."""
 
     values: NDArray[np.float64]
     sigma: float
@@ -65,7 +66,7 @@ class Innovations(NamedTuple):
 def event_statistics(
     window: Window, innovations: Innovations, interval: float, healthy: Healthy
 ) -> PhaseStatistics:
-    """What the innovations over a window say, phase by phase, against a healthy injector's; interval [s]."""
+    """Statistics of the innovations over a window, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
     found = phase_statistics(
         innovations.values, innovations.sigma, phases, round(BURN_IN / interval), mask_of(window), CLIP
@@ -86,7 +87,7 @@ def pooled(before: PhaseStatistics, event: PhaseStatistics) -> PhaseStatistics:
 
 
 def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
-    """These statistics without those of the other phases."""
+    """Statistics of the standstill, without those of the other phases."""
     kept = np.arange(len(Phase)) == Phase.STANDSTILL
     by_block = kept[:, None]
     return PhaseStatistics(
@@ -111,7 +112,7 @@ def tempering(statistics: PhaseStatistics) -> float:
 def objections(
     statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED
 ) -> list[Objection]:
-    """What speaks against an event; offset [Pa] and lag [s] as identified; of a model that fits nobody, always.
+    """Objections to an event; offset [Pa] and lag [s] as identified; to a model that fits nobody, always.
 
     Empty: it passed. What names a cause comes first.
     """
@@ -148,13 +149,9 @@ def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
     )
 
 
-BELIEVED_AFTER = 2  # explained events in a row, after one that was not
-SETTLED = 3  # explained events in a row, after which one that is not is a fault that may pass
-
-
 @dataclass(frozen=True, eq=False)
 class Examination:
-    """What speaks against an event (empty: it passed), and the statistics over recent events with it.
+    """Objections to an event (empty: it passed), and the statistics over recent events with it.
 
     passed: events in a row that did, SETTLED at most; negative: that must until one is believed again.
     """
@@ -165,25 +162,25 @@ class Examination:
 
 
 class Examiner:
-    """What speaks against an event with the parameters in force. Pure: no clock, no thread."""
+    """Finds the objections to events with the parameters in force. Pure: no clock, no thread."""
 
     def __init__(self, statistics: PhaseStatistics, healthy: Healthy, colour: Colour | None = None) -> None:
         """statistics: over the events before the first; colour: of the innovations then, None if they are white."""
         self._healthy = healthy
         self._passed = 0
         self.colour = colour
-        """Of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
+        """Colour of the innovations; as the statistics, whoever learns from an event replaces it by what it found."""
         self.statistics = statistics
         """Over recent events; whoever learns from an event replaces them by what was found."""
 
     def take(self, found: Examination) -> None:
-        """An event was judged so."""
+        """Takes over how an event was judged."""
         self.statistics, self._passed = found.statistics, found.passed
 
     def examine(
         self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
     ) -> Examination:
-        """Judge one event.
+        """Judges one event.
 
         One that is refused by itself says nothing of those after it, but that one must pass first; two, where it was
         not long since: a wrong model is not contradicted at every operating point.

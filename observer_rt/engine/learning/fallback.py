@@ -29,11 +29,12 @@ UNEXPLAINED = (
     Reason.SUDDEN_CHANGE,
     Reason.TIME_BASE,
 )
+TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 
 
 @dataclass(frozen=True)
 class Mistrust:
-    """What was learned is not carried where too many events are not explained by it.
+    """Count of events that what was learned does not explain; after too many of them it is not carried.
 
     A sudden change is one such event, changes all the time are many; a scale that is not known is enough by itself.
     Until then an event that passed makes up for one that did not; afterwards several in a row must pass, for some
@@ -52,7 +53,7 @@ class Mistrust:
         return self.because is not None
 
     def after(self, found: Collection[Objection]) -> "Mistrust":
-        """With what an event was found to be."""
+        """Adds an event's objections."""
         unexplained = next((objection for objection in found if objection.reason in UNEXPLAINED), None)
         if unexplained is not None:
             changes = self.changes + any(objection.reason is Reason.SUDDEN_CHANGE for objection in found)
@@ -67,11 +68,11 @@ class Mistrust:
 
     @property
     def objection(self) -> Objection | None:
-        """Why the nominal model is to be carried, None if not."""
-        return self.because and self.told([self.because])[0]
+        """Objection for which the nominal model is to be carried, None if it is not."""
+        return self.because and self.reported([self.because])[0]
 
-    def told(self, found: Sequence[Objection]) -> tuple[Objection, ...]:
-        """What speaks against an event taken in, one change too many as a model that is inadequate."""
+    def reported(self, found: Sequence[Objection]) -> tuple[Objection, ...]:
+        """Objections to report of an event taken in, one change too many as a model that is inadequate."""
         if self.changes <= CHANGES:
             return tuple(found)
         inadequate = Objection(Reason.MODEL_INADEQUATE)
@@ -87,15 +88,12 @@ class Freezer:
     frozen: bool = False
 
     def after(self, statistics: PhaseStatistics) -> "Freezer":
-        """With an event's pooled statistics."""
+        """Adds an event's pooled statistics."""
         if inadequate_phase(statistics) is Phase.STANDSTILL:
             bad = self.bad + 1
             return Freezer(bad, 0, self.frozen or bad >= FREEZE_AFTER)
         good = self.good + 1
         return Freezer(0, good, self.frozen and good < RELEASE_AFTER)
-
-
-TOLERANCE = 1.1  # by which a new theta may raise the re-simulated output error
 
 
 @dataclass(frozen=True, eq=False)

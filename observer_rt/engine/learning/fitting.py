@@ -46,6 +46,19 @@ def theta_limits(pressure_scale: float, scalars: Scalars = SCALARS) -> Limits:
     return Limits(*scalars.bounds(pressure_scale), scalars.longest_step(pressure_scale))
 
 
+def freed(
+    direction: NDArray[np.float64], slopes: NDArray[np.float64], prior: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rest of a direction (k,) of the innovations that theta cannot undo, and the change of theta (m,) that does.
+
+    slopes: (k, m) by theta; prior: standard deviations (m,) of theta. Raises
+    numpy.linalg.LinAlgError when singular.
+    """
+    information = slopes.T @ slopes + np.diag(prior**-2)
+    change = np.asarray(-np.linalg.solve(information, slopes.T @ direction), np.float64)
+    return direction + slopes @ change, change
+
+
 @dataclass(frozen=True)
 class EventFit:
     """One event fitted: the active columns, the cost round the estimate, its prior.
@@ -65,7 +78,7 @@ class EventFit:
 
 @dataclass(frozen=True)
 class EventFitter:
-    """What stays the same while one event is fitted, from whichever prior; active: the gated columns in use."""
+    """Fits one event from any prior; active: the gated columns in use."""
 
     cost: Cost
     gate: Gate

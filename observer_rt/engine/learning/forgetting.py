@@ -1,4 +1,4 @@
-"""What learning forgets upon which cause, as one table."""
+"""Table of what learning forgets upon which cause."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,7 +13,7 @@ from observer_rt.engine.learning.state import LearningState
 
 
 class Cause(Enum):
-    """Why what was learned or said so far no longer holds."""
+    """Cause for which what was learned or objected so far no longer holds."""
 
     OTHER_NOISE = auto()  # noise levels are others than those that events were judged by
     STEEP_NOISE = auto()  # samples are taken at moments that are off: what that adds contradicted the model
@@ -22,12 +22,12 @@ class Cause(Enum):
     COIL = auto()  # what the coil adds is taken out from now on: all was learned from other line pressures
     SUDDEN_CHANGE = auto()  # the injector is another one
     NOT_PASSED = auto()  # an event did not pass: by it nothing is compared
-    PASSED = auto()  # a fault has passed, and what was believed and said before it holds
+    PASSED = auto()  # a fault has passed, and what was believed and objected before it holds
     FROZEN = auto()  # the standstill contradicts the model: what was learned belongs to another line
 
 
 class Forgotten(Enum):
-    """What there is to be forgotten; by the name of a field of the state, which is then as before any event."""
+    """Part of the state to be forgotten; by the name of a field of the state, which is then as before any event."""
 
     LEARNED = "belief, theta"  # as before any event
     CERTAINTY = "certainty"  # of the belief: widened by the prior
@@ -37,7 +37,7 @@ class Forgotten(Enum):
     MISTRUST = "mistrust"  # after events that were not explained
     FREEZING = "freezer"  # that learning is frozen, and what led to it
     SLOWED = "slowed"  # that the line-pressure sensor became slower all at once
-    COLOUR = "at_rest"  # of the noise, and what was heard of it
+    COLOUR = "at_rest"  # of the noise, and the statistics of it
     TREND = "trend"  # what recent events contradicted together
     CHECKPOINT = "checkpoint"  # what was believed before events that did not pass
     LAST_EVENT = "last_event"  # by which a new theta is compared with that in force
@@ -77,7 +77,7 @@ FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
 def forgotten(
     state: LearningState, cause: Cause, start: LearningState, wide: NDArray[np.float64]
 ) -> LearningState:
-    """A state without what no longer holds.
+    """State without what no longer holds.
 
     start: before any event; wide: standard deviations (m,) of theta then.
     """

@@ -1,4 +1,4 @@
-"""The healthy injector as a fitted model leaves it: what observer and `discover` do not hold against an event."""
+"""Remainder of a healthy injector by a fitted model: no objection of observer and `discover` to an event."""
 
 import math
 from collections.abc import Mapping
@@ -60,7 +60,7 @@ class Healthy:
 
 
 NOT_FITTED = Healthy()
-"""Of a model that was not fitted to recordings."""
+"""Remainder of a model that was not fitted to recordings."""
 
 
 def stretch_of(window: Window, c: Coefficients, interval: float) -> EventStretch:
@@ -77,7 +77,7 @@ def stretch_of(window: Window, c: Coefficients, interval: float) -> EventStretch
 
 
 def _beyond(area: NDArray[np.float64], edge: int, inwards: int) -> float:
-    """By which share of a sample a flank begins beyond the last sample on it."""
+    """Share of a sample by which a flank begins beyond the last sample on it."""
     further = edge + inwards
     if not 0 <= further < area.size or area[further] <= area[edge]:
         return 0.0
@@ -85,7 +85,7 @@ def _beyond(area: NDArray[np.float64], edge: int, inwards: int) -> float:
 
 
 def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = False) -> Healthy:
-    """What a fitted file remembers, at a sample rate [Hz]; trusted: learn with an inadequate model all the same."""
+    """Healthy injector of a fitted file, at a sample rate [Hz]; trusted: learn with an inadequate model, too."""
     if baseline is None:
         return NOT_FITTED
     share, adequate = baseline.mass_share, baseline.adequate or trusted
@@ -109,7 +109,7 @@ def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = Fa
 def healthy_for_naming(
     left: Baseline | HealthyRemainder, adequate: bool, rate: PhaseStatistics | None = None
 ) -> Healthy:
-    """What `discover` judges by: of a baseline that says nothing else, variance and colour only.
+    """Healthy injector that `discover` judges by: of a baseline that says nothing else, variance and colour only.
 
     adequate: whether the model explains the healthy injector; rate: innovations of its measured rate.
     """

@@ -34,7 +34,7 @@ class Estimate:
 
 
 Indicators = Mapping[str, Estimate]
-"""By the effects they stand for, normalised as theta is; those of nozzle and seat are v_H and v_S of (27)."""
+"""Estimates by the effects they stand for, normalised as theta; those of nozzle and seat are v_H and v_S of (27)."""
 
 
 def indicators_of(
@@ -44,7 +44,7 @@ def indicators_of(
     u: NDArray[np.float64],
     scalars: Scalars = SCALARS,
 ) -> Indicators:
-    """What theta (m,) says of the injector at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
+    """Indicators by theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
 
     None but those of nozzle and seat enters Q_H^.
     """

@@ -1,4 +1,4 @@
-"""What the observer knows: the belief about all parameters, what is in force, what an event adds."""
+"""Knowledge of the observer: the belief about all parameters, what is in force, what an event adds."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -11,7 +11,8 @@ from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Scalars, Theta
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.interval import EVERYWHERE, KnownFlow, Resimulated
+from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.phi import Phi, StructuredPhi
 from observer_rt.engine.stream.standstill import RestingLift, Standstill
@@ -19,7 +20,7 @@ from observer_rt.engine.stream.state import Constants
 
 
 class Adoption(StrEnum):
-    """What came of learning from an event."""
+    """Result of learning from an event."""
 
     ADOPTED = "adopted"
     REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
@@ -30,7 +31,7 @@ class Adoption(StrEnum):
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known after an event, as one value that can be saved and restored.
+    """Knowledge after an event, as one value that can be saved and restored.
 
     state: with which learning goes on; in_force: theta (m,) the observer carries, 0 at start; phi_version: how often
     another one was adopted; lift: what a shut needle's shows, from which the stream starts; scalars: the table theta
@@ -51,7 +52,7 @@ def no_knowledge(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = S
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of learning from one event: what to carry from the adoption point on, and what to say of the event.
+    """Result of learning from one event: what to carry from the adoption point on, and the event's report.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
@@ -75,7 +76,7 @@ class Outcome:
 
 
 class EventLearner(Protocol):
-    """What learns between events, whichever training it uses."""
+    """Learner between events, whichever training it uses."""
 
     @property
     def schedule(self) -> GainSchedule:
@@ -83,7 +84,7 @@ class EventLearner(Protocol):
 
     @property
     def phi(self) -> Phi:
-        """What x^ carries at the start, in arrays of its own."""
+        """Correction that x^ carries at the start, in arrays of its own."""
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None

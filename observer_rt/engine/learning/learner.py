@@ -24,22 +24,23 @@ from observer_rt.engine.learning.adequacy import (
 )
 from observer_rt.engine.learning.disturbances.colour import offset_between
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, median
-from observer_rt.engine.learning.explained import Believed, EventReader, Explained, temper_in
+from observer_rt.engine.learning.event_fit import Believed, EventReader, Explained, temper_in
 from observer_rt.engine.learning.fallback import UNEXPLAINED, Rehearsed, best_explaining, is_better
 from observer_rt.engine.learning.forgetting import Cause
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.indicators import nozzle_change
-from observer_rt.engine.learning.interval import (
+from observer_rt.engine.learning.interval import resimulated
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.engine.learning.learned_range import (
     UNSEEN,
+    extrapolation_sigma,
     known_flow,
     operating_point,
     remembered,
-    resimulated,
-    unfamiliarity,
 )
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
-from observer_rt.engine.learning.lateness import LiftLag, lag_score, lateness_of, lift_lag_of
-from observer_rt.engine.learning.state import Learned, LearningState, no_state
+from observer_rt.engine.learning.lift_lag import LiftLag, lift_lag_of
+from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
+from observer_rt.engine.learning.state import LearnedInjector, LearningState, no_state
 from observer_rt.engine.stream.phi import StructuredPhi
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason
@@ -47,17 +48,14 @@ from observer_rt.foundation.units import MEGAPASCAL
 
 STANDSTILL_ENOUGH = 1000  # samples, for the first guess of the offset
 OTHER_NOISE = 1.25  # times a level
-IMPLAUSIBLE = (
-    15 * MEGAPASCAL
-)  # between rail and line at rest: another unit, or no sensor; nothing to be learned
-SWINGS, SWAPPED = (
-    2 * MEGAPASCAL,
-    3.0,
-)  # of the rail pressure in an event, and more than the line's by this factor
+# Between rail and line at rest: another unit, or no sensor; nothing to be learned.
+IMPLAUSIBLE = 15 * MEGAPASCAL
+# Of the rail pressure in an event, and more than the line's by this factor.
+SWINGS, SWAPPED = 2 * MEGAPASCAL, 3.0
 
 
 def implausible(window: Window, pressure_scale: float) -> Objection | None:
-    """What shows before any fit that the pressures of an event are not those of rail and line; p_0 [Pa].
+    """Objection, before any fit, to pressures of an event that are not those of rail and line; p_0 [Pa].
 
     The rail hardly moves when the needle opens, the line does: where it is the other way round, they are swapped.
     """
@@ -70,7 +68,7 @@ def implausible(window: Window, pressure_scale: float) -> Objection | None:
     return None
 
 
-class Event(NamedTuple):
+class ClosedEvent(NamedTuple):
     """A closed event; standstill: when it ended; in_force (m,), constants: during it."""
 
     window: Window
@@ -81,7 +79,7 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What is fixed for an injector; gains_for: `gain_schedule`, which most events ask for the same."""
+    """Constants of an injector's learning; gains_for: `gain_schedule`, which most events ask for the same."""
 
     reader: EventReader
     gains_for: Callable[..., GainSchedule]
@@ -94,12 +92,12 @@ class Given:
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
 
     def contradictions(self, statistics: PhaseStatistics, theta: Theta) -> list[Objection]:
-        """What statistics, and the sensor as it is in theta (m,), say against the model."""
+        """Objections of statistics, and of the sensor as it is in theta (m,), to the model."""
         offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * self.reader.pressure_scale
         return objections(statistics, offset, sensor_lag(theta), self.reader.healthy)
 
     def statistics_of(self, event: Explained) -> PhaseStatistics:
-        """Of an event's innovations."""
+        """Statistics of an event's innovations."""
         innovations = Innovations(event.fit.innovations, event.cost.sigma)
         return event_statistics(event.window, innovations, self.reader.interval, self.reader.healthy)
 
@@ -126,7 +124,7 @@ class Learner:
         self.schedule = self._given.gains(knowledge.in_force, noise, constants)
         """Gains at the start."""
         self.state = knowledge.state.begun(knowledge.in_force, constants.interval, healthy.overdispersion)
-        """After the last event."""
+        """State after the last event."""
 
     @property
     def phi(self) -> StructuredPhi:
@@ -137,13 +135,13 @@ class Learner:
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
         """Go on by one event, during which `in_force` (m,) was carried; its constants, None: as at the start."""
-        event = Event(window, standstill, in_force, constants or self._constants)
+        event = ClosedEvent(window, standstill, in_force, constants or self._constants)
         outcome = learn(self.state, event, self._given)
         self.state = outcome.knowledge.state
         return outcome
 
 
-def learn(state: LearningState, event: Event, given: Given) -> Outcome:
+def learn(state: LearningState, event: ClosedEvent, given: Given) -> Outcome:
     """Learn from one event, and decide whether its estimate is adopted in place of what was in force.
 
     The outcome's knowledge has the state to go on from. An event that is not explained changes no more of that than
@@ -163,8 +161,8 @@ def learn(state: LearningState, event: Event, given: Given) -> Outcome:
     return replace(outcome, schedule=given.gains(in_force, state.noise, event.constants))
 
 
-def _outcome_of(state: LearningState, event: Event, given: Given) -> Outcome:
-    """What comes of an event, but for what the state remembers of whether it passed."""
+def _outcome_of(state: LearningState, event: ClosedEvent, given: Given) -> Outcome:
+    """Outcome of an event, but for what the state remembers of whether it passed."""
     window, standstill = event.window, event.standstill
     if standstill.noise is not None:
         state = _with_noise(state, standstill.noise, given)
@@ -187,7 +185,7 @@ def _outcome_of(state: LearningState, event: Event, given: Given) -> Outcome:
 
 
 def _with_noise(state: LearningState, noise: NoiseLevels, given: Given) -> LearningState:
-    """With noise levels from an event on: what an event was by others says nothing by these."""
+    """Sets the noise levels from an event on: what an event was by others says nothing by these."""
     before = state.noise
     if any(
         abs(math.log(now / then)) > math.log(OTHER_NOISE)
@@ -220,7 +218,7 @@ class _Read:
     schedule: GainSchedule
 
 
-def _read_as_before(state: LearningState, event: Event, given: Given) -> _Read | None:
+def _read_as_before(state: LearningState, event: ClosedEvent, given: Given) -> _Read | None:
     """An event explained by what was believed before others did not pass: that is believed again. None: it is not.
 
     What stood still before it does not count: it is of the fault.
@@ -241,7 +239,7 @@ def _read_as_before(state: LearningState, event: Event, given: Given) -> _Read |
 
 
 def _read(
-    state: LearningState, event: Event, schedule: GainSchedule, offset: float | None, given: Given
+    state: LearningState, event: ClosedEvent, schedule: GainSchedule, offset: float | None, given: Given
 ) -> _Read | None:
     """An event explained, None where no fit is finite; offset: line over rail pressure at rest before it [p_0].
 
@@ -264,7 +262,7 @@ def _without_gains(state: LearningState, window: Window) -> Window:
 
 
 def _is_as_believed(read: _Read, given: Given) -> bool:
-    """Whether an event, with those before the trouble, says nothing against what it was explained by."""
+    """Whether an event, with those before the trouble, contradicts nothing that it was explained by."""
     fit = read.event.fit
     theta = fit.linearisation.theta
     statistics = pooled(read.state.learned.statistics, given.statistics_of(read.event))
@@ -272,8 +270,8 @@ def _is_as_believed(read: _Read, given: Given) -> bool:
     return not (is_contradicted or is_worn_beyond_limits(theta, given.reader.scalars))
 
 
-def _outcome_read(read: _Read, event: Event, given: Given) -> Outcome:
-    """What comes of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
+def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
+    """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
     reader, found, believed, setting = given.reader, read.event, read.believed, read.believed.setting
     lag = lag_score(found.window, setting, found.fit, found.cost, reader.wide, reader.scalars)
     gated = GatedBelief(found.fit.prior, reader.scalars.gate, read.state.learned.active)
@@ -290,40 +288,42 @@ def _outcome_read(read: _Read, event: Event, given: Given) -> Outcome:
     now = gated.carried(theta) + more
     again = resimulated(found.window, setting, state.noise, theta, now, carried + more, reader.scalars)
     systematic = math.hypot(
-        reader.healthy.mass_share, UNSEEN * unfamiliarity(point, state.learned_at), state.gains.flow_share
+        reader.healthy.mass_share,
+        UNSEEN * extrapolation_sigma(point, state.learned_at),
+        state.gains.flow_share,
     )
     state = replace(
         state,
         learned_at=remembered(state.learned_at, point),
         lag_doubt=state.lag_doubt.after(None if lag is None else lateness_of(lag, again.run)),
     )
-    state, doubts = _with_doubts(state, found, given)
+    state, reasons = _with_reasons(state, found, given)
     this = Rehearsed(found.window, setting, float(theta[Parameter.LINE_PRESSURE_OFFSET]))
     rehearsed = [this] if state.last_event is None else [state.last_event, this]
     state = replace(state, last_event=this, freezer=state.freezer.after(state.learned.statistics))
     if state.freezer.frozen:
-        said = _objections(state, found.window, (), given)
-        said = said or (Objection(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
-        outcome = _outcome(Adoption.FROZEN, state, np.zeros_like(theta), read.schedule, said, gated, given)
+        against = _objections(state, found.window, (), given)
+        against = against or (Objection(Reason.MODEL_INADEQUATE, Phase.STANDSTILL),)
+        outcome = _outcome(Adoption.FROZEN, state, np.zeros_like(theta), read.schedule, against, gated, given)
         knowledge = replace(outcome.knowledge, state=reader.forgotten(state, Cause.FROZEN))
-        return replace(outcome, knowledge=knowledge, objections=_because(said, is_ending, is_disturbed))
+        return replace(outcome, knowledge=knowledge, objections=_because(against, is_ending, is_disturbed))
     better = is_better(rehearsed, theta, event.in_force, state.learned.colour, reader.scalars)
     adoption = Adoption.ADOPTED if better or believed.again else Adoption.REJECTED
-    said = _because(_objections(state, found.window, doubts, given), is_ending, is_disturbed)
-    lift_lag, said = state.lift_lag.after(said, lambda lag: _lift_lag_in(state, read, lag, given))
-    mistrust = state.mistrust.after(said)
-    said = mistrust.told(said)
+    against = _because(_objections(state, found.window, reasons, given), is_ending, is_disturbed)
+    lift_lag, against = state.lift_lag.after(against, lambda lag: _lift_lag_in(state, read, lag, given))
+    mistrust = state.mistrust.after(against)
+    against = mistrust.reported(against)
     state = replace(state, lift_lag=lift_lag, mistrust=mistrust)
     because = mistrust.objection
     if because is not None:
         carried_on = _carried_after(because, state, rehearsed, reader.scalars)
-        said = said or (because,)
-        return _outcome(Adoption.SET_ASIDE, state, carried_on, read.schedule, said, gated, given)
-    if state.checkpoint.learned is not None and any(each.reason in UNEXPLAINED for each in said):
+        against = against or (because,)
+        return _outcome(Adoption.SET_ASIDE, state, carried_on, read.schedule, against, gated, given)
+    if state.checkpoint.learned is not None and any(each.reason in UNEXPLAINED for each in against):
         adoption = Adoption.REJECTED
     taken = theta if adoption is Adoption.ADOPTED else event.in_force
     return replace(
-        _outcome(adoption, state, taken, read.schedule, said, gated, given),
+        _outcome(adoption, state, taken, read.schedule, against, gated, given),
         resimulated=replace(again, systematic=math.hypot(systematic, state.lag_doubt.volume_share)),
         outliers=int(found.window.masked.sum()) - int(undone.masked.sum()),
         loudest=state.jitter.loudest(found.window, believed.sigmas.innovation),
@@ -343,7 +343,7 @@ def _taken_in(state: LearningState, event: Explained, given: Given) -> LearningS
     found = float(here.theta[Parameter.LINE_PRESSURE_OFFSET])
     return replace(
         state,
-        learned=Learned(
+        learned=LearnedInjector(
             belief=event.fit.prior.updated(here.information / temper, here.vector / temper),
             theta=here.theta,
             statistics=pooled(learned.statistics, statistics),
@@ -361,7 +361,7 @@ def _with_energizing(
 ) -> tuple[LearningState, bool]:
     """Whether energizing the coil shows in an event that had all of it; recorded: as it was.
 
-    Once it is taken out, what was learned and said so far was of other line pressures than those that come.
+    Once it is taken out, what was learned and objected so far was of other line pressures than those that come.
     """
     reader, event = given.reader, read.event
     whole = event.window._replace(output=recorded.output)
@@ -379,27 +379,27 @@ def _with_energizing(
     return reader.forgotten(state, Cause.COIL) if is_new else state, is_disturbed
 
 
-def _with_doubts(
+def _with_reasons(
     state: LearningState, event: Explained, given: Given
 ) -> tuple[LearningState, Sequence[Reason]]:
-    """What an event brings up beside its innovations."""
-    doubts = []
+    """Reasons against an event that arise beside its innovations."""
+    reasons = []
     before, now = sensor_lag(event.fit.prior.mean), sensor_lag(state.learned.theta)
     state = replace(state, slowed=state.slowed.after(before, now, event.fit.contradicts))
     if state.slowed.is_slowed:
-        doubts.append(Reason.SENSOR_LAG)
+        reasons.append(Reason.SENSOR_LAG)
     if state.lag_doubt.is_relevant:
-        doubts.append(Reason.TIME_BASE)
+        reasons.append(Reason.TIME_BASE)
     if event.fit.contradicts:
-        doubts.append(Reason.SUDDEN_CHANGE)
+        reasons.append(Reason.SUDDEN_CHANGE)
         state = given.reader.forgotten(state, Cause.SUDDEN_CHANGE)
-    return state, doubts
+    return state, reasons
 
 
 def _carried_after(
     because: Objection, state: LearningState, events: Sequence[Rehearsed], scalars: Scalars
 ) -> Theta:
-    """What is carried (m,) where events are not explained: of all that once explained some what is best at them.
+    """Theta (m,) carried where events are not explained: of all that once explained some the best at them.
 
     What was learned from them explains nothing. The nominal model where the scale is not known: another one
     explains the pressures as well, with other masses.
@@ -425,9 +425,9 @@ def _lift_lag_in(state: LearningState, read: _Read, expected: float, given: Give
 
 
 def _failed(
-    state: LearningState, event: Event, schedule: GainSchedule, objection: Objection, given: Given
+    state: LearningState, event: ClosedEvent, schedule: GainSchedule, objection: Objection, given: Given
 ) -> Outcome:
-    """Nothing was learned from an event."""
+    """Outcome of an event that nothing was learned from."""
     gated = given.gated(state)
     return _outcome(Adoption.FAILED, state, event.in_force, schedule, (objection,), gated, given)
 
@@ -437,16 +437,16 @@ def _outcome(
     state: LearningState,
     in_force: Theta,
     schedule: GainSchedule,
-    said: tuple[Objection, ...],
+    against: tuple[Objection, ...],
     gated: GatedBelief,
     given: Given,
 ) -> Outcome:
-    """With `in_force` (m,) to be carried; gated: the belief of the state."""
+    """Outcome with `in_force` (m,) to be carried; gated: the belief of the state."""
     return Outcome(
         adoption=adoption,
         knowledge=Knowledge(state, in_force, scalars=given.reader.scalars),
         schedule=schedule,
-        objections=said,
+        objections=against,
         estimate=state.learned.theta,
         covariance=gated.covariance
         + np.diag(state.gains.wear_variance(state.learned.theta.size))
@@ -455,26 +455,26 @@ def _outcome(
 
 
 def _objections(
-    state: LearningState, window: Window, doubts: Sequence[Reason], given: Given
+    state: LearningState, window: Window, reasons: Sequence[Reason], given: Given
 ) -> tuple[Objection, ...]:
-    """What speaks against an event; doubts: that arose while it was fitted."""
+    """Objections to an event; reasons: that arose while it was fitted."""
     theta = state.learned.theta
     result = given.contradictions(state.learned.statistics, theta)
     if state.gains.is_too_large and Objection(Reason.PRESSURE_OFFSET) not in result:
         result.insert(0, Objection(Reason.PRESSURE_OFFSET))
     if is_worn_beyond_limits(theta, given.reader.scalars):
         result.append(Objection(Reason.MODEL_INADEQUATE, Phase.OPEN))
-    result.extend(Objection(reason) for reason in doubts)
+    result.extend(Objection(reason) for reason in reasons)
     if looks_like_inertance(_open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])):
         result.append(Objection(Reason.AMBIGUOUS_SCALE))
     return tuple(result)
 
 
-def _because(said: tuple[Objection, ...], is_ending: bool, is_disturbed: bool) -> tuple[Objection, ...]:
-    """What is known of the line pressure as the first objection: that is why there are others."""
+def _because(against: tuple[Objection, ...], is_ending: bool, is_disturbed: bool) -> tuple[Objection, ...]:
+    """Objections with what is known of the line pressure as the first: that is why there are others."""
     if is_disturbed:  # though all else may look right
-        return (Objection(Reason.CONTRADICTED), *said)
-    return (Objection(Reason.INPUT_CLIPPED), *said) if is_ending and said else said
+        return (Objection(Reason.CONTRADICTED), *against)
+    return (Objection(Reason.INPUT_CLIPPED), *against) if is_ending and against else against
 
 
 def _open_nozzle_change(theta: Theta, window: Window) -> float:
@@ -485,7 +485,7 @@ def _open_nozzle_change(theta: Theta, window: Window) -> float:
 
 
 def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:
-    """How x~ is followed over an event."""
+    """Setting by which x~ is followed over an event."""
     sensor = constants.sensor
     return Setting(
         interval=constants.interval,

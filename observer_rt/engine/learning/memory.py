@@ -41,7 +41,7 @@ def plain(value: Any) -> Any:
 
 
 def restored(hint: Any, value: Any, like: Any = None, place: str = "") -> Any:
-    """What `plain` made of a value of this type. Raises `NotAsExpectedError`.
+    """Restores a value of this type from what `plain` made of it. Raises `NotAsExpectedError`.
 
     like: whose arrays have the shapes that are wanted; without, any is taken. place: in the file.
     """

@@ -26,7 +26,7 @@ def _within(factor: float) -> float:
 
 
 def _ratio(score: float) -> float:
-    """Of a score to the usual one."""
+    """Ratio of a score to the usual one."""
     return min(score / USUAL_SCORE, LARGEST_RATIO)
 
 
@@ -43,14 +43,14 @@ class Overdispersion:
         return _within(self.sum / self.weight)
 
     def after(self, score: float) -> "Overdispersion":
-        """With the score of an event against what was believed, tempered by the factor."""
+        """Adds the score of an event against what was believed, tempered by the factor."""
         return Overdispersion(
             REMEMBERED * self.sum + _ratio(score) * self.factor, REMEMBERED * self.weight + 1.0
         )
 
 
 def of_healthy(factor: float) -> Overdispersion:
-    """Before any event, by the factor of the healthy injector, 1 of a model that is exact."""
+    """Overdispersion before any event, by the factor of the healthy injector, 1 of a model that is exact."""
     return Overdispersion(PRIOR_EVENTS * factor)
 
 
@@ -61,7 +61,7 @@ class TemperedEvent(NamedTuple):
     covariance: NDArray[np.float64]
 
     def ratio(self, factor: float) -> float:
-        """Of its score to the usual one, tempered by a factor."""
+        """Ratio of a score to the usual one, tempered by a factor."""
         return _ratio(self.cost.tempered(factor).score(self.covariance))
 
 

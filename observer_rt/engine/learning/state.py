@@ -22,17 +22,18 @@ from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.fallback import Freezer, Mistrust, Rehearsed
 from observer_rt.engine.learning.healthy import SAME_RATE
-from observer_rt.engine.learning.interval import EventPoint
-from observer_rt.engine.learning.lateness import LagDoubt, LiftLagSearch, SlowedSensor, no_doubt
+from observer_rt.engine.learning.learned_range import EventPoint
+from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.memory import NOT_KEPT, Count
 from observer_rt.engine.learning.overdispersion import Overdispersion, of_healthy
+from observer_rt.engine.learning.pressure_lag import LagDoubt, SlowedSensor, no_doubt
 from observer_rt.engine.learning.trend import Trend
 from observer_rt.engine.stream.standstill import Standstill
 
 
 @dataclass(frozen=True, eq=False)
-class Learned:
-    """What was learned of injector and noise.
+class LearnedInjector:
+    """Estimate of injector and noise.
 
     belief: about all parameters jointly; theta (m,): where the last event was explained; statistics: of recent
     innovations; active: the gated columns in use; is_prior: nothing was learned yet, or all of it was forgotten;
@@ -56,12 +57,12 @@ class Learned:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """What was learned when SETTLED events in a row had passed: a passing fault leaves the injector as it was.
+    """Estimate when SETTLED events in a row had passed: a passing fault leaves the injector as it was.
 
     learned: None, while so many never did; failed: events since, passed: in a row.
     """
 
-    learned: Learned | None = None
+    learned: LearnedInjector | None = None
     gains: PressureGains = field(default_factory=PressureGains)
     at_rest: RestingNoise = field(default_factory=RestingNoise)
     failed: int = 0
@@ -73,9 +74,9 @@ class Checkpoint:
         return self.learned is not None and self.failed > 0 and self.passed == 0
 
     def after(
-        self, learned: Learned, gains: PressureGains, at_rest: RestingNoise, has_passed: bool
+        self, learned: LearnedInjector, gains: PressureGains, at_rest: RestingNoise, has_passed: bool
     ) -> "Checkpoint":
-        """With an event; learned, gains, at_rest: after it."""
+        """Adds an event; learned, gains, at_rest: after it."""
         if not has_passed:
             return replace(self, failed=self.failed + 1, passed=0)
         if self.passed + 1 < SETTLED:
@@ -92,7 +93,7 @@ class LearningState:
     the last event ended; last_event: to be run open loop with a new theta.
     """
 
-    learned: Learned
+    learned: LearnedInjector
     noise: NoiseLevels
     passed_with: Theta
     lag_doubt: LagDoubt
@@ -118,7 +119,7 @@ class LearningState:
     last_event: Rehearsed | None = field(default=None, metadata=NOT_KEPT)
 
     def begun(self, in_force: Theta, interval: float, overdispersion: float) -> "LearningState":
-        """To go on with, in a run that carries `in_force` (m,) and has samples of an interval [s].
+        """State to go on with, in a run that carries `in_force` (m,) and has samples of an interval [s].
 
         What was followed in samples of another one is followed anew. overdispersion: of the healthy injector.
         """
@@ -138,8 +139,8 @@ class LearningState:
 
 
 def no_state(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> LearningState:
-    """Before any event: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
+    """State before any event: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
     theta = np.zeros(scalars.width)
     belief = prior_belief(np.zeros(scalars.width), np.diag(scalars.prior(pressure_scale) ** 2))
-    learned = Learned(belief, theta, no_statistics(), frozenset(), is_prior=True)
+    learned = LearnedInjector(belief, theta, no_statistics(), frozenset(), is_prior=True)
     return LearningState(learned, noise, theta, no_doubt(scalars.width))

@@ -1,4 +1,4 @@
-"""What recent events contradict together: each by little, and all the same way."""
+"""Trends that recent events contradict together: each by little, and all the same way."""
 
 import math
 from dataclasses import dataclass, field
@@ -23,29 +23,29 @@ class RecentScores:
     variance: float = 0.0
 
     def after(self, scores: NDArray[np.float64], remembered: float) -> "RecentScores":
-        """With an event's scores (k,); remembered: weight of those before."""
+        """Adds an event's scores (k,); remembered: weight of those before."""
         return RecentScores(remembered * self.sums + scores, remembered**2 * self.variance + 1.0)
 
     def beyond(self, sigmas: float) -> NDArray[np.bool_]:
-        """Which sums (k,) are further from 0 than this many of their standard deviations."""
+        """Marks sums (k,) that are further from 0 than this many of their standard deviations."""
         return np.asarray(np.abs(self.sums) > sigmas * math.sqrt(self.variance))
 
 
 @dataclass(frozen=True, eq=False)
 class Trend:
-    """Which wear moves on faster than its usual drift, from the standard scores of recent events."""
+    """Wear that moves on faster than its usual drift, from the standard scores of recent events."""
 
     scores: RecentScores = field(default_factory=lambda: RecentScores(np.zeros(len(WEAR))))
     left: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(WEAR), np.int64))
 
     def after(self, scores: NDArray[np.float64]) -> "Trend":
-        """With an event's standard scores (m,)."""
+        """Adds an event's standard scores (m,)."""
         recent = self.scores.after(scores[list(WEAR)], REMEMBERED)
         moving = recent.beyond(SIGNIFICANT)
         return Trend(recent, np.where(moving, LASTING, np.maximum(self.left - 1, 0)))
 
     def extra(self, drift: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the belief is to be widened by (m,) beside the usual drift (m,)."""
+        """Standard deviations (m,) by which the belief is to be widened beside the usual drift (m,)."""
         extra = np.zeros_like(drift)
         for place, column in enumerate(WEAR):
             if self.left[place] > 0:

@@ -50,7 +50,7 @@ class FreePhi(NamedTuple):
 
 
 def free_phi(network: FreeNetwork) -> FreePhi:
-    """What an observer carries of a network, in arrays of its own."""
+    """Copies what an observer carries of a network into arrays of its own."""
     return FreePhi(
         network.hidden.copy(), network.output.copy(), network.bias.copy(), np.array([network.unit])
     )
@@ -94,7 +94,7 @@ class PaperLearner:
 
     @property
     def phi(self) -> FreePhi:
-        """What x^ carries of it."""
+        """Correction that x^ carries of it."""
         return free_phi(self.network)
 
     def learn(

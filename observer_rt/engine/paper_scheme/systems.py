@@ -28,9 +28,13 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import Network
 
+WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
+ROUNDING = 1e-9  # a sample rate may be known as the inverse of an interval
+LARGEST_NOISE = 0.1  # of the nozzle flow at p_0, the noise of one sample of the target
+
 
 class PaperSetting(NamedTuple):
-    """What stays the same from event to event: sample interval [s], RK4 steps in it, model, gain l [1/s].
+    """Constants from event to event: sample interval [s], RK4 steps in it, model, gain l [1/s].
 
     nominal: a network that says phi = 0, for f(x, u) itself.
     """
@@ -74,11 +78,6 @@ def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventP
     return result
 
 
-WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
-ROUNDING = 1e-9  # a sample rate may be known as the inverse of an interval
-LARGEST_NOISE = 0.1  # of the nozzle flow at p_0, the noise of one sample of the target
-
-
 def check_gain(place: str, gain: float, c: Coefficients, sample_rate: float) -> None:
     """Refuse a gain l [1/s] that cannot identify anything at `sample_rate` [Hz].
 
@@ -104,7 +103,7 @@ def check_gain(place: str, gain: float, c: Coefficients, sample_rate: float) -> 
 
 
 def doubts_about_gain(gain: float, c: Coefficients, noise: NoiseLevels) -> str | None:
-    """What speaks against an admissible gain l [1/s], None when nothing does."""
+    """Objection to an admissible gain l [1/s]; None: there is none."""
     if gain < WELL_ABOVE * c.line.mode:
         return (
             f"only {gain / c.line.mode:.2g} times the line's own {c.line.mode:.0f} rad/s: "

@@ -28,6 +28,9 @@ from observer_rt.model.network import constant_network
 
 SUFFICIENT_DECREASE = 1e-4  # rho of (18)
 MOST_TRIALS = 40  # so many that a first inverse far too large still gives a step
+EPOCHS = 30
+BETA = 0.1  # of the scaled identities the weights start from
+GAMMA = 1.0  # of the first approximation of the Hessian; of its inverse alike
 
 
 class Objective(Protocol):
@@ -119,14 +122,9 @@ def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.
         inverse[i] += (share * v[i] - inverse_d[i] / curvature) * v - (v[i] / curvature) * inverse_d
 
 
-EPOCHS = 30
-BETA = 0.1  # of the scaled identities the weights start from
-GAMMA = 1.0  # of the first approximation of the Hessian; of its inverse alike
-
-
 @dataclass(frozen=True)
 class Trained:
-    """What one training came to: the trained weights p (48,), J before and after, epochs used."""
+    """Result of one training: the trained weights p (48,), J before and after, epochs used."""
 
     weights: NDArray[np.float64]
     cost_before: float

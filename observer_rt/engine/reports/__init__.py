@@ -1,1 +1,1 @@
-"""Events judged, what is said of their injections, and who hears it."""
+"""Reports of judged events and their injections, and their listeners."""

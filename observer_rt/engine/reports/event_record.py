@@ -1,4 +1,4 @@
-"""A judged event: what speaks against it, what was learned from it, what the observer carries from it on."""
+"""Judged event: the objections to it, what was learned from it, what the observer carries from it on."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What is said of one injection, in SI units, with the one table of names and units for all outputs."""
+"""Report of one injection, in SI units, with the one table of names and units for all outputs."""
 
 import math
 import re
@@ -21,10 +21,15 @@ from observer_rt.engine.stream.validity import InjectionFacts, contested, reason
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
 from observer_rt.model.effective import Coefficients
 
+_NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
+
+T = TypeVar("T")
+Value = int | float | str | None
+
 
 @dataclass(frozen=True)
 class CommandedOpening:
-    """The command an opening belongs to: its number, and what it says of the injector.
+    """Command that an opening belongs to: its number, and what it shows of the injector.
 
     opening_delay [s]: from the start of energizing to the first sample with the needle open, nan when one of the
     two is not known; energizing_time [s], nan while not known.
@@ -35,7 +40,7 @@ class CommandedOpening:
     energizing_time: float
 
     def as_text(self) -> str:
-        """Command and opening delay in a few words."""
+        """Describes command and opening delay in a few words."""
         if math.isnan(self.opening_delay):
             return f"command {self.command}"
         return f"command {self.command}, opened after {self.opening_delay / MICROSECOND:.0f} us"
@@ -78,17 +83,17 @@ class InjectionReport:
 
     @property
     def mass_bound(self) -> float:
-        """By how much the mass may be off, by the interval with 95 % [kg]; nan before that is known."""
+        """Error that the mass may have, by the interval with 95 % [kg]; nan before that is known."""
         return math.nan if self.mass_ci95 is None else max(abs(bound - self.mass) for bound in self.mass_ci95)
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
-        """All reasons why it is not valid, the most severe first."""
+        """Reasons why it is not valid, the most severe first."""
         return () if self.valid else (self.reason, *self.further)
 
 
 def beyond_learned(report: InjectionReport) -> str:
-    """How far an injection is from what was learned, and which recording would help."""
+    """Describes how far an injection is from what was learned, and which recording would help."""
     rail_pressure, (lowest, highest) = report.rail_pressure, report.known_rails
     if lowest <= rail_pressure <= highest:
         return "longer than those learned from; record some as long, at rail pressures about as high"
@@ -98,13 +103,10 @@ def beyond_learned(report: InjectionReport) -> str:
     return f"{learned}; record injections at {rail_pressure / MEGAPASCAL:.0f} MPa, short and long"
 
 
-_NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
-
-
 def report_of(
     injection: np.void, judged: EventRecord, commanded: CommandedOpening | None, is_contested: bool = False
 ) -> InjectionReport:
-    """What to say of an injection (row of dtype `stream.state.INJECTION`).
+    """Report of an injection (row of dtype `stream.state.INJECTION`).
 
     commanded: by which command it opened; is_contested: another node sends the same results.
     """
@@ -162,12 +164,8 @@ def report_of(
     )
 
 
-T = TypeVar("T")
-Value = int | float | str | None
-
-
 class Output(Flag):
-    """Where a value goes as a name of its own; in JSON, commands and indicators stand below one name."""
+    """Output in which a value has a name of its own; in JSON, commands and indicators stand below one name."""
 
     JSON = auto()
     JOURNAL = auto()
@@ -176,7 +174,7 @@ class Output(Flag):
 
 @dataclass(frozen=True)
 class Field(Generic[T]):
-    """A value that is said of an injection, in the unit that ends its name; nan and None: not known.
+    """A value reported of an injection, in the unit that ends its name; nan and None: not known.
 
     get: from the injection and the nominal model; kind: tuple for an interval, list for names; heading and form:
     in tables on the screen.
@@ -197,19 +195,19 @@ class Field(Generic[T]):
         return {self.name: str if self.kind is list else self.kind}
 
     def of(self, injection: T, c: Coefficients) -> Any:
-        """As JSON has it."""
+        """Value of an injection as JSON has it."""
         value = self.get(injection, c)
         return known(value) if isinstance(value, float) else value
 
     def cells(self, injection: T, c: Coefficients) -> Sequence[Value]:
-        """One for each column."""
+        """Cells of its columns."""
         value = self.of(injection, c)
         if self.kind is tuple:
             return value or (None, None)
         return [",".join(value) if self.kind is list else value]
 
     def text(self, value: Any) -> str:
-        """A value on the screen."""
+        """Text of a value on the screen."""
         if value is None:
             return "-"
         return "-".join(format(each, self.form) for each in (value if self.kind is tuple else [value]))
@@ -217,7 +215,7 @@ class Field(Generic[T]):
 
 @dataclass(frozen=True)
 class IndicatorFields:
-    """What is learned of an injector, as two fields; name and unit are those of JSON."""
+    """Indicator of an injector as two fields; name and unit are those of JSON."""
 
     name: str
     unit: str
@@ -226,7 +224,7 @@ class IndicatorFields:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Of its value and of the ends of its interval."""
+        """Column names of its value and of the ends of its interval."""
         return (*self.value.columns, *self.ci95.columns)
 
 
@@ -288,7 +286,7 @@ def columns_of(fields: Sequence[Field[T]], output: Output) -> dict[str, type]:
 
 
 def row_of(fields: Sequence[Field[T]], output: Output, injection: T, c: Coefficients) -> dict[str, Value]:
-    """A value for every column of `columns_of`; c: of the nominal model, as below."""
+    """Values for every column of `columns_of`; c: of the nominal model, as below."""
     row: dict[str, Value] = {}
     for each in fields:
         if output in each.outputs:
@@ -297,7 +295,10 @@ def row_of(fields: Sequence[Field[T]], output: Output, injection: T, c: Coeffici
 
 
 def injection_record(report: InjectionReport, c: Coefficients, has_energizing: bool) -> dict[str, Any]:
-    """An injection in JSON. has_energizing: whether its command is said, None without one."""
+    """Record of an injection in JSON, by names that end in their units, with its indicators and their intervals.
+
+    c: of the nominal model; has_energizing: whether its command is reported, None without one.
+    """
     record = {each.name: each.of(report, c) for each in FIELDS if Output.JSON in each.outputs}
     if report.fuel_temperature is None:
         del record["fuel_temperature_degC"]
@@ -311,5 +312,5 @@ def injection_record(report: InjectionReport, c: Coefficients, has_energizing: b
 
 
 def known(value: float) -> float | None:
-    """None for nan, which JSON has no word for."""
+    """Number, or None for nan, which JSON has no word for."""
     return None if math.isnan(value) else value

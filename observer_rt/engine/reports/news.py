@@ -1,4 +1,4 @@
-"""News of the service: judged injections, their measured masses, missing injections, notices; and who hears them."""
+"""Reports of the service: judged injections, their measured masses, missing injections, notices; their listeners."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,14 +11,14 @@ from observer_rt.foundation.units import MILLIGRAM, MILLISECOND
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMass:
-    """What was measured of a reported injection [kg]."""
+    """Measured mass of a reported injection [kg]."""
 
     report: InjectionReport
     mass: float
 
     @property
     def error(self) -> float:
-        """Of the estimated mass, relative; nan where none was estimated."""
+        """Error of the estimated mass, relative; nan where none was estimated."""
         return self.report.mass / self.mass - 1.0
 
     def as_text(self) -> str:
@@ -50,7 +50,7 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class Notice:
-    """Something is the matter with a link or an input, or, `is_over`, is well again.
+    """Fault of a link or an input, or, `is_over`, its end.
 
     incident: of a bus as such, what all injectors on it call it; empty: of this injector alone.
     """
@@ -68,11 +68,11 @@ class Notice:
 News = InjectionReport | MeasuredMass | Mismatch | Notice
 """A judged injection, whose samples are still remembered; its measured mass; one missing or without a command."""
 Listener = Callable[[News], None]
-"""Is called from the loop, with all news."""
+"""Callback from the loop, for all reports and notices."""
 
 
 def fan_out(listeners: Sequence[Listener]) -> Listener:
-    """Hands on to several, in order."""
+    """Listener that hands on to several, in order."""
 
     def tell(news: News) -> None:
         for listener in listeners:
@@ -87,7 +87,7 @@ def of_bus(topic: Topic, text: str, is_over: bool = False) -> Notice:
 
 
 class Notes:
-    """A listener that keeps all it hears."""
+    """Listener that collects all reports and notices."""
 
     def __init__(self) -> None:
         self.injections: list[InjectionReport] = []

@@ -46,7 +46,7 @@ _NOT_LEARNED = (
 
 
 class Contest:
-    """Whether there is a second sender now, and the samples between which there was one last."""
+    """Second sender, if there is one now, and the samples between which there was one last."""
 
     def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
         """publisher, observer: the memory of either; no rate that the publisher sends meanwhile is valid."""
@@ -55,7 +55,7 @@ class Contest:
         self._first = self._end = 0
 
     def note(self, is_contested: bool) -> None:
-        """Whether there is one; the stream may go on meanwhile."""
+        """Notes whether there is a second sender; the stream may go on meanwhile."""
         if is_contested == self._is_contested[0]:
             return
         if is_contested:
@@ -89,10 +89,13 @@ class Core:
         fuel_temperature: float | None = None,
         writes_summaries: bool = True,
     ) -> None:
-        """knowledge: restored from an earlier run; executor: where learning runs (None: at once, in lockstep).
+        """fitted: the injector with its bench; bus: its frames; knowledge: restored from an earlier run, None: none.
 
-        fuel_temperature [K]: on a bench that measures it, what to take until it is measured; None: nothing is valid.
-        writes_summaries: among the frames to send.
+        executor: where learning runs (None: at once, in lockstep); learning: None: as the bench file states.
+        listeners: called with every report and notice. learner_of: makes the learner; what it raises is raised,
+        `UserError` where the training does not fit injector or sample rate. fuel_temperature [K]: on a bench that
+        measures it, what to take until it is measured; None: nothing is valid. writes_summaries: among the frames
+        to send.
         """
         config = fitted.config
         is_restored = knowledge is not None
@@ -137,7 +140,7 @@ class Core:
         )
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
-        """What came of energizing, fuel temperature and learning enable."""
+        """Energizing, fuel temperature and learning enable as received."""
         self.contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
         """Whether another node sends the same results."""
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
@@ -145,15 +148,16 @@ class Core:
     def handle(
         self, frame_id: int, is_extended: bool, payload: bytes, stamp_ns: int, bus: int = 0
     ) -> list[OutputFrame]:
-        """Take one frame received on a bus; frames that are not ours are ignored. Returns the frames to send.
+        """Takes one frame received on a bus and returns the frames to send; frames that are not ours are ignored.
 
-        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all
-        buses. Where all messages of one time base carry an index, it changes no result.
+        frame_id: of 29 bits where `is_extended`, else of 11; bus: its number, from 0. stamp_ns: when it was received,
+        in nanoseconds on a clock that is the same for all frames of all buses. Where all messages of one time base
+        carry an index, it changes no result.
         """
         return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
 
     def handle_many(self, block: FrameBlock) -> list[OutputFrame]:
-        """The same of many frames in arrays, at the speed of compiled code."""
+        """Takes many frames in arrays, at the speed of compiled code, and returns the frames to send."""
         number = 0
         while number < block.frames:
             number, waits = self.compiled.take_many(block, number)
@@ -162,7 +166,7 @@ class Core:
         return self._results.taken()
 
     def attend(self) -> list[OutputFrame]:
-        """What the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
+        """Handles what the stream did meanwhile, by frames given to `compiled`: hand over, judge, report.
 
         Returns the frames to send; rates are in the publisher, for whoever gives it frames.
         """
@@ -172,7 +176,7 @@ class Core:
         return self._results.taken()
 
     def answer(self) -> list[OutputFrame]:
-        """As `attend`, with the verdict or the model that the stream waits for."""
+        """Goes on as `attend`, with the verdict or the model that the stream waits for."""
         self._follow()
         self._answer()
         return self._results.taken()
@@ -192,7 +196,7 @@ class Core:
         return self._judging.is_idle and not self.compiled.observer.memory[0]["event"]["in_event"]
 
     def finish(self) -> list[OutputFrame]:
-        """No frame will come: process what waits, judge every event, publish the last block."""
+        """Ends the frames: processes what waits, judges every event, and returns the last frames to send."""
         self.compiled.observer.memory["mode"]["draining"] = True
         self.compiled.observer.memory["mode"]["waits_for_verdicts"] = True
         self._go_on(self.compiled.proceed())
@@ -245,7 +249,7 @@ class Core:
 
     @property
     def state(self) -> tuple[State, Reason]:
-        """State and reason by what came, whatever the links."""
+        """State and reason by the inputs, whatever the links."""
         newest = None
         if self.processed > 0:
             newest = State(int(self._newest_row["state"])), Reason(int(self._newest_row["reason"]))
@@ -268,7 +272,7 @@ class Core:
 
     @property
     def knowledge(self) -> Knowledge:
-        """All that was learned and judged so far."""
+        """Knowledge learned and judged so far."""
         return self._judging.known
 
     @property
@@ -279,12 +283,12 @@ class Core:
 
     @property
     def lift(self) -> LiftFigures:
-        """What was found of the needle-lift sensor."""
+        """Findings about the needle-lift sensor."""
         return lift_figures(self.compiled.observer, self._max_lift)
 
     @property
     def slow_noise(self) -> Mapping[Role, SlowNoise]:
-        """What is not white in line pressure [Pa] and needle lift [m], of the samples at rest that are remembered."""
+        """Slow noise of line pressure [Pa] and needle lift [m], of the samples at rest that are remembered."""
         white = self.standstill.noise
         if white is None:
             return {}
@@ -292,17 +296,17 @@ class Core:
 
     @property
     def timing(self) -> tuple[MessageTiming, ...]:
-        """How regularly the input messages come, as far as their stamps show it."""
+        """Regularity of the input messages, as far as their stamps show it."""
         return timing_of(self._bus, self.compiled.pipeline.keeping)
 
     @property
     def counters(self) -> Counters:
-        """What was counted so far."""
+        """Counts since the start."""
         return counted(self.parts)
 
     @property
     def parts(self) -> dict[str, Any]:
-        """What counts, by the names that sources of `OutputSignal` have for it."""
+        """Parts that count, by the names that sources of `OutputSignal` have for them."""
         pipeline = self.compiled.pipeline
         return {
             "core": self,
@@ -343,7 +347,7 @@ class Core:
             self._report(judged)
 
     def _report(self, judged: EventRecord) -> None:
-        """Say of the injections of a judged event what was found, with what came before it was."""
+        """Reports the injections of a judged event, with what came before it was."""
         self.optional.read()
         for injection in self._judging.injections(judged):
             commanded = self.optional.opening_of(injection)
@@ -365,7 +369,7 @@ class Core:
 
 
 def status_values(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> StatusValues:
-    """What the status says; others: parts beside those of the core, of links and files."""
+    """Values of the status; others: parts beside those of the core, of links and files."""
     version = dict(zip(("major", "minor", "patch"), map(int, __version__.split(".")[:3]), strict=True))
-    said = {"valid": core.is_valid and is_good(state), "state": state, "reason": reason, "version": version}
-    return values_of(StatusValues, {**core.parts, **said, **others})
+    own = {"valid": core.is_valid and is_good(state), "state": state, "reason": reason, "version": version}
+    return values_of(StatusValues, {**core.parts, **own, **others})

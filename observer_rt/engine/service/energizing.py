@@ -25,10 +25,13 @@ from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 INDICES = 1 << 32  # after which a sample index begins again
 SPANS = 8  # in which commands may have been lost
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
+REMEMBERED = 64  # commands
+RECENT = 100  # delays that mean and spread are of
+LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
 
 
 def samples_between(earlier: float, later: float) -> float:
-    """From one sample index to another, either of them modulo 2^32; nan if one is not known."""
+    """Samples from one index to another, either of them modulo 2^32; nan if one is not known."""
     return (later - earlier + INDICES / 2) % INDICES - INDICES / 2
 
 
@@ -52,7 +55,7 @@ class Command:
 
 
 class CommandReader:
-    """Finds the commands in what the frames say; `by_index`: moments are sample indices."""
+    """Finds the commands in the frames; `by_index`: moments are sample indices."""
 
     def __init__(self, energizing: EnergizingLayout, sample_rate: float) -> None:
         """sample_rate: of the grid [Hz]."""
@@ -118,7 +121,7 @@ class CommandReader:
         return reading.follows is False and not (self.by_index and self._longest < math.inf)
 
     def _distance(self, earlier: int, later: int) -> float:
-        """Samples."""
+        """Distance in samples."""
         return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
 
     def _lose(self, begin: int, end: int) -> None:
@@ -133,7 +136,7 @@ class CommandReader:
         return [Command(moment, 0.0, duration=duration)] if 0.0 < duration < math.inf else []
 
     def _read_level(self, moment: int, value: float) -> Command | None:
-        """One sample; a command where energizing starts with it."""
+        """Takes one sample; returns a command where energizing starts with it."""
         if math.isnan(value):
             self._level = None
             self._under_way = None
@@ -156,7 +159,7 @@ class CommandReader:
         return self._under_way
 
     def _edge(self, before: int | None, moment: int) -> tuple[int, float]:
-        """When a level changed that is another at `moment` than before, and by how many samples that may be off.
+        """Change of a level that is another at `moment` than before, and by how many samples its time may be off.
 
         Among the samples of a block, and of a message sent on change, at `moment`; between two cyclic frames in the
         middle.
@@ -167,14 +170,9 @@ class CommandReader:
         return moment - round(distance / 2 * self._units), distance / 2
 
 
-REMEMBERED = 64  # commands
-RECENT = 100  # delays that mean and spread are of
-LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
-
-
 @dataclass(frozen=True)
 class EnergizingFigures:
-    """What was counted so far; mean and standard deviation of the last opening delays [s], nan: none yet."""
+    """Counts so far; mean and standard deviation of the last opening delays [s], nan: none yet."""
 
     commands: int
     missing: int
@@ -183,7 +181,7 @@ class EnergizingFigures:
     delay_sigma: float
 
     def as_text(self) -> str:
-        """One line."""
+        """Describes the figures on one line."""
         delay = "not known yet"
         if not math.isnan(self.mean_delay):
             delay = f"{self.mean_delay / MICROSECOND:.0f} ± {self.delay_sigma / MICROSECOND:.0f} us"
@@ -259,7 +257,7 @@ class EnergizingWatch:
         return CommandedOpening(command.number, delay, command.duration)
 
     def look(self) -> None:
-        """After samples were processed: which commands have had their time without an opening."""
+        """Reports commands that have had their time without an opening, after samples were processed."""
         if self._processed > 0 and not self._has_time:
             self._doubtful_until = self._newest_index()
             self._waiting.clear()
@@ -281,7 +279,7 @@ class EnergizingWatch:
 
     @property
     def figures(self) -> EnergizingFigures:
-        """What was counted so far."""
+        """Counts and delays so far."""
         delays = list(self._delays)  # asked for from another thread, too
         mean, sigma = (float(np.mean(delays)), float(np.std(delays))) if delays else (math.nan, math.nan)
         return EnergizingFigures(self._commands, self._missing, self._uncommanded, mean, sigma)
@@ -345,7 +343,7 @@ class EnergizingWatch:
         ]
 
     def _forget(self, before: int) -> None:
-        """The index began anew after `before`: the commands of the old count have no openings any more."""
+        """Forgets commands of the old count, which began anew after `before`: they have no openings any more."""
         for command in [*self._waiting]:
             now, then = (abs(samples_between(index, command.start)) for index in (self._newest, before))
             if not now < then:
@@ -357,7 +355,7 @@ class EnergizingWatch:
         return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
 
     def _judge(self, command: Command) -> None:
-        """The window of a command is over and its openings are decided."""
+        """Judges a command whose window is over and whose openings are decided."""
         if command.has_opened or not command.is_certain or not command.was_shut:
             return
         start = self._place(command.start)
@@ -374,6 +372,6 @@ class EnergizingWatch:
 
 
 def _latest(since: Sequence[tuple[float, Command]], is_certain: bool) -> tuple[float, Command | None]:
-    """Of the certain or of the doubtful commands the last one, and samples since it; (inf, None): there is none."""
+    """Last one of the certain or of the doubtful commands, and samples since it; (inf, None): there is none."""
     alike = [one for one in since if one[1].is_certain is is_certain]
     return min(alike, key=itemgetter(0), default=(math.inf, None))

@@ -16,7 +16,7 @@ _MEMORY = dtype_of(RECORDS["HeardMemory"])
 
 
 class InputMemory(NamedTuple):
-    """What came of the optional inputs; those whose order counts wait in a ring for Python."""
+    """Optional inputs as received; those whose order counts wait in a ring for Python."""
 
     memory: NDArray[np.void]  # (1,)
     newest: NDArray[np.void]  # (optional inputs,)
@@ -25,7 +25,7 @@ class InputMemory(NamedTuple):
 
 
 def make_input_memory(inputs: Inputs, may_learn: bool, fuel_temperature: float | None) -> InputMemory:
-    """Nothing came yet; fuel_temperature [K]: until it is measured, None: nothing is valid."""
+    """Memory of no inputs yet; fuel_temperature [K]: until it is measured, None: nothing is valid."""
     memory, newest = np.zeros(1, _MEMORY), np.zeros(len(inputs.optional), _VALUE)
     memory["newest"] = -1
     memory["may_learn"] = memory["learning"] = may_learn

@@ -24,7 +24,7 @@ from observer_rt.engine.stream.verdict import Taken
 
 @dataclass(eq=False)
 class _Closed:
-    """What is kept of a closed event until it is judged.
+    """Closed event that waits to be judged.
 
     number: in the order in which they closed, from 0; known: what the observer carried; standstill: until it ended,
     None where nothing is to be learned; learning: what is being learned from it, None: nothing; examined: once it
@@ -50,7 +50,7 @@ class _Closed:
 
     @property
     def information(self) -> float:
-        """What it tells of the injector, in no particular unit: the square of the flow, summed up."""
+        """Information of the event about the injector, in no particular unit: the square of the flow, summed up."""
         if self.window is None:
             return 0.0
         rail_pressure, area = self.window.inputs.T
@@ -71,7 +71,7 @@ class InlineExecutor(Executor):
 
 
 class Judging:
-    """Follows the stream: hands over every closed event once, posts verdicts, and tells what the stream took.
+    """Follows the stream: hands over every closed event once, posts verdicts, and returns what the stream took.
 
     The stream goes on meanwhile, in another thread, unless it waits for verdicts.
     """
@@ -120,7 +120,7 @@ class Judging:
 
     @property
     def adoptions(self) -> int:
-        """How often a new phi was adopted."""
+        """Number of adoptions of a new phi."""
         return self.known.phi_version - self._first_version
 
     @property
@@ -135,7 +135,7 @@ class Judging:
         return not self._waiting
 
     def follow(self, learning: bool, fuel_temperature: float | None) -> Iterator[EventRecord]:
-        """What the stream did since the last call: events that were judged, after handing over those that closed.
+        """Follows the stream since the last call: events that were judged, after handing over those that closed.
 
         learning: whether they are learned from.
         """
@@ -224,7 +224,7 @@ class Judging:
         closed.learning.add_done_callback(lambda _: self.on_learned())
 
     def _end_learning(self) -> None:
-        """What was learned, to its event or, when that was taken, to the next one; then the next learning."""
+        """Hands what was learned to its event or, when that was taken, to the next one; then the next learning."""
         closed = self._learned_from
         if closed is None or not closed.is_learned:
             return
@@ -243,7 +243,7 @@ class Judging:
         self._learn_next()
 
     def _learn_next(self) -> None:
-        """Nothing is being learned any more: what waits for that is."""
+        """Begins the learning that waits, when nothing is being learned any more."""
         self._learned_from = None
         if self._next is not None:
             self._learn(self._next)
@@ -296,7 +296,7 @@ class Judging:
         return EventRecord(event, objections, outcome, self.known, self._compiled.observer.phi, closed.fuel)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
-        """The stream carries it from the judgement of an event, `stream.state.EVENT`, on."""
+        """Puts knowledge into force from the judgement of an event, `stream.state.EVENT`, on."""
         knowledge = outcome.knowledge
         self._examiner.colour = knowledge.state.learned.colour
         is_adopted = outcome.adoption is Adoption.ADOPTED

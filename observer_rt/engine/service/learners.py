@@ -1,4 +1,4 @@
-"""Which training an injector's observer uses, what it asks of the bench, and the noise it reckons with."""
+"""Choice of an injector's training, what it asks of the bench, and the noise it reckons with."""
 
 import cmath
 import math
@@ -28,7 +28,13 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import LineOutflow
 
 LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]
-"""What `Core` makes its learner by: `make_learner`, or another where learners are compared."""
+"""Factory of a `Core`'s learner: `make_learner`, or another where learners are compared."""
+
+SIGNALS = {  # short name, unit, its size
+    Role.RAIL_PRESSURE: ("rail", "MPa", MEGAPASCAL),
+    Role.LINE_PRESSURE: ("line", "MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("lift", "um", MICROMETRE),
+}
 
 
 def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
@@ -60,7 +66,7 @@ def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowled
 
 
 def healthy_injector(fitted: BenchInjector) -> Healthy:
-    """What an injector's model, if fitted, leaves unexplained of the healthy one."""
+    """Remainder of the healthy injector by its model, if fitted."""
     config = fitted.config
     return healthy_of(
         fitted.parameters.baseline, config.sampling.rate_hz, config.learning.on_inadequate_model
@@ -68,14 +74,14 @@ def healthy_injector(fitted: BenchInjector) -> Healthy:
 
 
 class FitDoubt(NamedTuple):
-    """Why a fitted model is not what it should be, and what to do."""
+    """Objection to a fitted model, and what to do."""
 
     text: str
     remedy: str
 
 
 def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
-    """What speaks against an injector's fitted model on this bench; None where nothing does or it was not fitted."""
+    """Objection to an injector's fitted model on this bench; None where there is none or it was not fitted."""
     baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
     name = fitted.parameters_path.name
     if baseline is None:
@@ -110,15 +116,8 @@ def refuse_state(fitted: BenchInjector, option: str) -> None:
         )
 
 
-SIGNALS = {  # short name, unit, its size
-    Role.RAIL_PRESSURE: ("rail", "MPa", MEGAPASCAL),
-    Role.LINE_PRESSURE: ("line", "MPa", MEGAPASCAL),
-    Role.NEEDLE_LIFT: ("lift", "um", MICROMETRE),
-}
-
-
 def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:
-    """Of an observer's samples, what is not white in line pressure [Pa] and needle lift [m].
+    """Slow noise of line pressure [Pa] and needle lift [m], of an observer's samples.
 
     The line is judged by its innovations: what is slow in the rail pressure, and the line's answer to it, is motion.
     """
@@ -150,7 +149,7 @@ def _passed(observer: Observer, frequency: float) -> float:
 
 
 def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
-    """Levels of all signals, and what is not white of them."""
+    """Describes the levels of all signals, and what is not white of them."""
     noises = []
     for role, (name, unit, size) in SIGNALS.items():
         text = f"{name} {getattr(white, role.value) / size:.2g} {unit}"

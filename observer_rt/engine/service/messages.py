@@ -1,4 +1,4 @@
-"""Result frames: values into payloads, with what the service counts."""
+"""Result frames: values into payloads, with the service's counts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -93,7 +93,7 @@ class ResultFrames:
 
 
 def value_of(source: str, parts: Mapping[str, Any]) -> Any:
-    """What a source names: a part, and a column, key or attribute of it; None where there is no such part.
+    """Value that a source names: a part, and a column, key or attribute of it; None where there is no such part.
 
     Of a column of several records the sum.
     """
@@ -118,7 +118,7 @@ def values_of(kind: type[AnyValues], parts: Mapping[str, Any]) -> AnyValues:
 
 @dataclass(frozen=True)
 class Counters:
-    """What was counted since the start; with the source of what the status does not send."""
+    """Counts since the start; with the source of what the status does not send."""
 
     samples: Annotated[int, "observer.positions.processed"]
     lost_samples: int
@@ -148,13 +148,13 @@ class Counters:
 
     @property
     def outliers(self) -> str:
-        """Spikes and bridged values, in words; empty: there were none."""
+        """Describes spikes and bridged values; empty: there were none."""
         if not self.spikes and not self.bridged_samples:
             return ""
         return f"{self.spikes} spikes replaced, {self.bridged_samples} values of frozen or missing inputs bridged"
 
     def since(self, earlier: "Counters") -> "Counters":
-        """What was counted since an earlier look."""
+        """Counts since an earlier look."""
         return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
 
 
@@ -165,5 +165,5 @@ _SOURCES = {
 
 
 def counted(parts: Mapping[str, Any]) -> Counters:
-    """What all parts have counted."""
+    """Counts of all parts."""
     return Counters(**{name: value_of(source, parts) or 0 for name, source in _SOURCES.items()})

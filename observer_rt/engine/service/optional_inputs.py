@@ -1,4 +1,4 @@
-"""The optional inputs of a bench: what frames brought of them, handed to what the service makes of it."""
+"""Optional inputs of a bench: their readings in frames, handed to their users in the service."""
 
 import math
 from collections import deque
@@ -62,7 +62,7 @@ class OptionalInputs:
         self._memory["read"] = end
 
     def look(self) -> None:
-        """Samples were observed."""
+        """Looks at samples that were observed."""
         self.read()
         if self._watch is not None:
             self._watch.look()
@@ -85,7 +85,7 @@ class OptionalInputs:
         self._memory["is_due"] = False
 
     def opening_of(self, injection: np.void) -> CommandedOpening | None:
-        """What commanded an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
+        """Command of an injection (`stream.state.INJECTION`) that is about to be reported; None: not known."""
         return None if self._watch is None else self._watch.opening_of(injection)
 
     def on_injection(self, report: InjectionReport) -> None:
@@ -99,13 +99,13 @@ class OptionalInputs:
 
     @property
     def fuel_temperature(self) -> float | None:
-        """Of the fuel in force [K]; None where it is not measured."""
+        """Fuel temperature in force [K]; None where it is not measured."""
         temperature = float(self._memory["fuel_temperature"])
         return None if math.isnan(temperature) else temperature
 
     @property
     def energizing(self) -> EnergizingFigures | None:
-        """What was found of commands and openings; None for a bench without energizing."""
+        """Figures of commands and openings; None for a bench without energizing."""
         return None if self._watch is None else self._watch.figures
 
 

@@ -1,4 +1,4 @@
-"""From one received frame to the frames it causes: the memory of the compiled path, and its one owner."""
+"""Memory of the compiled path from a received frame to the frames it causes, and its one owner."""
 
 from typing import NamedTuple
 
@@ -58,7 +58,7 @@ class CompiledPipeline:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self.pipeline = pipeline
-        """What compiled code works on."""
+        """Memory that compiled code works on."""
         self.path = FramePath(
             pipeline.inputs,
             pipeline.receiver,
@@ -72,7 +72,7 @@ class CompiledPipeline:
 
     @property
     def observer(self) -> Observer:
-        """The pipeline's observer now; not to be kept."""
+        """The pipeline's observer now; another one after the constants change."""
         return self.pipeline.observer
 
     def listen(self, key: int, payload: NDArray[np.uint8], stamp: int) -> None:
@@ -88,7 +88,7 @@ class CompiledPipeline:
         return self.path.proceed()
 
     def flush(self) -> None:
-        """The block of rates under way into a frame, not valid if anything is missing of it."""
+        """Ends the block of rates under way as a frame, not valid if anything is missing of it."""
         self.path.flush()
 
     def change_constants(self, constants: Constants) -> None:

@@ -1,4 +1,4 @@
-"""Samples of the observer into injection-rate frames: every index once, in blocks that carry their index."""
+"""Publisher of the observer's samples in injection-rate frames: every index once, in blocks that carry it."""
 
 from typing import NamedTuple
 

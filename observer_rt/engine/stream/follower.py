@@ -20,7 +20,7 @@ class Follower:
     def __init__(self, constants: Constants, network: Network | None = None) -> None:
         """network: that of phi; None: nothing is learned."""
         self.constants = constants
-        """In force from the next block on."""
+        """Constants in force from the next block on."""
         self._network = network or constant_network()
         self.begin(np.full(constants.coefficients.states, np.nan))
 

@@ -1,4 +1,4 @@
-"""From measured lift to seat area: stated lags undone, dead band with hysteresis, look-back to the foot of the ramp.
+"""Seat area from the measured lift: stated lags undone, dead band with hysteresis, look-back to the foot of the ramp.
 
 A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
 extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
@@ -46,7 +46,7 @@ def ramp_samples(interval: float) -> int:
 
 
 def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
-    """What there is to undo at a sample interval [s]."""
+    """Corrections to undo at a sample interval [s]."""
     late = inputs.rail_delay / interval
     whole = math.floor(late)
     ahead = max(math.ceil(late), int(inputs.lift_lag > 0.0), 0)
@@ -55,5 +55,5 @@ def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
 
 
 def noise_gain(lag: float) -> float:
-    """By what the white noise of a lift is multiplied where a lag of its sensor [samples] is undone."""
+    """Factor on the white noise of a lift where a lag of its sensor [samples] is undone."""
     return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences

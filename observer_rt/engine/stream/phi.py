@@ -1,4 +1,4 @@
-"""What x^ carries as phi: chosen once, when the observer is made."""
+"""Correction phi that x^ carries: chosen once, when the observer is made."""
 
 from typing import Any, NamedTuple, Protocol
 
@@ -16,7 +16,7 @@ class Phi(Protocol):
         """v_H of (27) at state x (3,) and inputs u (2,); None where theta says it."""
 
     def carried(self, posted: Any) -> CarriedPhi:
-        """The same for compiled code; posted: such a tuple of arrays with slots as their first dimension."""
+        """Correction for compiled code; posted: such a tuple of arrays with slots as their first dimension."""
 
 
 class StructuredPhi(NamedTuple):
@@ -26,5 +26,5 @@ class StructuredPhi(NamedTuple):
         """Theta says it."""
 
     def carried(self, posted: Any) -> CarriedPhi:
-        """Nothing of its own."""
+        """Empty correction: there is nothing beside the posted arrays."""
         return CarriedPhi()

@@ -1,4 +1,4 @@
-"""What the closed needle tells: noise levels, the offset between line and rail pressure, the lift sensor."""
+"""Findings while the needle is closed: noise levels, the offset between line and rail pressure, the lift sensor."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,11 +12,15 @@ from observer_rt.engine.stream.state import Observer
 
 ENOUGH_OPENINGS = 5
 TOLERATED = 0.03  # share of the lift at the stop
+# Standard deviations of a measured level's logarithm, from which on it replaces the stated.
+CONTRADICTED = 5.0
+_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
+FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 
 
 @dataclass(frozen=True)
 class RestingLift:
-    """What the lift of a shut needle shows that is no motion.
+    """Lift of a shut needle that is no motion.
 
     zero: its mean [m]; wander: how far it moves about that within some 80 us, root mean square [m]; crosstalk: of the
     line pressure [m/Pa], 0: none was found.
@@ -61,13 +65,6 @@ def lift_figures(observer: Observer, max_lift: float) -> LiftFigures:
         at_stop=inputs.lift_factor * float(stop["lift"]) + inputs.lift_shift if is_known else math.nan,
         stop=max_lift,
     )
-
-
-CONTRADICTED = (
-    5.0  # standard deviations of a measured level's logarithm, from which on it replaces the stated
-)
-_SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
-FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 
 
 @dataclass(frozen=True)

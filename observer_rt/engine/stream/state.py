@@ -16,10 +16,16 @@ from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.sensor import Sensor
 
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
+EVENT = dtype_of(RECORDS["Event"])
+CHANNEL = dtype_of(RECORDS["Channel"])
+INJECTION = dtype_of(RECORDS["Injection"])
+MEMORY = dtype_of(RECORDS["ObserverMemory"])
+SAMPLE = dtype_of(RECORDS["Sample"])
+"""A sample of the ring."""
 
 
 class State(IntEnum):
-    """What the service as a whole is in; sent in every output frame."""
+    """State of the service as a whole; sent in every output frame."""
 
     STARTING = 0
     WAITING_FOR_DATA = 1
@@ -63,17 +69,6 @@ class Reason(IntEnum):
     LIFT_DEAD = 29  # the line pressure shows injections, the lift none
 
 
-EVENT = dtype_of(RECORDS["Event"])
-
-CHANNEL = dtype_of(RECORDS["Channel"])
-
-INJECTION = dtype_of(RECORDS["Injection"])
-
-MEMORY = dtype_of(RECORDS["ObserverMemory"])
-SAMPLE = dtype_of(RECORDS["Sample"])
-"""A sample of the ring."""
-
-
 def sample_dtype(states: int) -> np.dtype[np.void]:
     """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
@@ -101,7 +96,7 @@ class Timing(NamedTuple):
 
 
 class Undoing(NamedTuple):
-    """What is undone of channels before the observer sees a sample; of the line pressure the model knows it."""
+    """Corrections of channels before the observer sees a sample; that of the line pressure is in the model."""
 
     stated: bool  # whether there is anything
     rail_late: (
@@ -113,7 +108,7 @@ class Undoing(NamedTuple):
 
 
 class Constants(NamedTuple):
-    """What does not change while the observer runs; the stream does not see the line."""
+    """Constants while the observer runs; the stream does not see the line."""
 
     coefficients: Coefficients
     means: bool  # samples are means over the sample period that ends at their time

@@ -9,12 +9,12 @@ from observer_rt.engine.stream.state import Reason, State
 
 _NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
 _PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.REVISED, *_NOT_KNOWN_YET})
-"""What is over by itself, which a second sender is not."""
+"""Reasons that pass by themselves, which a second sender does not."""
 
 
 @dataclass(frozen=True)
 class InjectionFacts:
-    """What is known of an injection once its event was judged.
+    """Facts about an injection once its event was judged.
 
     of_samples: the first reason of its samples; of_event: that the event did not pass; of_inputs: that the event's
     samples are not to be trusted; was_outlier: what contradicted it was taken for outliers; is_revised: what was
@@ -42,7 +42,7 @@ def reason_of_injection(facts: InjectionFacts) -> Reason:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What the service knows of links and inputs."""
+    """Condition of links and inputs as the service knows it."""
 
     has_frames: bool = True  # any came since the start
     is_cut_off: bool = False  # no input comes, or its interface is down

@@ -15,18 +15,16 @@ from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.engine.stream.phi import Phi
 from observer_rt.foundation.records import dtype_of
 
+_VERDICT = dtype_of(RECORDS["Verdict"])
+
 
 class Taken(IntEnum):
-    """Which verdict the stream found when an event was due."""
+    """Verdict that the stream found when an event was due."""
 
     NOTHING = 0  # it was not judged
-    EXAMINED = (
-        1  # by the innovations of the live x~; with what was learned from an earlier one, if that is new
-    )
+    # By the innovations of the live x~; with what was learned from an earlier one, if that is new.
+    EXAMINED = 1
     LEARNED = 2  # with what was learned from it
-
-
-_VERDICT = dtype_of(RECORDS["Verdict"])
 
 
 class Verdicts(NamedTuple):

@@ -18,7 +18,7 @@ from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench
 from observer_rt.config.bench_file import LinkConfig
-from observer_rt.daemon import port
+from observer_rt.daemon import link_opening
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
@@ -158,8 +158,8 @@ def test_on_an_interface_that_opens_once_they_share_the_connection(
         opened.extend(wanted)
         return open_link(interface, channel, fd, wanted, stamps)
 
-    monkeypatch.setattr(port, "open_link", connect)
-    monkeypatch.setattr("observer_rt.daemon.port.OPENED_OFTEN", ())
+    monkeypatch.setattr(link_opening, "open_link", connect)
+    monkeypatch.setattr("observer_rt.daemon.link_opening.OPENED_OFTEN", ())
     outcome, heard = run_and_stop(command, bench, traffic.frames, EVERYONE)
     assert outcome.code == 0, outcome.err
     for number in EVERYONE:
@@ -204,7 +204,7 @@ def test_one_that_fails_ends_alone(
         is_failing = (lift_id(1), False) in wanted
         return FailingLink() if is_failing else open_link(interface, channel, fd, wanted, stamps)
 
-    monkeypatch.setattr(port, "open_link", opened)
+    monkeypatch.setattr(link_opening, "open_link", opened)
     outcome, heard = run_and_stop(command, bench, traffic.frames, (0, 2))
     assert outcome.code == 1
     assert "WARNING stop: two: ended, the other injectors go on: the interface of two burnt" in outcome.err
@@ -214,7 +214,7 @@ def test_one_that_fails_ends_alone(
 
 
 def test_when_all_have_failed_it_ends(command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(port, "open_link", lambda *_: FailingLink())
+    monkeypatch.setattr(link_opening, "open_link", lambda *_: FailingLink())
     outcome = command("run", "--bench", bench)
     assert outcome.code == 1
     assert all(f"{name}: the interface" in outcome.err for name in NAMES)
@@ -234,7 +234,7 @@ def test_a_mistake_of_the_user_is_one_for_several_as_well(
             raise MISTAKE
         return FakeLink()
 
-    monkeypatch.setattr(port, "open_link", opened)
+    monkeypatch.setattr(link_opening, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert outcome.code == code
     for name, failure in zip(NAMES, (MISTAKE, of_two, MISTAKE), strict=True):
@@ -272,7 +272,7 @@ def test_what_is_wrong_with_their_bus_is_said_once(
             raise LinkDownError("can0 is down\n  remedy: raise it")
         return FakeLink()
 
-    monkeypatch.setattr(port, "open_link", opened)
+    monkeypatch.setattr(link_opening, "open_link", opened)
     with ended_when(lambda: len(links) == len(NAMES) and all(link.was_away and link.sent for link in links)):
         outcome = command.done("run", "--bench", bench)
     channel = load_bench(bench).config.link.channel

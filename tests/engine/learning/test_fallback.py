@@ -12,7 +12,7 @@ from observer_rt.engine.learning.adequacy import SETTLED, Objection
 from observer_rt.engine.learning.disturbances.colour import RestingNoise
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.fallback import CHANGES, Freezer, Mistrust
-from observer_rt.engine.learning.state import Checkpoint, Learned
+from observer_rt.engine.learning.state import Checkpoint, LearnedInjector
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.test_adequacy import statistics_of
 from tests.engine.learning.worn_injector import recorded
@@ -75,7 +75,7 @@ def checkpoint_after(passed: list[bool]) -> Checkpoint:
     for number, each in enumerate(passed, 1):
         theta = np.full(2, float(number))
         belief = prior_belief(theta, np.eye(2))
-        learned = Learned(belief, theta, no_statistics(), frozenset({1}), is_prior=False)
+        learned = LearnedInjector(belief, theta, no_statistics(), frozenset({1}), is_prior=False)
         gains, at_rest = PressureGains(difference=1e-3 * number), RestingNoise(count=float(number))
         checkpoint = checkpoint.after(learned, gains, at_rest, each)
     return checkpoint

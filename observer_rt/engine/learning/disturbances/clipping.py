@@ -1,4 +1,4 @@
-"""Where the range of a line pressure ends, though noise that came on it later lets no value repeat.
+"""End of the line pressure's range, found though noise that came on it later lets no value repeat.
 
 There it is flat, and the model says that it should not be: its innovations change while y does not. So it is in
 event after event at one level, beyond which no value goes. What lies there says nothing and is masked, and the model
@@ -49,15 +49,15 @@ class EndsOfRange:
 
     @property
     def is_known(self) -> bool:
-        """Whether one of them is."""
+        """Whether one of the ends is known."""
         return any(len(levels) >= RECURS for levels in self.levels)
 
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> tuple["EndsOfRange", NDArray[np.bool_]]:
-        """What of a window (n,) is masked or lies at an end, one known or one that its innovations (n,) show clearly.
+        """Marks samples (n,) of a window that are masked or lie at an end, known or clear by innovations (n,).
 
-        Those before sample `first` do not count.
+        Innovations before sample `first` do not count.
         """
         before = mask_of(window)
         mask = before.copy()
@@ -78,7 +78,7 @@ class EndsOfRange:
         return replace(self, levels=(known[0], known[1]), piles=(piles[0], piles[1])), mask
 
     def after(self, window: Window, sigmas: Sigmas) -> "EndsOfRange":
-        """With what was seen of an event while it was fitted."""
+        """Adds the findings of an event while it was fitted."""
         low, high = (
             _levels_after(levels, pile, sign * window.output, sigmas)
             for sign, levels, pile in zip(_SIGNS, self.levels, self.piles, strict=True)

@@ -1,4 +1,4 @@
-"""What the coil's current adds to the line pressure while it flows, taken out once it is known well enough.
+"""Disturbance of the line pressure by the coil's current, taken out once it is known well enough.
 
 Its beginning is a step at the same time before every opening. The needle is shut then and nothing moves, so the model
 has nothing to say to it, however small it is; over many events it stands out of the noise. Its end lies in the
@@ -19,15 +19,24 @@ from observer_rt.engine.learning.fitting import EventFit
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
-BEFORE_OPENING = (
-    0.06e-3  # s that do not count: a lift that is recorded late lets the line pressure fall in them
-)
+# s that do not count: a lift that is recorded late lets the line pressure fall in them.
+BEFORE_OPENING = 0.06e-3
 EDGE_CLIP = 3.0  # standard deviations for which an innovation counts at most: one event alone is an outlier
 SEEN_FOR = 0.25e-3  # s, until x~ has taken a step for its own
 FEWEST = 2  # samples of it: at a low sample rate no edge is seen
 STANDS_OUT = 4.5  # standard deviations
 OF_ONE_EVENT = 4.0  # of these at most, so that it must recur
 COMMON = 0.6  # of it, up to which steps may stand out that are no edge: then the standstill is not understood at all
+EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
+END_STEP = 0.05e-3  # s from one end that is tried to the next
+REMEMBERED = 0.95  # weight of the events before an event
+CLEAR = 9.0  # chi2 / 2 by which an end must be better than those that are not beside it: more than four sigma
+# Weight of events that were fitted with the pulse: it was taken for something else in part.
+BEFORE_KNOWN = 0.02
+SHAPE = 0.05  # of its height, by which it is no rectangle
+CLIP = 4.0  # standard deviations for which an innovation counts at most
+
+Innovations = Callable[[Window], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -48,12 +57,12 @@ class EdgePlaces(NamedTuple):
 
     @property
     def all(self) -> int:
-        """Places that are compared."""
+        """Number of places that are compared."""
         return self.longest + self.seen_for
 
 
 def edge_places(interval: float) -> EdgePlaces:
-    """Those at an interval of samples [s]."""
+    """Places at an interval of samples [s]."""
     durations = (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
     shortest, longest, seen_for, beside = (round(duration / interval) for duration in durations)
     return EdgePlaces(shortest, longest, max(seen_for, FEWEST), beside)
@@ -78,11 +87,13 @@ class EdgeSearch:
         sigma: float,
         places: EdgePlaces,
     ) -> "EdgeSearch":
-        """With an event's innovations (n,).
+        """Adds an event's innovations (n,).
 
         response: (n,) of the innovations to a step of y at the sample `longest` before the opening.
         """
-        before = self if self.products.size == places.all else _no_edges(places.all)
+        before, n = self, places.all
+        if self.products.size != n:
+            before = EdgeSearch(np.zeros(n), np.zeros(n), np.zeros((2, n)))
         opening = window.opening
         clipped = np.clip(innovations[:opening] / sigma, -EDGE_CLIP, EDGE_CLIP)
         shape = response[opening - places.longest : opening - places.longest + places.seen_for]
@@ -96,7 +107,7 @@ class EdgeSearch:
         )
 
     def found(self, places: EdgePlaces) -> Edge | None:
-        """The step there is, None if there is none."""
+        """Step that is known, None if there is none."""
         known = np.maximum(self.squares, np.finfo(np.float64).tiny)
         scores = np.abs(self.products) / np.sqrt(known)
         edge, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
@@ -105,10 +116,6 @@ class EdgeSearch:
         products, squares = self.whole[:, : places.longest + 1]
         before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
         return Edge(float(products[before] / squares[before]), before)
-
-
-def _no_edges(places: int) -> EdgeSearch:
-    return EdgeSearch(np.zeros(places), np.zeros(places), np.zeros((2, places)))
 
 
 def _compare(
@@ -139,29 +146,16 @@ def with_step(window: Window, first: int, height: float) -> Window:
     return window._replace(output=output)
 
 
-EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
-END_STEP = 0.05e-3  # s from one end that is tried to the next
-REMEMBERED = 0.95  # weight of the events before an event
-CLEAR = 9.0  # chi2 / 2 by which an end must be better than those that are not beside it: more than four sigma
-BEFORE_KNOWN = (
-    0.02  # weight of events that were fitted with the pulse: it was taken for something else in part
-)
-SHAPE = 0.05  # of its height, by which it is no rectangle
-CLIP = 4.0  # standard deviations for which an innovation counts at most
-
-Innovations = Callable[[Window], NDArray[np.float64]]
-
-
 @dataclass(frozen=True)
 class CoilPulse:
-    """Of a height [p_0], from so many samples before every opening until so many before its closing."""
+    """Pulse of a height [p_0], from so many samples before every opening until so many before its closing."""
 
     height: float
     before: int
     until: int
 
     def taken_out(self, window: Window) -> Window:
-        """A window without it."""
+        """Window without the pulse."""
         output = window.output.copy()
         is_open = np.concatenate(([False], window.inputs[:, 1] > 0.0, [False]))
         edges = np.flatnonzero(np.diff(is_open))
@@ -202,7 +196,7 @@ class CoilCurrent:
         prior: NDArray[np.float64],
         ends: NDArray[np.int64],
     ) -> "CoilCurrent":
-        """With an event as it was recorded, at whose openings there is such an edge.
+        """Adds an event as it was recorded, at whose openings there is such an edge.
 
         innovations: (n,) of a window, in standard deviations, 0 where they do not count; slopes: (n, m) of the same
         by theta; prior: (m,) standard deviations.
@@ -240,14 +234,14 @@ class CoilCurrent:
 
 @dataclass(frozen=True, eq=False)
 class Energizing:
-    """What events have shown of it; it is taken out of them once it is known."""
+    """Findings of events about the coil's pulse, which is taken out of them once it is known."""
 
     edges: EdgeSearch = field(default_factory=EdgeSearch)
     current: CoilCurrent = field(default_factory=CoilCurrent)
 
     @property
     def is_known(self) -> bool:
-        """Whether it is taken out."""
+        """Whether the pulse is taken out."""
         return self.current.pulse is not None
 
     def after(
@@ -259,7 +253,7 @@ class Energizing:
         prior: NDArray[np.float64],
         interval: float,
     ) -> tuple["Energizing", bool]:
-        """With a fitted event as it was recorded; whether something was in it that was not taken out.
+        """Adds a fitted event as it was recorded; returns whether something was in it that was not taken out, too.
 
         sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before
         any event; interval: of samples [s].

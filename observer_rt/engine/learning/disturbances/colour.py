@@ -39,11 +39,22 @@ MOST_LEFT = 1.3
 LEFT_SIGNIFICANT = 2.5
 LAGS = ORDERS + max(BLOCKS)  # samples that the mean of a whitened block goes back
 _HIGH_PASSES = 1 + len(TIME_CONSTANTS)
+_LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
+SLOPE = np.array([3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0]) / 28.0  # of the straight line through seven samples
+USUAL = 0.2  # samples, of a jitter by whose scatter the slopes are weighed
+CLIP = 16.0  # variances for which one square counts at most: a spike is no jitter
+# Of the variance of a mean of squares of fourth differences, whose neighbours are alike, over that of white ones.
+ALIKE = 2.63
+LENGTH = 8  # samples that contradict a model together
+JITTER_REMEMBERED = 0.9  # weight of the events before an event
+FOUND, LOST = 8.0, 5.0  # standard deviations from which on there is a jitter, and below which no more
+RELEVANT = 0.1  # samples: less cannot be distinguished from white noise
+MOST = 0.5  # samples: more is no jitter
 
 
 @dataclass(frozen=True, eq=False)
 class Colour:
-    """Of the innovations of a bench: the filter that makes them white, at a sample interval [s].
+    """Colour of a bench's innovations: the filter that makes them white, at a sample interval [s].
 
     sigma: standard deviation of what it leaves of them, in units of p_0.
     """
@@ -55,13 +66,13 @@ class Colour:
 
 @dataclass(frozen=True)
 class SlowRail:
-    """How strong the noise of the rail pressure is where the line hears it, older events counting less."""
+    """Strength of the rail pressure's noise where the line hears it, older events counting less."""
 
     squares: float = 0.0
     count: float = 0.0
 
     def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "SlowRail":
-        """With an event's rail pressure, a stretch of rest each; interval: of samples [s]."""
+        """Adds an event's rail pressure, a stretch of rest each; interval: of samples [s]."""
         forgetting, length = forgetting_of(RAIL_MOTION, interval), max(1, round(RAIL_BLOCK / interval))
         squares, count = self.squares * REMEMBERED, self.count * REMEMBERED
         for values in segments:
@@ -73,7 +84,7 @@ class SlowRail:
 
     @property
     def sigma(self) -> float:
-        """Of the white noise that is as strong, a sample's; 0 without any rest."""
+        """Standard deviation of a sample of white noise that is as strong; 0 without any rest."""
         return math.sqrt(self.squares / self.count) if self.count > 0.0 else 0.0
 
 
@@ -105,13 +116,13 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
 
 @lru_cache
 def _choices(interval: float) -> NDArray[np.float64]:
-    """What the high passes to choose from keep from one sample to the next, none first."""
+    """Shares that the high passes to choose from leave from one sample to the next, none first."""
     return np.array([NO_HIGH_PASS, *(forgetting_of(constant, interval) for constant in TIME_CONSTANTS)])
 
 
 @dataclass(frozen=True, eq=False)
 class RestingNoise:
-    """What innovations at rest are like, older events counting less; from it the filter that makes them white.
+    """Statistics of innovations at rest, older events counting less; from them the filter that makes them white.
 
     By high pass, in samples of one interval: products of neighbours, and by lag.
     """
@@ -123,7 +134,7 @@ class RestingNoise:
     count: float = 0.0
 
     def after(self, segments: Sequence[NDArray[np.float64]], interval: float) -> "RestingNoise":
-        """With an event's innovations [p_0], a stretch of rest each; interval: of samples [s]."""
+        """Adds an event's innovations [p_0], a stretch of rest each; interval: of samples [s]."""
         choices = _choices(interval)
         weight, before = self._weights(segments, choices)
         products, by_lag = (sums * (REMEMBERED * before) for sums in (self.products, self.by_lag))
@@ -136,7 +147,7 @@ class RestingNoise:
     def _weights(
         self, segments: Sequence[NDArray[np.float64]], choices: NDArray[np.float64]
     ) -> tuple[float, float]:
-        """What makes up for how loud an event is: a factor of its innovations, and of the squares before it.
+        """Factors that make up for how loud an event is: of its innovations, and of the squares before it.
 
         By what the slowest high pass lets through: levels differ from event to event.
         """
@@ -151,7 +162,7 @@ class RestingNoise:
         return math.sqrt(min(1.0, LOUDEST * known / square)), min(1.0, LOUDEST * square / known)
 
     def colour(self, before: Colour | None, interval: float, expected: float = 0.0) -> Colour | None:
-        """The filter that explains them best by the BIC, None where white noise does about as well.
+        """Filter that explains the innovations best by the BIC, None where white noise does about as well.
 
         before: what it was, and stays where too little was seen; interval: of samples [s]; expected: standard
         deviation of innovations by the noise levels [p_0]. What is much quieter is no noise but arithmetic, of a
@@ -177,7 +188,7 @@ class RestingNoise:
         return Colour(whitening, interval, math.sqrt(variances[choice, order]))
 
     def _best_orders(self, criteria: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Of each high pass the order to take, and its BIC: the least of the filters that leave no colour.
+        """Best order of each high pass, and its BIC: the least of the filters that leave no colour.
 
         criteria: (choices, orders), BIC. Without such a filter those with.
         """
@@ -201,7 +212,7 @@ class RestingNoise:
         return False
 
     def _variance_of(self, choice: int, weights: NDArray[np.float64]) -> float:
-        """Of a weighted sum of neighbouring innovations behind a high pass."""
+        """Variance of a weighted sum of neighbouring innovations behind a high pass."""
         products = np.correlate(weights, weights, "full")[weights.size - 1 :]
         products[1:] *= 2.0
         return float(products @ self.by_lag[choice, : weights.size]) / self.count
@@ -211,11 +222,8 @@ class RestingNoise:
         return -np.linalg.solve(products[1 : order + 1, 1 : order + 1], products[1 : order + 1, 0])
 
 
-_LAST_FIRST = np.array([*range(1, ORDERS + 1), 0])
-
-
 def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
+    """Variances of the newest value, given none of those before it, one, .. all: (c, m) of covariances (c, m, m).
 
     Their first row is that of the newest.
     """
@@ -226,21 +234,9 @@ def _residual_variances(covariances: NDArray[np.float64]) -> NDArray[np.float64]
     return np.asarray(variances, np.float64)
 
 
-SLOPE = np.array([3.0, 2.0, 1.0, 0.0, -1.0, -2.0, -3.0]) / 28.0  # of the straight line through seven samples
-USUAL = 0.2  # samples, of a jitter by whose scatter the slopes are weighed
-CLIP = 16.0  # variances for which one square counts at most: a spike is no jitter
-# of the variance of a mean of squares of fourth differences, whose neighbours are alike, over that of white ones
-ALIKE = 2.63
-LENGTH = 8  # samples
-JITTER_REMEMBERED = 0.9  # of the events before
-FOUND, LOST = 8.0, 5.0  # standard deviations from which on there is one, and below which no more
-RELEVANT = 0.1  # samples: less is not told from a noise that is white
-MOST = 0.5  # samples: more is no jitter
-
-
 @dataclass(frozen=True, eq=False)
 class TimeJitter:
-    """How much louder the line pressure is where it is steep, from recent events.
+    """Excess of the line pressure's noise where it is steep, from recent events.
 
     sums: of weights, with squared slopes and their squares, with loudness and both; variance: of the moments
     [samples^2], 0: none.
@@ -270,7 +266,7 @@ class TimeJitter:
     def after(
         self, window: Window, unfiltered: NDArray[np.float64], sigma: float, first: int
     ) -> "TimeJitter":
-        """With an event's innovations (n,) from `first` on, neither white nor weighed."""
+        """Adds an event's innovations (n,) from `first` on, neither white nor weighed."""
         counts = np.convolve(mask_of(window), np.ones(DIFFERENCE.size), "same") == 0.0
         counts[: first + DIFFERENCE.size] = False
         counts[-DIFFERENCE.size :] = False
@@ -297,5 +293,5 @@ def _variance_in(sums: NDArray[np.float64], needed: float) -> float:
 
 
 def _squared_slopes(window: Window, sigma: float) -> NDArray[np.float64]:
-    """Of the recorded line pressure (n,), in `sigma` a sample, squared."""
+    """Squares (n,) of the recorded line pressure's slopes, in `sigma` a sample."""
     return np.asarray((np.convolve(window.output, SLOPE, "same") / sigma) ** 2, np.float64)

@@ -27,7 +27,7 @@ class HeldRail:
         return self.events >= ENOUGH
 
     def after(self, window: Window, standstill: Standstill, rail_every: float) -> "HeldRail":
-        """With an event.
+        """Adds an event.
 
         rail_every: samples to one of the rail pressure; a slow one may have the same value in an event. A recording
         without noise is computed, and so may its rail pressure be.

@@ -23,6 +23,20 @@ SHARP_WIDTHS = (1, 2, 3)  # samples of it
 BESIDE = 5  # samples before it, and after it
 NO_SPIKE = 3.0  # standard deviations of their mean: a wrong model leaves more than three samples
 MOST_SPIKES = 12  # in an event
+BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
+DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
+MOST = 0.35  # share of an event in bursts, beyond which its noise is just not known
+MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
+MOST_STRETCHES = 3  # in an event
+REMEMBERED = 6  # events, of stretches
+ENDS_REMEMBERED = 12  # events
+RECURS = 3  # of these, with a stretch at the same place
+SAME_PLACE = 8  # samples
+END_SAMPLES = 16  # whose mean is the lowest or highest of an event
+FLAT = 30.0  # chi2 of a constant that is one, to 1 %
+SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
+OTHER_POINT = 40.0  # standard deviations of a sample, between ends that are at other rail pressures
+SAME_LEVEL = 3.0  # standard deviations
 
 
 def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
@@ -40,7 +54,7 @@ def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> lis
 
 
 def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
-    """The same of those that stand out by no leap, but from what is beside them.
+    """Finds spikes that stand out by no leap, but from what is beside them: [start, end) each.
 
     Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
     """
@@ -72,9 +86,6 @@ def _spread(deviates: NDArray[np.float64]) -> NDArray[np.float64]:
     return deviates / max(1.0, robust_sigma(deviates))
 
 
-BEYOND = 3.0  # standard deviations, within which a value counts as the highest or lowest
-
-
 @dataclass(frozen=True)
 class HeldStretch:
     """Samples [start, end) of a window at which y stays at a level [p_0]; is_extreme: none goes beyond it."""
@@ -88,7 +99,7 @@ class HeldStretch:
 def frozen_stretches(
     window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
 ) -> Sequence[HeldStretch]:
-    """Where a constant explains y much better than the model does by its innovations (n,), and y then jumps.
+    """Stretches at which a constant explains y much better than the model by its innovations (n,), and y then jumps.
 
     Or where it does so very much better for long: y may by chance be let go where it would have been.
     """
@@ -104,10 +115,6 @@ def frozen_stretches(
     ]
 
 
-DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # what the level of the noise is measured by at rest
-MOST = 0.35  # share of an event, beyond which its noise is just not known
-
-
 def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
     """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
     loud = np.empty(y.size, np.bool_)
@@ -118,22 +125,9 @@ def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
     return [HeldStretch(int(start), int(end), float(np.mean(y[start:end])), False) for start, end in spans]
 
 
-MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
-MOST_STRETCHES = 3  # in an event
-REMEMBERED = 6  # events, of stretches
-ENDS_REMEMBERED = 12  # events
-RECURS = 3  # of these, with a stretch at the same place
-SAME_PLACE = 8  # samples
-END_SAMPLES = 16  # whose mean is the lowest or highest of an event
-FLAT = 30.0  # chi2 of a constant that is one, to 1 %
-SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
-OTHER_POINT = 40.0
-SAME_LEVEL = 3.0  # standard deviations
-
-
 @dataclass(frozen=True)
 class End:
-    """How low or high the line pressure goes in an event, and whether it stays there as the model does not say."""
+    """Lowest or highest line pressure of an event, and whether it stays there as the model does not say."""
 
     level: float
     is_flat: bool
@@ -149,7 +143,7 @@ class EventEnds:
 
 @dataclass(frozen=True)
 class OutlierSearch:
-    """Where recent events had outliers, and how far their line pressure went.
+    """Places of outliers in recent events, and the ends of their line pressure.
 
     stretches: places, from the event's opening on, and levels; bursts: their middles, from the opening on.
     """
@@ -161,7 +155,7 @@ class OutlierSearch:
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> NDArray[np.bool_] | None:
-        """What to mask (n,), with what is masked already; None: no more than that.
+        """Mask (n,) of an event's outliers, with what is masked already; None: no more than that.
 
         innovations: (n,), of which those before sample `first` do not count.
         """
@@ -186,7 +180,7 @@ class OutlierSearch:
     def after(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> "OutlierSearch":
-        """With a fitted event."""
+        """Adds a fitted event."""
         stretches = frozen_stretches(window, innovations, sigmas, first)
         places = tuple((s.start - window.opening, s.level) for s in stretches)
         bursts = tuple(_middle(burst) - window.opening for burst in bursts_of(window.output, sigmas.noise))

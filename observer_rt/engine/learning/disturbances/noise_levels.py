@@ -1,4 +1,4 @@
-"""How large innovations and noise of an event should be, and are; what of it is masked already."""
+"""Levels of innovations and noise of an event, expected and found; what of it is masked already."""
 
 from dataclasses import dataclass
 
@@ -19,12 +19,12 @@ class Sigmas:
     noise: float
 
     def times(self, factor: float) -> "Sigmas":
-        """Of a noise louder by a factor."""
+        """Levels of a noise louder by a factor."""
         return Sigmas(factor * self.innovation, factor * self.noise)
 
 
 def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> float:
-    """By what most innovations (n,) at rest, from sample `first` on, are larger than they should be; 1 at least.
+    """Factor by which most innovations (n,) at rest, from sample `first` on, are larger than expected; 1 at least.
 
     A noise whose level is not known yet has no outliers by the level that is.
     """
@@ -40,7 +40,7 @@ def robust_sigma(values: NDArray[np.float64]) -> float:
 
 
 def median(values: NDArray[np.float64]) -> float:
-    """Of finite values (n,); numpy's own looks for others first, which takes thrice as long."""
+    """Median of finite values (n,); numpy's own looks for others first, which takes thrice as long."""
     middle = values.size // 2
     parted = np.partition(values, middle)
     above = float(parted[middle])

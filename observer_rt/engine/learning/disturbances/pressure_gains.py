@@ -18,18 +18,19 @@ SIGNIFICANT = 6.0  # standard deviations, of few events
 LEAST_GAIN = 0.002
 LEAST_SPREAD = 0.05  # of the rail pressure, standard deviation [p_0]: else its own drift looks like a gain
 NOISE = 3e-4  # of an offset, in units of p_0, at least
-LARGEST_GAIN = (
-    0.015  # share by which gains may differ: the level of the flow is no better known than by half of it
-)
+# Share by which gains may differ: the level of the flow is no better known than by half of it.
+LARGEST_GAIN = 0.015
 FLOW_SHARE = 0.4  # of the difference, what the flow is unsure by: half of it at the most
 # An offset that was seen at one pressure may be a gain of the line sensor in whole, as flows see it.
 UNTOLD_SHARE = 0.6
 SEAT_SHARE = 2.0  # v_S is as much less certain than v_H
+SIGNIFICANT_WALK = 5.0  # standard deviations
+_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
 class PressureGains:
-    """The offsets found in recent events over their pressures: what of them grows with the pressure is of the gains.
+    """Offsets found in recent events over their pressures: what of them grows with the pressure is of the gains.
 
     From a line and a rail pressure alone it is not known whose gain is wrong: half of the difference is taken for the
     line sensor's, so that flows are wrong by half of it at the most, whoever's it is. difference: by which the gain
@@ -43,7 +44,7 @@ class PressureGains:
     change: float = 0.0
 
     def after(self, offset: float, pressure: float) -> "PressureGains":
-        """With what line over rail pressure was in an event, as recorded, and the rail pressure [p_0]."""
+        """Adds an event's line over rail pressure, as recorded, and its rail pressure [p_0]."""
         o, p = offset, pressure
         sums = REMEMBERED * self.sums + np.array([1.0, p, o, p * p, p * o, o * o])
         difference = _difference_in(sums)
@@ -64,21 +65,21 @@ class PressureGains:
 
     @property
     def is_too_large(self) -> bool:
-        """Whether the level of flows hangs on whose gain is wrong."""
+        """Whether the level of flows depends on whose gain is wrong."""
         return abs(self.difference) > LARGEST_GAIN
 
     @property
     def flow_share(self) -> float:
-        """Standard deviation of flows by what is not known of the gains, a share."""
+        """Standard deviation of flows, as a share, by what is not known of the gains."""
         return FLOW_SHARE * abs(self.difference)
 
     def wear_variance(self, width: int) -> NDArray[np.float64]:
-        """The same of what theta says of wear, as variances (width,): an offset may be a gain where none was told."""
+        """Variances (width,) of theta's wear by the gains: an offset may be a gain where none was stated."""
         share = self.flow_share if self.difference else UNTOLD_SHARE * self.seen
         return _of_wear(share, width) ** 2
 
     def rescaled(self, belief: Belief) -> Belief:
-        """What was learned of flows before the last event changed what is undone, less sure by as much."""
+        """Belief about flows after the last event changed what is undone, less sure by as much."""
         change = self.change
         if change == 0.0:
             return belief
@@ -88,7 +89,7 @@ class PressureGains:
 
 
 def _difference_in(sums: NDArray[np.float64]) -> float:
-    """How the offsets grow with the pressure, by their weighted sums (6,)."""
+    """Growth of the offsets with the pressure, by their weighted sums (6,)."""
     count = sums[0]
     if count < ENOUGH:
         return 0.0
@@ -109,12 +110,8 @@ def _of_wear(share: float, width: int) -> NDArray[np.float64]:
     return result
 
 
-SIGNIFICANT_WALK = 5.0  # standard deviations
-_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
-
-
 def offset_move(window: Window, cost: EventCost) -> float:
-    """What must be added to the offset [p_0] that an event was linearised at, by its samples at rest; 0 within noise.
+    """Correction of the offset [p_0] that an event was linearised at, by its samples at rest; 0 within noise.
 
     Innovations rather than pressures, for a leak lowers the line pressure at rest, too.
     """

@@ -13,12 +13,12 @@ from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.lateness import LiftLag, LiftLagSearch, lift_lag_of
+from observer_rt.engine.learning.lift_lag import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from tests.engine.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
-from tests.engine.learning.test_lateness import EVENTS, reasons
+from tests.engine.learning.test_pressure_lag import EVENTS, reasons
 from tests.engine.sample_stream import NOMINAL
 
 REFUSED = (Objection(Reason.MODEL_INADEQUATE, Phase.OPENING),)

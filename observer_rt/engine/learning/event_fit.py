@@ -1,6 +1,6 @@
-"""One event explained: fitted without its outliers, in the colour of the noise and at its levels.
+"""Fit of one event: without its outliers, in the colour of the noise and at its levels.
 
-Fitted from what is believed of it; after a sudden change, where that is much better, from nothing.
+It starts from the belief before the event; after a sudden change, where that is much better, from nothing.
 """
 
 from dataclasses import dataclass, replace
@@ -34,10 +34,12 @@ CHANGE_GAIN = 20.0  # chi2 by which forgetting must improve the fit
 
 COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
 RAIL_TEMPER = 2.0
+Fitted = tuple[LearningState, Window, EventCost, EventFit | None]
+"""The state after it, the samples of an event that count, its cost and its fit, None: not finite."""
 
 
 class Believed(NamedTuple):
-    """What is known when an event comes.
+    """Knowledge before an event.
 
     offset [p_0]: at rest before it, None without a sample; sigmas: if its noise is white; prior: the belief; again:
     all this was believed before events that did not pass.
@@ -62,10 +64,6 @@ class Explained:
     fit: EventFit
     colour: Colour | None
     is_louder: bool
-
-
-Fitted = tuple[LearningState, Window, EventCost, EventFit | None]
-"""The state after it, the samples of an event that count, its cost and its fit, None: not finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +100,13 @@ class EventReader:
         return theta_limits(self.pressure_scale, self.scalars)
 
     def forgotten(self, state: LearningState, cause: Cause) -> LearningState:
-        """A state without what no longer holds."""
+        """State without what no longer holds."""
         return forgotten(state, cause, self.start, self.wide)
 
     def explained(
         self, state: LearningState, window: Window, believed: Believed
     ) -> tuple[LearningState, Explained | None]:
-        """An event fitted; None if no fit is finite. Raises numpy.linalg.LinAlgError when singular."""
+        """Fits an event; None if no fit is finite. Raises numpy.linalg.LinAlgError when singular."""
         lasts = state.mistrust.lasts
         state, counted, cost, fit = self._fitted(state, window, believed, lasts)
         if fit is None:
@@ -117,7 +115,9 @@ class EventReader:
         if mask is not None:
             counted = counted._replace(masked=mask)
             cost = self.cost_of(state, counted, believed)
-            fit = self._fit_again(cost, fit)
+            fitter = EventFitter(cost, self.scalars.gate, fit.active, self._limits)
+            start = cost.linearised(fit.linearisation.theta)
+            fit = replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
         state, colour = self._colour_after(state, counted, fit, believed)
         if state.learned.colour is None and colour is not None:
             state = self.forgotten(state, Cause.COLOUR)
@@ -135,7 +135,7 @@ class EventReader:
         return state, Explained(counted, cost, fit, colour, is_louder)
 
     def cost_of(self, state: LearningState, window: Window, believed: Believed) -> EventCost:
-        """An event's cost with the colour in use."""
+        """Cost of an event with the colour in use."""
         colour = state.learned.colour
         return EventCost(
             window,
@@ -153,9 +153,9 @@ class EventReader:
     def with_range(
         self, state: LearningState, event: Explained, window: Window, believed: Believed
     ) -> tuple[LearningState, bool]:
-        """With an explained event, whose window was so before; whether the line pressure's range ends in it.
+        """Adds an explained event, whose window was so before; returns whether the line's range ends in it, too.
 
-        What was said of the events in which that showed was said of their clipped samples.
+        Objections to the events in which that showed were to their clipped samples.
         """
         sigmas = _sigmas(state, believed)
         outliers = state.outliers.after(event.window, event.fit.innovations, sigmas, self.burn_in)
@@ -166,7 +166,7 @@ class EventReader:
         return self.forgotten(state, Cause.RANGE_ENDS) if is_new else state, is_ending
 
     def _fitted(self, state: LearningState, window: Window, believed: Believed, lasts: bool) -> Fitted:
-        """An event without what stands out by what is believed before it; lasts: that explains nothing."""
+        """Fits an event without what stands out by the belief before it; lasts: that explains nothing."""
         cost, prior = self.cost_of(state, window, believed), believed.prior
         first = cost.linearised(state.learned.theta)
         if not np.isfinite(first.value):
@@ -200,7 +200,7 @@ class EventReader:
         prior: Belief,
         iterations: int,
     ) -> Fitted:
-        """The fit of an event that was linearised at `first`; iterations: after a sudden change.
+        """Fits an event that was linearised at `first`; iterations: after a sudden change.
 
         What moves on is seen in what events contradict together. Raises numpy.linalg.LinAlgError when singular.
         """
@@ -218,12 +218,6 @@ class EventReader:
         much_better = other.linearisation.value < fit.linearisation.value - 0.5 * CHANGE_GAIN
         fit = replace(other if much_better else fit, contradicts=True)
         return replace(state, trend=trend), window, cost, fit
-
-    def _fit_again(self, cost: EventCost, fit: EventFit) -> EventFit:
-        """The fit of an event of which less counts than before."""
-        fitter = EventFitter(cost, self.scalars.gate, fit.active, self._limits)
-        start = cost.linearised(fit.linearisation.theta)
-        return replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
 
     def _fitter(self, state: LearningState, cost: EventCost) -> EventFitter:
         return EventFitter(cost, self.scalars.gate, state.learned.active, self._limits)
@@ -261,6 +255,6 @@ def temper_in(state: LearningState, statistics: PhaseStatistics, rail_noise: flo
 
 
 def _sigmas(state: LearningState, believed: Believed) -> Sigmas:
-    """Of the innovations as they count."""
+    """Standard deviations of the innovations as they count."""
     colour = state.learned.colour
     return believed.sigmas if colour is None else replace(believed.sigmas, innovation=colour.sigma)

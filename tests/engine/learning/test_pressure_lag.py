@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.fitting import EventFitter, theta_limits
-from observer_rt.engine.learning.lateness import (
+from observer_rt.engine.learning.pressure_lag import (
     RELEVANT_RATE,
     SLOWED,
     LagDoubt,

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.engine.learning.interval import (
+from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.learned_range import (
     EVERYWHERE,
     NOWHERE,
     REACH,
     EventPoint,
     KnownFlow,
-    Resimulated,
+    extrapolation_sigma,
     known_flow,
     remembered,
-    unfamiliarity,
 )
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.worn_injector import recorded_at
@@ -31,27 +31,29 @@ points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.fl
 
 
 def test_nothing_is_known_before_the_first_event() -> None:
-    assert unfamiliarity(EventPoint(1.0, -7.0, 1.0), ()) == 1.0
+    assert extrapolation_sigma(EventPoint(1.0, -7.0, 1.0), ()) == 1.0
 
 
 @given(points, st.lists(points, max_size=16), points)
 def test_an_event_more_never_makes_a_point_stranger(
     point: EventPoint, learned_at: list[EventPoint], more: EventPoint
 ) -> None:
-    before, after = unfamiliarity(point, learned_at), unfamiliarity(point, [*learned_at, more])
+    before, after = extrapolation_sigma(point, learned_at), extrapolation_sigma(point, [*learned_at, more])
     assert 0.0 <= after <= before + 1e-9 <= 1.0 + 1e-9
 
 
 def test_it_grows_with_the_distance_to_full() -> None:
     origin = EventPoint(1.0, -7.0, 0.8)
-    away = np.array([unfamiliarity(EventPoint(1.0 + d * REACH[0], -7.0, 0.8), [origin]) for d in range(5)])
+    away = np.array(
+        [extrapolation_sigma(EventPoint(1.0 + d * REACH[0], -7.0, 0.8), [origin]) for d in range(5)]
+    )
     assert np.all(np.diff(away) > 0.0)
     assert away[-1] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_repeated_events_leave_little_open() -> None:
     point = EventPoint(1.0, -7.0, 0.8)
-    assert unfamiliarity(point, [point] * 10) < 0.2
+    assert extrapolation_sigma(point, [point] * 10) < 0.2
 
 
 def test_old_points_are_forgotten() -> None:
@@ -59,7 +61,7 @@ def test_old_points_are_forgotten() -> None:
     learned_at: tuple[EventPoint, ...] = (far,)
     for _ in range(20):
         learned_at = remembered(learned_at, near)
-    assert unfamiliarity(far, learned_at) > 0.99
+    assert extrapolation_sigma(far, learned_at) > 0.99
 
 
 def known(sigmas: dict[int, float], filled: float = 0.9, rate: float = 50e-6) -> KnownFlow:

@@ -1,0 +1,205 @@
+"""Lag of the needle lift, where no event is explained without: asked only of events that are refused.
+
+A lift behind a slow sensor or a filter shows openings and closings late, against both pressures. No parameter does
+the same, so that the event is refused. It is fitted again, from nothing known, with a lift that is so much earlier as
+explains most. The lag found is reported, never undone: a lift moved by what another cause has done would be valid and
+wrong.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.whitening import HUBER
+from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Setting, Window, innovations
+from observer_rt.engine.estimation.scalars import Scalars, learned_of
+from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
+from observer_rt.engine.learning.fitting import EventFit, EventFitter, freed, theta_limits
+from observer_rt.engine.stream.state import Reason
+
+STEP = 5e-6  # s, either way, by which the lift is moved for a slope
+FARTHEST = 30e-6  # s, by which one step goes at most
+USUAL = 20e-6  # s, of an amplifier or a filter ahead of a converter
+CLOSE = 1e-6  # s: no more steps
+STEPS = 4
+SHORTER = 0.4  # a step that explained no more
+FIRST_ITERATIONS, ITERATIONS = 8, 3
+LEAST = 3e-6  # s, that is reported
+ENOUGH = 16.0  # chi2 an event, that a lag must explain: 4 sigma
+MOST_OF_IT = 0.6  # share of what is beyond noise
+NEARLY_ALL = 0.85  # the same, where what is left would still be too much, as on a fitted line
+# What one lag for all may leave, chi2 an event, or of what is explained: another injector seems late by more at some
+# rail pressures than at others, a sensor does not.
+MISSED, MISSED_SHARE = 10.0, 0.015
+# Refused events that are asked, then one of so many: asking takes ten times as long as learning.
+SOON, SELDOM = 6, 8
+REMEMBERED = 0.85  # weight of the sums before this event
+
+
+@dataclass(frozen=True)
+class LiftLag:
+    """Lag [s] by which a lift seems late; chi2 of so many innovations beyond noise, without that and with it.
+
+    missed: how much more is left by the lag that was expected.
+    """
+
+    lag: float
+    without: float
+    left: float
+    samples: int
+    missed: float = 0.0
+
+
+def lift_lag_of(
+    window: Window,
+    setting: Setting,
+    cost_of: Callable[[Window], EventCost],
+    scalars: Scalars,
+    expected: float = USUAL,
+) -> LiftLag:
+    """The lag of its lift that explains an event best, all else fitted from the prior.
+
+    cost_of: a window's cost; expected: lag [s] from which it is sought, too, for with a model that is far off the
+    slope at 0 leads nowhere. Raises numpy.linalg.LinAlgError when singular.
+    """
+    scale = setting.coefficients.pressure_scale
+    limits, wide = theta_limits(scale, scalars), scalars.prior(scale)
+    prior = prior_belief(np.zeros(scalars.width), np.diag(wide**2))
+
+    def fitted(lag: float, theta: NDArray[np.float64], active: frozenset[int], iterations: int) -> _Fitted:
+        cost = cost_of(_earlier(window, lag, setting.interval))
+        fitter = EventFitter(cost, scalars.gate, active, limits)
+        return _Fitted(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
+
+    first, other = (
+        fitted(lag, np.zeros(scalars.width), frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected)
+    )
+    best = other if other.excess < first.excess else first
+    step = _step(window, setting, best, wide, scalars)
+    for _ in range(STEPS):
+        there = fitted(best.lag + step, best.fit.linearisation.theta, best.fit.active, ITERATIONS)
+        if there.excess < best.excess:
+            best, step = there, _step(window, setting, there, wide, scalars)
+        else:
+            step *= SHORTER
+        if abs(step) < CLOSE:
+            break
+    return LiftLag(best.lag, first.excess, best.excess, best.cost.terms, other.excess - best.excess)
+
+
+@dataclass(frozen=True)
+class LiftLagSearch:
+    """Evidence of recent refused events for a lag: sums of what is in `LiftLag`; asked: refused events in a row."""
+
+    asked: int = 0
+    events: float = 0.0
+    samples: float = 0.0
+    without: float = 0.0
+    left: float = 0.0
+    lags: float = 0.0
+    missed: float = 0.0
+
+    def after(
+        self, found: Sequence[Objection], ask: Callable[[float], LiftLag]
+    ) -> tuple["LiftLagSearch", tuple[Objection, ...]]:
+        """Adds an event, if it is refused and its turn is to be asked; returns the objections to it, too.
+
+        A model that is inadequate by a lift that is late, or early, gets that reason. ask: by the lag [s] that is
+        expected.
+        """
+        inadequate = [o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None]
+        if not inadequate:
+            return replace(self, asked=0), tuple(found)
+        search = replace(self, asked=self.asked + 1)
+        if search.asked <= SOON or search.asked % SELDOM == 0:
+            try:
+                search = search._with_event(ask(search._lag or USUAL))
+            except np.linalg.LinAlgError:
+                return search, tuple(found)
+        lag = search.found
+        if lag is None:
+            return search, tuple(found)
+        reason = Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE
+        return search, tuple(replace(o, reason=reason) if o in inadequate else o for o in found)
+
+    @property
+    def found(self) -> float | None:
+        """The lag of the lift [s] that explains recent events, negative where it is early; None without."""
+        explained, enough = self.without - self.left, ENOUGH * self.events
+        if self.without < enough or explained < max(enough, MOST_OF_IT * self.without):
+            return None
+        is_adequate = self.left <= (RELEVANT_VARIANCE - 1.0) * self.samples
+        if not (is_adequate or explained > NEARLY_ALL * self.without):
+            return None
+        is_alike = self.missed <= max(MISSED * self.events, MISSED_SHARE * explained)
+        return self._lag if is_alike and abs(self._lag) > LEAST else None
+
+    @property
+    def _lag(self) -> float:
+        """Lag [s] of recent events, by what it explains in each; 0 without."""
+        explained = self.without - self.left
+        return self.lags / explained if explained > 0.0 else 0.0
+
+    def _with_event(self, event: LiftLag) -> "LiftLagSearch":
+        explained = event.without - event.left
+        if not math.isfinite(explained):
+            return self
+        return LiftLagSearch(
+            self.asked,
+            REMEMBERED * self.events + 1.0,
+            REMEMBERED * self.samples + event.samples,
+            REMEMBERED * self.without + event.without,
+            REMEMBERED * self.left + event.left,
+            REMEMBERED * self.lags + explained * event.lag,
+            # what others expected, if there were any
+            REMEMBERED * self.missed + (event.missed if self.events else 0.0),
+        )
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """An event fitted with its lift so much [s] earlier."""
+
+    lag: float
+    cost: EventCost
+    fit: EventFit
+
+    @property
+    def excess(self) -> float:
+        """chi2 beyond that of noise."""
+        return self.cost.beyond_noise(self.fit.linearisation.value)
+
+
+def _earlier(window: Window, lag: float, interval: float) -> Window:
+    """The event with its lift `lag` [s] earlier, on straight lines between the samples."""
+    samples, area = lag / interval, window.inputs[:, 1]
+    places = np.arange(area.size)
+    moved = np.interp(places + samples, places, area)
+    resting = window.resting[np.clip(places + round(samples), 0, area.size - 1)]
+    inputs = np.column_stack([window.inputs[:, 0], moved])
+    return window._replace(inputs=inputs, resting=resting, knots=np.empty((0, 2)))
+
+
+def _step(
+    window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64], scalars: Scalars
+) -> float:
+    """Further lag [s] to take off the lift, by the slope of the innovations freed of what theta does."""
+    learned = learned_of(here.fit.linearisation.theta, setting.coefficients, scalars)
+    moved = []
+    for step in (STEP, -STEP):
+        errors = np.empty(len(window.output))
+        innovations(_earlier(window, here.lag + step, setting.interval), setting, learned, errors)
+        moved.append(here.cost.whitened(errors))
+    first, sigma = here.cost.burn_in, here.cost.sigma
+    direction = (moved[0] - moved[1])[first:] / (2.0 * STEP * sigma)
+    direction, _ = freed(direction, here.fit.slopes[first:] / sigma, prior)
+    length = float(direction @ direction)
+    if not length > 0.0:
+        return 0.0
+    left = np.clip(here.fit.innovations[first:] / sigma, -HUBER, HUBER)
+    return float(np.clip(-(direction @ left) / length, -FARTHEST, FARTHEST))

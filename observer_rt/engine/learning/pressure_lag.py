@@ -1,0 +1,185 @@
+"""Lag of the line-pressure sensor: tested against a channel recorded late, and grown all at once by a fault.
+
+Both move p_L by nearly the same: nozzle and seat terms adapt, mass stays right, but the shape of Q_H does not, and
+the innovations stay almost white. The difference is tested directly, with what the mistake would make of the
+rate. Quiet sensors distinguish a filter of 10 us from a delay of 10 us, and it does not matter which it is.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.whitening import HUBER
+from observer_rt.engine.estimation.open_loop import OpenLoop
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Setting, Window, innovations
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, learned_of, sensor_lag
+from observer_rt.engine.learning.fitting import EventFit, freed
+from observer_rt.engine.learning.trend import RecentScores
+
+LEAST_LAG = 5e-6  # s, below which the two are the same to the eye
+REMEMBERED = 0.85  # weight of the score before this event
+SIGNIFICANT = 4.5  # standard deviations: below 1e-5 an event where it is a lag
+# Of the rate's peak, root mean square over the injection: what a lag in place of a delay may make of the rate. Of the
+# mass it is about a third. Some 25 us of delay do this.
+RELEVANT_RATE = 0.01
+# Standard deviations of an innovation: the model with the delay is not stable, and shows nothing.
+DIVERGED = 1e6
+LEAST_RATE = 0.02  # of the peak, from which on it counts as injection
+SLOWED = 50e-6  # s by which a sensor of the line pressure becomes slower from one event to the next: it is at fault
+
+
+class LagScore(NamedTuple):
+    """Score of a lag against a delay as long: standard normal if it is a lag, negative if it is none.
+
+    change: of theta (m,), if it is none.
+    """
+
+    score: float
+    change: NDArray[np.float64]
+
+
+class Lateness(NamedTuple):
+    """Evidence of an event that its lag is none (`LagScore`), and what the mistake makes of its rate, if it is one.
+
+    rate_share: of the peak, root mean square over the injection; volume_share: of the volume; change: of theta (m,).
+    """
+
+    score: float
+    rate_share: float
+    volume_share: float
+    change: NDArray[np.float64]
+
+
+def lag_score(
+    window: Window,
+    setting: Setting,
+    fit: EventFit,
+    cost: EventCost,
+    prior: NDArray[np.float64],
+    scalars: Scalars = SCALARS,
+) -> LagScore | None:
+    """Score test of a fit's lag against a delay as long.
+
+    cost: of the event; prior: standard deviations (m,) of the parameters, wide. The direction in
+    which a delay would move the innovations is freed of what other parameters can do, then compared with them. None
+    without a lag worth asking.
+    """
+    theta = fit.linearisation.theta
+    lag = sensor_lag(theta)
+    if lag < LEAST_LAG:
+        return None
+    delayed = theta.copy()
+    delayed[Parameter.SENSOR_LAG] = 0.0
+    samples = setting.late + lag / setting.interval
+    late = math.floor(samples)
+    early_enough = len(window.output) - late
+    output = np.append(window.output[late:], np.full(late, window.output[-1]))
+    masked = np.append(window.masked[late:], np.full(min(late, window.masked.size), False))
+    other = np.empty(len(output))
+    innovations(
+        window._replace(output=output, masked=masked),
+        setting._replace(late=samples - late),
+        learned_of(delayed, setting.coefficients, scalars),
+        other,
+    )
+    other = cost.whitened(other, masked)
+    first = cost.burn_in + late
+    direction = (other[first - late : early_enough] - fit.innovations[first:]) / cost.sigma
+    if not np.abs(direction).max() < DIVERGED:
+        return None
+    direction, change = freed(direction, fit.slopes[first:] / cost.sigma, prior)
+    length = float(np.linalg.norm(direction))
+    if not length > 0.0:
+        return None
+    score = float(direction @ np.clip(fit.innovations[first:] / cost.sigma, -HUBER, HUBER)) / length
+    return LagScore(score, change)
+
+
+def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
+    """Lateness by the score of an event, run open loop with the theta that was found."""
+    moved, peak = run.slopes @ found.change, float(np.max(run.rate))
+    injecting = run.rate > LEAST_RATE * peak
+    if not injecting.any():
+        return Lateness(found.score, 0.0, 0.0, found.change)
+    share = math.sqrt(float(np.mean(moved[injecting] ** 2))) / peak
+    return Lateness(found.score, share, float(np.sum(moved) / np.sum(run.rate)), found.change)
+
+
+@dataclass(frozen=True, eq=False)
+class LagDoubt:
+    """Evidence of recent events that their lag is none, and that it matters.
+
+    Sums of squares of the shares of rate and volume, and of the change of theta (m,).
+    """
+
+    scores: RecentScores
+    events: float
+    rate_squares: float
+    volume_squares: float
+    change_squares: NDArray[np.float64]
+
+    def after(self, event: Lateness | None) -> "LagDoubt":
+        """Adds an event; None: there is no lag, all is forgotten."""
+        if event is None:
+            return no_doubt(self.change_squares.size)
+        return LagDoubt(
+            self.scores.after(np.array([event.score]), REMEMBERED),
+            REMEMBERED * self.events + 1.0,
+            REMEMBERED * self.rate_squares + event.rate_share**2,
+            REMEMBERED * self.volume_squares + event.volume_share**2,
+            REMEMBERED * self.change_squares + event.change**2,
+        )
+
+    @property
+    def is_no_lag(self) -> bool:
+        """Whether recent events contradict a lag."""
+        return bool(self.scores.beyond(SIGNIFICANT)[0])
+
+    @property
+    def is_relevant(self) -> bool:
+        """Whether it is no lag, and the rate is wrong by more than may be left."""
+        return self.is_no_lag and self.rate_squares > RELEVANT_RATE**2 * self.events
+
+    @property
+    def volume_share(self) -> float:
+        """Share by which a volume may be wrong where it is no lag, 0 where it seems to be one."""
+        return math.sqrt(self.volume_squares / self.events) if self.is_no_lag else 0.0
+
+    @property
+    def variance(self) -> NDArray[np.float64]:
+        """Variances (width,) of theta by the same."""
+        return self.change_squares / self.events if self.is_no_lag else np.zeros_like(self.change_squares)
+
+
+def no_doubt(width: int) -> LagDoubt:
+    """Evidence before any event with a lag; width: columns of theta."""
+    return LagDoubt(RecentScores(np.zeros(1)), 0.0, 0.0, 0.0, np.zeros(width))
+
+
+@dataclass(frozen=True)
+class SlowedSensor:
+    """Whether the line-pressure sensor has become slower all at once.
+
+    So large a lag is learned with an error of the mass of some percent, where the operating point does not vary.
+    before: its lag [s] until it did, None: it did not.
+    """
+
+    before: float | None = None
+
+    @property
+    def is_slowed(self) -> bool:
+        """Whether it has."""
+        return self.before is not None
+
+    def after(self, before: float, lag: float, is_sudden: bool) -> "SlowedSensor":
+        """Adds an event that found a lag [s]; before: the one believed until then.
+
+        is_sudden: the event contradicts what was believed.
+        """
+        since = before if is_sudden and self.before is None else self.before
+        # what is believed may be of a sensor that leads, which none does: beyond that no lag would come back
+        return SlowedSensor(None if since is not None and lag < max(since, 0.0) + SLOWED else since)

@@ -41,7 +41,7 @@ MOST_INJECTORS = 8
 
 @dataclass(frozen=True)
 class BenchInjector:
-    """One injector of a bench: what the bench file says of it, and the parameters in the file it names."""
+    """Injector of a bench: its sections of the bench file, and the parameters in the file it names."""
 
     file: BenchFile
     config: InjectorConfig
@@ -50,11 +50,11 @@ class BenchInjector:
 
     @property
     def name(self) -> str:
-        """Of `[injectors.<name>]`; empty where the file has one injector, which its own sections describe."""
+        """Name, of `[injectors.<name>]`; empty where the file has one injector, which its own sections describe."""
         return self.file.name
 
     def place(self, key: str) -> str:
-        """Where the bench file says `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
+        """Place in the bench file of `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
         return self.file.place(*key.split("."))
 
     @property
@@ -118,12 +118,12 @@ class Bench:
         return ", ".join(injector.name for injector in self.injectors)
 
     def with_sections(self, **sections: Section) -> "Bench":
-        """The same with other sections of its one injector."""
+        """Bench with other sections of its one injector."""
         config = self.injector.config.model_copy(update=sections)
         return replace(self, injectors=(replace(self.injector, config=config),))
 
     def with_parameters(self, parameters: InjectorParameters) -> "Bench":
-        """The same with other parameters of its one injector."""
+        """Bench with other parameters of its one injector."""
         return replace(self, injectors=(replace(self.injector, parameters=parameters),))
 
 
@@ -235,7 +235,7 @@ Content = Mapping[str, Any]
 
 
 def content_of(bench: Bench) -> Content:
-    """What a bench says, with its injector files and databases as they are now."""
+    """Content of a bench, with its injector files and databases as they are now."""
     said = _flat("", bench.config.model_dump())
     for injector in bench.injectors:
         prefix = f"injectors.{injector.name}." if injector.name else ""

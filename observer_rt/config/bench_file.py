@@ -17,7 +17,7 @@ LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
 
 class LinkConfig(Section):
-    """Where the frames come from and go to: one CAN bus."""
+    """CAN bus by which frames are received and sent."""
 
     interface: str = "socketcan"
     channel: Channel = "can0"
@@ -38,24 +38,24 @@ class FurtherLinkConfig(Section):
 
 @dataclass(frozen=True)
 class NamedLink:
-    """One of the buses of a bench; `name` in the bench file, empty for that of `[link]`."""
+    """Bus of a bench; `name` in the bench file, empty for that of `[link]`."""
 
     name: str
     config: LinkConfig
 
     @property
     def label(self) -> str:
-        """What messages to the user call it."""
+        """Name of the bus in messages to the user."""
         return f"{self.name} ({self.config.channel})" if self.name else self.config.channel
 
     @property
     def place(self) -> str:
-        """Its section of the bench file."""
+        """Section of the bus in the bench file."""
         return f"links.{self.name}" if self.name else "link"
 
 
 def named_links(first: LinkConfig, further: Mapping[str, FurtherLinkConfig]) -> tuple[NamedLink, ...]:
-    """All buses, complete; their places are the bus numbers."""
+    """Buses of a bench, complete; their places are the bus numbers."""
     links = [NamedLink("", first)]
     for name, config in further.items():
         stated = {key: value for key, value in config.model_dump().items() if value is not None}
@@ -145,7 +145,7 @@ class BusesConfig(Section):
 
     @property
     def buses(self) -> tuple[NamedLink, ...]:
-        """All buses, that of `[link]` first; their places are the bus numbers."""
+        """Buses of a bench, that of `[link]` first; their places are the bus numbers."""
         return named_links(self.link, self.links)
 
     def bus_number(self, link: str | None) -> int:
@@ -154,7 +154,7 @@ class BusesConfig(Section):
 
 
 class BenchConfig(InjectorConfig, BusesConfig):
-    """All of a bench file with one injector, or of one with several as the file is for one of them."""
+    """Content of a bench file with one injector, or of one with several as the file is for one of them."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ class BenchFile:
         return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs, **moved}}
 
     def place(self, *location: str | int) -> str:
-        """Where the file says something, by the keys that lead to it."""
+        """Place of an entry in the file, by the keys that lead to it."""
         here: Any = self.own
         for key in location[:2]:
             here = here.get(key) if isinstance(here, Mapping) else None
@@ -219,7 +219,7 @@ class BenchFile:
 
 
 def _named(shared: Any, name: str) -> Any:
-    """What the file says for all, with the name of one in it."""
+    """Value that the file states for all, with the name of one in it."""
     match shared:
         case str():
             return shared.replace(NAME_PLACE, name)

@@ -1,4 +1,4 @@
-"""What a bench file says of one injector: signals, recordings, model, how it is observed, where its results go."""
+"""Sections of a bench file for one injector: signals, recordings, model, observation, destinations of results."""
 
 from collections.abc import Iterator
 from enum import StrEnum
@@ -12,7 +12,7 @@ from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
 
 class Meaning(StrEnum):
-    """What a sample is: the value at its time, or the mean over the sample period that ends there."""
+    """Meaning of a sample: the value at its time, or the mean over the sample period that ends there."""
 
     INSTANT = "instant"
     MEAN = "mean"
@@ -43,7 +43,7 @@ class ColumnConfig(Section):
 
     @property
     def name(self) -> str:
-        """What it is called; `column 3` where the file has no names."""
+        """Name of the column; `column 3` where the file has no names."""
         return self.column if isinstance(self.column, str) else f"column {self.column}"
 
 
@@ -174,7 +174,7 @@ class OutputsConfig(Section):
 
 
 class Training(StrEnum):
-    """How phi is trained: ours, or the paper's scheme for comparison."""
+    """Training of phi: ours, or the paper's scheme for comparison."""
 
     PREDICTION_ERROR = "prediction_error"
     PAPER = "paper"
@@ -203,7 +203,7 @@ class LearningConfig(Section):
 
 
 class StateConfig(Section):
-    """What is kept on disk; files are relative to the bench file, None: not kept."""
+    """Files of the observer on disk; they are relative to the bench file, None: not written."""
 
     file: str | None = None  # of what was learned
     journal: str | None = None  # of the injections

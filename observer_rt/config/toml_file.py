@@ -18,7 +18,7 @@ _UNITS = {"_hz": "Hz", "_s": "s", "_ms": "ms", "_us": "us", "_mpa": "MPa", "_um"
 
 @dataclass(frozen=True)
 class Allowed:
-    """What may stand where keys lead to. root, schema: of the whole file, and of this place."""
+    """Schema of what may stand at a place of a file. root, schema: of the whole file, and of this place."""
 
     root: Schema
     schema: Schema
@@ -26,7 +26,7 @@ class Allowed:
 
     @classmethod
     def at(cls, model: type[BaseModel], location: Iterable[int | str]) -> "Allowed":
-        """At the place of one of pydantic's errors, whose own remarks in the location are passed over."""
+        """Schema at the place of one of pydantic's errors, whose own remarks in the location are passed over."""
         root = model.model_json_schema()
         place = cls(root, root)
         for part in location:
@@ -42,7 +42,7 @@ class Allowed:
 
     @property
     def choices(self) -> list[str]:
-        """Of a text that must be one of several."""
+        """Choices for a text that must be one of several."""
         return [choice for kind in self._kinds for choice in kind.get("enum", ())]
 
     def in_words(self) -> str:
@@ -51,7 +51,7 @@ class Allowed:
         return " or ".join(_in_words(key, kind, self._of(kind.get("items", {}))) for kind in self._kinds)
 
     def _below(self, part: int | str) -> Iterator[Schema]:
-        """What may stand a key or a number of a list further."""
+        """Schemas of what may stand a key or a number of a list further."""
         for kind in self._kinds:
             if isinstance(part, int):
                 yield from [*kind.get("prefixItems", ())[part:], *filter(None, [kind.get("items")])]
@@ -99,7 +99,7 @@ def _in_words(key: str, kind: Schema, items: list[Schema]) -> str:
 
 
 def _limits(key: str, kind: Schema) -> str:
-    """Of a number, with its unit as its key says it."""
+    """Limits of a number, with its unit as its key states it."""
     unit = next((f" {unit}" for end, unit in _UNITS.items() if key.lower().endswith(end)), "")
     if "minimum" in kind and "maximum" in kind:
         return f" from {kind['minimum']:.10g} to {kind['maximum']:.10g}{unit}"
@@ -150,7 +150,7 @@ def validated(
 
 
 def place_in(path: Path) -> Callable[..., str]:
-    """What `validated` calls the places of a file."""
+    """Function by which `validated` names the places of a file."""
     return lambda *location: f"{path}: {'.'.join(map(str, location)) or 'file'}"
 
 

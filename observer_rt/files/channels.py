@@ -124,7 +124,7 @@ class InputFrames:
             self._refuse_empty(bus, list(channels), [identifier for identifier, _ in others])
 
     def notes(self) -> list[str]:
-        """What the reader of the log has to say after the last reading."""
+        """Notes of the reader of the log after the last reading."""
         notes = self._log.notes()
         if len(self._channels) > 1:
             pairs = (
@@ -141,7 +141,7 @@ class InputFrames:
 
     @property
     def share_read(self) -> float:
-        """How much of the log was read, 0 to 1."""
+        """Share of the log that was read, 0 to 1."""
         return self._log.share_read
 
     def _refuse_empty(self, bus: int, channels: list[str], others: list[int]) -> None:

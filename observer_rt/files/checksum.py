@@ -28,7 +28,7 @@ def seal(path: Path) -> None:
 
 
 def refuse_damaged(path: Path) -> tuple[str, ...]:
-    """What is odd about a file by its checksum; nothing of one without. Raises `UserError` for a damaged one."""
+    """Remarks on a file by its checksum; nothing of one without. Raises `UserError` for a damaged one."""
     with path.open("rb") as file:
         size, place, stated = _found(file)
         if not stated:
@@ -59,7 +59,7 @@ def _found(file: BinaryIO) -> tuple[int, int, re.Match[bytes] | None]:
 
 
 def _checksum(file: BinaryIO, place: int, size: int) -> int:
-    """Of a file of a size, its text without checksum."""
+    """Checksum of a file of a size, its text without checksum."""
     text = _TEXT.format(0, size).encode()
     file.seek(0)
     checksum = left = 0

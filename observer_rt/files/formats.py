@@ -108,7 +108,7 @@ def suffixes_of(known: Iterable[Format]) -> tuple[str, ...]:
 
 
 def written(known: Iterable[F]) -> list[F]:
-    """Those of some formats that can be written."""
+    """Formats that can be written, of some."""
     return [each for each in known if each.writer is not None]
 
 
@@ -145,7 +145,7 @@ def open_writer(path: Path, start_ns: int) -> LogWriter:
 
 
 def open_recorder(path: Path, start_ns: int) -> LogRecorder:
-    """As `open_writer`, of a log into which frames go as they come in."""
+    """Open a log for frames as they come in; raises like `open_writer`."""
     recorder = _of(path, recorded()).recorder
     assert recorder is not None
     return recorder(path, start_ns)
@@ -236,7 +236,7 @@ _ADVICE = {  # what to do with other kinds of files
 
 
 def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
-    """As `check_suffix`, with what to do with files of a kind that is met but not read."""
+    """Call `check_suffix`, with a remedy for files of a kind that is met but not read."""
     try:
         check_suffix(str(path), path, suffixes)
     except UserError as error:
@@ -286,7 +286,7 @@ def _installed(entry: EntryPoint, known: Iterable[Format]) -> Format:
 
 
 def _problem(found: object, known: Iterable[Format]) -> str | None:
-    """Why an object is no format that could stand beside those known."""
+    """Reason why an object is no format that could stand beside those known."""
     if not isinstance(found, LogFormat | SignalFormat):
         return f"is a {type(found).__name__}, neither LogFormat nor SignalFormat"
     if not found.suffixes or any(not re.fullmatch(r"\.[a-z0-9_]+", suffix) for suffix in found.suffixes):

@@ -45,7 +45,7 @@ class _Bars:
 
     @contextlib.contextmanager
     def on(self, console: Console) -> Iterator[Progress]:
-        """Where to add a bar."""
+        """Display to which a bar is added, open as long as there are bars."""
         with self._lock:
             if self._progress is None:
                 self._progress = _drawn_on(console)
@@ -156,7 +156,7 @@ def refuse_existing(option: str, paths: Iterable[Path], force: bool, kind: FileK
 
 
 def suffix_of(path: Path) -> str:
-    """What kind a file is by its name, in lower case: of a packed one with that of its content, as `.asc.gz`."""
+    """Suffix of a file in lower case: of a packed one with that of its content, as `.asc.gz`."""
     suffix = path.suffix.lower()
     return Path(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
 
@@ -220,7 +220,7 @@ class StopRequest(SignalledEvent):
             part.set()
 
     def end_or_interrupt(self, *_: object) -> None:
-        """The same; when it is set already, interrupt."""
+        """End it; when it is set already, interrupt."""
         if self.is_set():
             raise KeyboardInterrupt
         self.end()

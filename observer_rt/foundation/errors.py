@@ -36,7 +36,7 @@ class UserError(ObserverError):
 
 
 class CombinedError(ObserverError):
-    """What failed of several that were served side by side, each under its name.
+    """Failures of several that were served side by side, each under its name.
 
     The exit code is that of one alone, and 1 where some failed at run time: another start may help those.
     """
@@ -61,12 +61,12 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """For the beginning of a remedy: `did you mean 'X'? `, or nothing when no known name is near."""
+    """Beginning of a remedy: `did you mean 'X'? `, or nothing when no known name is near."""
     best = nearest(name, known)
     return "" if best is None else f"did you mean '{best}'? "
 
 
 def hint(name: str, known: Iterable[str]) -> str:
-    """For the end of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
+    """End of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
     best = nearest(name, known)
     return "" if best is None else f"; the nearest is '{best}'"

@@ -56,7 +56,7 @@ class _Failure(NamedTuple):
 
 
 def run_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
-    """What a generator function of a module yields of a file, run in a process of its own; all must be picklable.
+    """Run a generator function of a module on a file, in a process of its own; all it yields must be picklable.
 
     Raises what it raises if that is a `UserError` or `OSError`, `WorkerError` however else it ends early.
     """

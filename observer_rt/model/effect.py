@@ -1,4 +1,4 @@
-"""What an effect is: a named departure of injector, line or sensors from the nominal model, and its bounds.
+"""Effects: named departures of injector, line or sensors from the nominal model, and their bounds.
 
 With it: measurements that tell effects apart which rail pressure, lift and line pressure may not.
 """
@@ -21,7 +21,7 @@ class Equation(StrEnum):
 
 
 class Place(StrEnum):
-    """Where an effect sits, however the line between the places is modelled."""
+    """Place of an effect, however the line between the places is modelled."""
 
     RAIL_INLET = "rail_inlet"
     LINE_FLOW = "line_flow"
@@ -50,7 +50,7 @@ _VIOLATED = {
 
 
 class Likeness(StrEnum):
-    """How hard two effects are to tell apart by rail pressure, lift and line pressure."""
+    """Difficulty of telling two effects apart by rail pressure, lift and line pressure."""
 
     SAME = "same"  # nothing in these signals distinguishes them
     ALIKE = "alike"  # the two of them found together are one that nobody can tell
@@ -70,7 +70,7 @@ class Relation:
 
 
 class Apparent(StrEnum):
-    """From what an effect's apparent size, as if it were alone, is stated beside every discovery."""
+    """Quantity from which an effect's apparent size, as if it were alone, is stated beside every discovery."""
 
     SETTLED = "settled"  # from the line at rest with the needle shut
     LEFT = "left"  # from all that the amended model leaves
@@ -141,7 +141,7 @@ class Effect:
         return _VIOLATED[self.place]
 
     def relation_to(self, other: "Effect") -> Relation | None:
-        """How it is related to another effect, whichever of the two says so."""
+        """Relation to another effect, whichever of the two states it."""
         stated = [r for r in self.relations if other.id in r.others]
         stated += [r for r in other.relations if self.id in r.others]
         return stated[0] if stated else None

@@ -38,7 +38,7 @@ class _Section(BaseModel):
 
 
 class LineOutflow(StrEnum):
-    """Which flow drains the line in (20): the paper's Q_H, or Q_S as mass conservation says."""
+    """Flow that drains the line in (20): the paper's Q_H, or Q_S as mass conservation demands."""
 
     NOZZLE = "nozzle"
     SEAT = "seat"
@@ -147,7 +147,7 @@ def _known_format(number: int) -> int:
 
 
 class InjectorParameters(_Section):
-    """Everything the model knows of one injector and its line (SI units; effects in the units they name)."""
+    """Parameters of one injector and its line (SI units; effects in the units they name)."""
 
     format: Annotated[int, AfterValidator(_known_format)] = FORMAT
     line_outflow: LineOutflow = LineOutflow.NOZZLE

@@ -1,4 +1,4 @@
-"""How many steps and cells a line can be integrated in: steps a sample interval, cells a sound speed allows."""
+"""Stability limits of a line: steps a sample interval, cells a sound speed allows."""
 
 import math
 from dataclasses import replace
@@ -51,7 +51,7 @@ def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: fl
 
 
 def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> float:
-    """What must stay below STABLE, where pressure is highest; 0 of a line without cells."""
+    """Number that must stay below STABLE, where pressure is highest; 0 of a line without cells."""
     line = model.coefficients.line
     if not isinstance(line, WaveLine):
         return 0.0

@@ -51,7 +51,7 @@ class FormNumber(NamedTuple):
     highest: float
 
     def settled(self, value: float) -> "FormNumber":
-        """With a value as exact as it need be."""
+        """Number with another value, as exact as it need be."""
         decimals = EXACT_DIGITS - math.floor(math.log10(self.highest - self.lowest))
         return self._replace(value=round(value, decimals) + 0.0)
 

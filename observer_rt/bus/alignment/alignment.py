@@ -1,4 +1,4 @@
-"""From blocks of samples to one gapless stream: which samples are complete, and what follows what.
+"""Alignment of blocks of samples to one gapless stream: complete samples, and their order.
 
 Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
 (`following`). Up to two missing samples are interpolated, more are a loss. An index jump is legal only with a

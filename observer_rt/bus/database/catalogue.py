@@ -77,7 +77,7 @@ def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
 
 @lru_cache(maxsize=_KEPT)
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
-    """As `_loaded`, in this state of its file: to read one takes as long as seconds of a recording."""
+    """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
     if not lenient or path.suffix.lower() != _DBC:
         return cantools.database.load_file(path, strict=not lenient), ()
     text, complaints = mended_dbc(path.read_text(encoding=_DBC_ENCODING, errors="replace"))
@@ -85,7 +85,7 @@ def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Data
 
 
 def overlooked(path: Path) -> list[str]:
-    """What would have been refused in a database that is read leniently; of overlaps the first of every message."""
+    """Faults that are passed over in a database that is read leniently; of overlaps the first of every message."""
     database, set_right = _loaded(path, lenient=True)
     complaints = list(set_right)
     for message in database.messages:
@@ -176,7 +176,7 @@ class BenchDatabases:
             return BusMessage(find_message(in_order[0][0], name), in_order[0][1])
 
     def __iter__(self) -> Iterator[tuple[Path, BusMessage]]:
-        """All messages, used or not, on the buses of their databases."""
+        """Iterate over all messages, used or not, on the buses of their databases."""
         return (
             (path, BusMessage(message, bus))
             for path, _, database, bus in self._databases
@@ -184,7 +184,7 @@ class BenchDatabases:
         )
 
     def overlooked(self) -> tuple[str, ...]:
-        """What is wrong with databases that were read leniently."""
+        """Faults of databases that were read leniently."""
         return tuple(
             f"{path}: {complaint}"
             for path, lenient, _, _ in self._databases

@@ -36,7 +36,7 @@ PROTECTION = dtype_of(RECORDS["Protection"])
 
 
 def protection_of(profile: int | None, data_id: int | bytes | None) -> np.void:
-    """How a message is protected, `PROTECTION`; data_id: of profile 2 all of them."""
+    """Protection of a message, a row `PROTECTION`; data_id: of profile 2 all of them."""
     row = np.zeros(1, PROTECTION)
     row["profile"] = profile or UNPROTECTED
     if isinstance(data_id, bytes):
@@ -48,7 +48,7 @@ def protection_of(profile: int | None, data_id: int | bytes | None) -> np.void:
 
 
 class E2EStatus(IntEnum):
-    """What the receiver makes of one frame of a protected message."""
+    """Check result of one frame of a protected message."""
 
     OK = 0
     OK_SOME_LOST = 1
@@ -60,7 +60,7 @@ class E2EStatus(IntEnum):
 
 
 class E2EState(IntEnum):
-    """What the frames of a protected message are worth together."""
+    """State of the receiver's state machine, over the frames of a protected message."""
 
     NODATA = 0
     INIT = 1

@@ -81,7 +81,7 @@ def after_error_frame(condition: BusCondition, identifier: int, data: bytes) -> 
 
 
 def condition_messages(channel: str, before: BusCondition, now: BusCondition) -> list[str]:
-    """What the user of a SocketCAN `channel` should know of a change of its condition, and can do about it."""
+    """Messages to the user of a SocketCAN `channel` about a change of its condition, with remedies."""
     messages = []
     if now.bus_offs > before.bus_offs and now.state is BusState.OFF:
         messages.append(
@@ -108,7 +108,7 @@ def condition_messages(channel: str, before: BusCondition, now: BusCondition) ->
 
 
 class Frame(NamedTuple):
-    """One received data frame. `stamp_ns`: when, nanoseconds since 1970; by which clock says the link."""
+    """Received data frame. `stamp_ns`: when, nanoseconds since 1970; by which clock says the link."""
 
     frame_id: int
     payload: bytes
@@ -122,7 +122,7 @@ class Frame(NamedTuple):
 
 
 class FdFlags(NamedTuple):
-    """What a CAN FD frame is to be sent with, as in `Frame`."""
+    """Flags with which a CAN FD frame is to be sent, as in `Frame`."""
 
     bit_rate_switch: bool = True
     error_state_indicator: bool = False
@@ -139,7 +139,7 @@ class BusFrame(NamedTuple):
 
 
 class StampSource(StrEnum):
-    """Who says when a frame arrived; each less jittery than those after it."""
+    """Source of receive stamps; each less jittery than those after it."""
 
     HARDWARE = "hardware"  # the CAN interface
     KERNEL = "kernel"  # the kernel of this computer
@@ -200,12 +200,12 @@ class Link(Protocol):
 
     @property
     def condition(self) -> BusCondition:
-        """How the controller fares; always the same where the interface does not tell."""
+        """Condition of the controller; always the same where the interface does not report it."""
         return BusCondition()
 
     @property
     def stamp_source(self) -> StampSource:
-        """Who stamps the received frames."""
+        """Source of the stamps of received frames."""
         return StampSource.ARRIVAL
 
     @property
@@ -218,7 +218,7 @@ class Link(Protocol):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What the user should know of the link, found when it was opened; with remedies."""
+        """Warnings about the link, found when it was opened; with remedies."""
         return ()
 
     @abstractmethod
@@ -249,7 +249,7 @@ class FrameBlock(NamedTuple):
 
     @property
     def frames(self) -> int:
-        """How many there are."""
+        """Number of frames."""
         return int(self.keys.size)
 
 
@@ -264,7 +264,7 @@ def block_of(frames: Sequence[BusFrame]) -> FrameBlock:
 
 
 def blocks_of(frames: Iterable[BusFrame]) -> Iterator[FrameBlock]:
-    """All of them, so many at a time that none waits long."""
+    """Blocks of all frames, so many at a time that none waits long."""
     coming = iter(frames)
     while some := list(islice(coming, AT_ONCE)):
         yield block_of(some)

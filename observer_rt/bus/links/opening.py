@@ -49,7 +49,7 @@ class SharedBus:
         return not self._is_lost and connection == self.connections
 
     def leave(self, share: "_Share") -> None:
-        """One user less."""
+        """Remove one user of the connection."""
         with self._lock:
             self._users = tuple(user for user in self._users if user is not share)
             if not self._users:
@@ -78,7 +78,7 @@ class SharedBus:
 
 
 class _Share(Link):
-    """One user's part of a shared bus."""
+    """Share of one user in a shared bus."""
 
     def __init__(self, bus: SharedBus, wanted: frozenset[tuple[int, bool]]) -> None:
         self._bus = bus

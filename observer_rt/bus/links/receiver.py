@@ -50,7 +50,7 @@ class LinkReceiver(ABC):
 
 
 def reading(links: Sequence[Link]) -> LinkReceiver:
-    """What reads these links: a single one without detour, several at once by `poll` where all have a descriptor."""
+    """Receiver of these links: a single one without detour, several at once by `poll` where all have a descriptor."""
     if len(links) == 1:
         return _Single(links[0])
     if any(link.descriptor is None for link in links):
@@ -81,7 +81,7 @@ class _Single(LinkReceiver):
 
 
 class _Polled(LinkReceiver):
-    """One system call looks at all sockets. Of frames that wait the earliest comes first, so that a backlog of all
+    """Looks at all sockets in one system call. Of frames that wait the earliest comes first, so that a backlog of all
     buses is worked off side by side."""
 
     def __init__(self, links: Sequence[Link]) -> None:
@@ -176,7 +176,7 @@ RECONNECT_PERIOD = 0.1  # s between tries
 
 
 class Outage:
-    """From a `LinkDownError` until the link is back. It is reconnected beside: whoever asks waits for nothing."""
+    """Time from a `LinkDownError` until the link is back, reconnected beside: whoever asks waits for nothing."""
 
     def __init__(self, link: Link) -> None:
         self._link = link

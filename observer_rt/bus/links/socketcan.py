@@ -334,7 +334,7 @@ class SocketCanLink(Link):
         self._socket.close()
 
     def failure(self, error: OSError) -> Exception:
-        """What the user can do about `error`."""
+        """Exception for `error` with its remedy."""
         name = self._channel
         if error.errno == errno.ENETDOWN:
             return LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")

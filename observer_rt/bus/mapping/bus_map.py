@@ -1,4 +1,4 @@
-"""From bench files and bus databases to arrays: which frames carry which samples, and which the results.
+"""Mapping of bench files and bus databases to arrays: frames with samples, and frames with results.
 
 Each injector of a bench has its own map; a message may be of several.
 """
@@ -55,7 +55,7 @@ Compiled = TypeVar("Compiled", RateMessage, OutputMessage)
 
 @dataclass(frozen=True)
 class BusMap:
-    """Everything the bench file says of one injector on the buses, compiled."""
+    """Messages and signals of one injector on the buses, compiled from the bench file."""
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
@@ -71,7 +71,7 @@ class BusMap:
 
     @property
     def energizing(self) -> EnergizingLayout | None:
-        """Where it is among them."""
+        """Layout of the energizing; None where no message carries it."""
         return next((slow.energizing for slow in self.slow if slow.energizing), None)
 
     @property
@@ -95,7 +95,7 @@ class BusMap:
         return [(layout.received_id, layout.is_extended) for layout in wanted]
 
     def name_of(self, layout: MessageLayout) -> str:
-        """Its name and, where there are several, its bus."""
+        """Name of a message and, where there are several, of its bus."""
         return f"{layout.name} on {self.labels[layout.bus]}" if len(self.labels) > 1 else layout.name
 
 
@@ -242,7 +242,7 @@ def _map_message(
 
 
 class Destination(NamedTuple):
-    """What a received frame carries: an input message of an injector, both by number."""
+    """Destination of a received frame: an input message of an injector, both by number."""
 
     injector: int
     message: int
@@ -259,7 +259,7 @@ class KnownMessage(NamedTuple):
 
 @dataclass(frozen=True)
 class BenchMap:
-    """Everything a bench file says of its buses, compiled; `injectors` in its order."""
+    """Messages and signals of all injectors of a bench file, compiled; `injectors` in its order."""
 
     injectors: tuple[BusMap, ...]
     known: tuple[KnownMessage, ...]
@@ -269,7 +269,7 @@ class BenchMap:
 
     @cached_property
     def destinations(self) -> Mapping[int, tuple[Destination, ...]]:
-        """Where the samples of a frame go, by its `frame_key`."""
+        """Destinations of the samples of a frame, by its `frame_key`."""
         found: dict[int, tuple[Destination, ...]] = {}
         for injector, bus in enumerate(self.injectors):
             for message in range(len(bus.input_layouts)):
@@ -293,7 +293,7 @@ class BenchMap:
         return (*self.received, *self.sent)
 
     def name_of(self, layout: MessageLayout) -> str:
-        """Its name and, where there are several, its bus."""
+        """Name of a message and, where there are several, of its bus."""
         return self.injectors[0].name_of(layout)
 
 
@@ -314,7 +314,7 @@ def map_bench(bench: Bench) -> BenchMap:
 
 
 def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
-    """What several injectors cannot share, and yet do, with their names: results, and what distinguishes these."""
+    """Results, and what distinguishes them, that several injectors share although they cannot, with their names."""
     owners: dict[str, list[str]] = {}
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         for layout in bus.sent:
@@ -349,7 +349,7 @@ def message_of(bus: BusMap, role: Role) -> int:
 
 
 def role_factor(bus: BusMap, role: Role) -> float:
-    """What a value of the role in the database's unit is multiplied by to be SI."""
+    """Factor from the unit of the role in the database to SI."""
     (first, *_) = _groups(bus, message_of(bus, role), role)
     return float(first["factor"][ROLES.index(role)])
 

@@ -127,7 +127,7 @@ class OptionalInput:
 
 
 class Inputs(NamedTuple):
-    """What compiled code needs to decode the input frames."""
+    """Tables by which compiled code decodes the input frames."""
 
     messages: NDArray[np.void]  # INPUT_MESSAGE, those with samples first
     streams: NDArray[np.void]  # INPUT_STREAM
@@ -213,7 +213,7 @@ class InputTables:
         self._conditions.append(conditions)
 
     def inputs(self, timing: NDArray[np.void]) -> Inputs:
-        """All that was added, with the timing of every stream."""
+        """Tables of all inputs added, with the timing of every stream."""
         return Inputs(
             np.array(self._messages, INPUT_MESSAGE),
             np.array(self._streams, INPUT_STREAM),
@@ -227,7 +227,7 @@ class InputTables:
 
 
 def frame_row(layout: MessageLayout) -> NDArray[np.void]:
-    """By what a frame is known as a good one of this message, `INPUT_MESSAGE`; the rest is 0."""
+    """Row `INPUT_MESSAGE` by which a frame is checked as a good one of this message; the rest is 0."""
     row = np.zeros((), INPUT_MESSAGE)
     row["key"] = layout.key
     row["length"] = layout.length

@@ -66,7 +66,7 @@ class SlowSignal(OptionalInput):
 
     @property
     def name(self) -> str:
-        """Of the signal."""
+        """Name of the signal."""
         return self.names[0]
 
     @property
@@ -89,7 +89,7 @@ class SlowSignal(OptionalInput):
 
 @dataclass(frozen=True, eq=False)
 class EnergizingLayout(OptionalInput):
-    """Where the energizing is on the bus, compiled: one signal, or the samples of a level."""
+    """Layout of the energizing on the bus, compiled: one signal, or the samples of a level."""
 
     layout: MessageLayout
     index: str | None
@@ -104,7 +104,7 @@ class EnergizingLayout(OptionalInput):
     """s from the start of energizing, within which the needle opens."""
 
     def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "EnergizingSignal":
-        """What a frame received at `stamp` [ns] says; values: by the table, SI; follows: as of `EnergizingSignal`."""
+        """Reading of a frame received at `stamp` [ns]; values: by the table, SI; follows: see `EnergizingSignal`."""
         return EnergizingSignal(
             None if self.index is None else int(values[0]),
             stamp - round(self.delay * NANOSECONDS),
@@ -114,7 +114,7 @@ class EnergizingLayout(OptionalInput):
 
 
 class EnergizingSignal(NamedTuple):
-    """What a frame says of the energizing, sample by sample."""
+    """Reading of the energizing from one frame, sample by sample."""
 
     first: int | None
     """Index of its first sample, modulo 2^32; None: the message has none."""
@@ -136,7 +136,7 @@ class SlowMessage:
 
     @property
     def inputs(self) -> tuple[OptionalInput, ...]:
-        """All of them."""
+        """Inputs of the message: the optional ones, and the energizing."""
         return self.signals if self.energizing is None else (*self.signals, self.energizing)
 
 

@@ -29,7 +29,7 @@ RATE_PATTERN = "InjectionRate_{:02d}"
 
 @dataclass(frozen=True)
 class OutputPage:
-    """One frame of an output message: `names` of the known signals in it, their table, and the frame without them.
+    """Frame of an output message: `names` of the known signals in it, their table, and the frame without them.
 
     places: of these signals among all known ones. selection: what a received frame must hold to be this one.
     """

@@ -48,7 +48,7 @@ def log_frames(*columns: Iterable[Any]) -> Iterator[LogFrame]:
 
 
 def lost_note(frames: int) -> str:
-    """What a recorder writes into a log where frames were lost."""
+    """Note that a recorder writes into a log where frames were lost."""
     return f"{frames} {LOST_NOTE}"
 
 
@@ -83,7 +83,7 @@ class LogReader(ABC):
 
     @property
     def share_read(self) -> float:
-        """How much of the file was read, 0 to 1."""
+        """Share of the file that was read, 0 to 1."""
         return min(1.0, self._position / self._size) if self._size else 0.0
 
     def __iter__(self) -> Iterator[LogFrame]:
@@ -107,7 +107,7 @@ class LogReader(ABC):
         """Frames with their place in the file; whether a bus can carry them is checked afterwards."""
 
     def notes(self) -> list[str]:
-        """What the last reading left out or found odd, one sentence each."""
+        """Notes on what the last reading left out or found odd, one sentence each."""
         counted = [
             f"{count} {one if count == 1 else several}"
             for count, one, several in (

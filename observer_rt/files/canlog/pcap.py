@@ -83,7 +83,7 @@ class PcapLog(LogReader):
                 self.refuse(number, f"is damaged: {error}", READABLE)
 
     def _packets(self, file: BinaryIO) -> Iterator[tuple[_Interface, int, bytes]]:
-        """Of pcap, with their times."""
+        """Packets of a pcap file, with their times."""
         head = _taken(file, _OLD_HEAD)
         order, ticks = _OLD[head[: len(SECTION)]]
         link = struct.unpack_from(f"{order}20xI", head)[0] & _LINK
@@ -173,7 +173,7 @@ def _taken(file: BinaryIO, size: int) -> bytes:
 
 
 def _options(data: bytes, order: str) -> dict[int, bytes]:
-    """Of a block, by their codes."""
+    """Options of a block, by their codes."""
     found: dict[int, bytes] = {}
     while data:
         code, size = struct.unpack_from(f"{order}HH", data)

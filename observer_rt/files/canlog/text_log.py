@@ -47,7 +47,7 @@ _UNREAD = (
 
 
 def head_of(path: Path) -> bytes:
-    """How a file begins, that of a packed one unpacked. Raises `OSError` for a file that cannot be opened."""
+    """Beginning of a file, that of a packed one unpacked. Raises `OSError` for a file that cannot be opened."""
     with path.open("rb") as file:
         head = file.read(_HEAD)
         if head.startswith(GZIP_MARK):
@@ -58,7 +58,7 @@ def head_of(path: Path) -> bytes:
 
 
 def likeness(path: Path) -> tuple[str, str]:
-    """What a file looks like and what to do about it, for the ends of problem and remedy; empty if unknown."""
+    """Likely kind of a file and its remedy, for the ends of problem and remedy; empty if unknown."""
     head, named = head_of(path), path.name.lower().removesuffix(PACKED)
     head = head if head.startswith(_CAPTURE) else head.lstrip()
     for mark, name, suffix in _READ:
@@ -110,7 +110,7 @@ class TextLogReader(LogReader):
         return None
 
     def _blocks(self) -> Iterator[tuple[int, list[str]]]:
-        """All lines, some at once, with the number of the first, counted from 1.
+        """Blocks of all lines, some at once, with the number of the first, counted from 1.
 
         A last one without its end is left out, and reported: what is left of a frame may look like a shorter one.
         """
@@ -145,7 +145,7 @@ class TextLogReader(LogReader):
                     number += len(lines)
 
     def refuse_content(self, number: int, problem: str, remedy: str = "") -> NoReturn:
-        """As `refuse`, saying what the file looks like instead if nothing of it could be read so far."""
+        """Call `refuse`, with the likely kind of the file if nothing of it could be read so far."""
         looks, rename = likeness(self.path) if number <= _LINES_TO_KNOW else ("", "")
         self.refuse(number, f"{problem}{looks}", rename or remedy)
 

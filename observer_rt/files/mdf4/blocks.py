@@ -23,7 +23,7 @@ READABLE = "give a complete MDF 4 measurement"
 
 
 def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
-    """As `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
+    """Call `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
     try:
         with file_errors(path):
             yield from run_apart(module, function, path, *arguments)
@@ -106,7 +106,7 @@ class GroupCount(NamedTuple):
     stated: int | None
 
     def readable(self, cycles: int) -> int:
-        """How many can be read of `cycles` that asammdf has. Raises `ValueError` where it lost some."""
+        """Number of `cycles` of asammdf that can be read. Raises `ValueError` where it lost some."""
         if self.stated is None and cycles != self.found:
             raise ValueError(f"only {cycles} of {self.found} records can be put in order")
         return min(cycles, self.complete)
@@ -121,11 +121,11 @@ class CountedRecords:
     remarks: tuple[str, ...]
 
     def readable(self, place: int, cycles: int) -> int:
-        """As of the `GroupCount` at a place."""
+        """Number of cycles that can be read of the group at a place, as of its `GroupCount`."""
         return self.groups[place].readable(cycles) if place in self.groups else cycles
 
     def contradictions(self, places: Iterable[int], noun: str) -> tuple[str, ...]:
-        """What headings of some channel groups say wrongly, in sentences about `noun`."""
+        """Contradictions between headings of some channel groups and the data, in sentences about `noun`."""
         counts = [self.groups[place] for place in places if place in self.groups]
         stated = [(count.found, count.stated) for count in counts if count.stated is not None]
         uncounted = sum(max(0, found - said) for found, said in stated)
@@ -175,7 +175,7 @@ class Blocks:
         """Whether the last data go on to the end of the file: a logger writes them, or was stopped."""
 
     def data_groups(self) -> list[DataGroup]:
-        """All, with an open last piece up to its end."""
+        """Data groups of the file, with an open last piece up to its end."""
         groups = []
         place = self._block(_HEADER_PLACE, b"##HD").links[0]
         while place:
@@ -252,7 +252,7 @@ class Blocks:
         ]
 
     def _references(self, place: int) -> Iterator[DataReference]:
-        """To data of variable length, of the channels from a place on and those they are made of."""
+        """References to data of variable length, of the channels from a place on and those they are made of."""
         waiting = [place]
         while waiting:
             place = waiting.pop()
@@ -269,7 +269,7 @@ class Blocks:
             waiting += block.links[:2]
 
     def pieces(self, place: int) -> tuple[Piece, ...]:
-        """Of the data at a place, be it a block or a list of them."""
+        """Pieces of the data at a place, be it a block or a list of them."""
         return tuple(self._pieces(place))
 
     def _pieces(self, place: int) -> Iterator[Piece]:

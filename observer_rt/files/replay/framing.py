@@ -74,7 +74,7 @@ class TimedFrame(NamedTuple):
 
     @property
     def stamp_ns(self) -> int:
-        """When it was received by a receiver without delay, in whole nanoseconds."""
+        """Time of reception by a receiver without delay, in whole nanoseconds."""
         return round(self.time * 1e9)
 
 
@@ -97,7 +97,7 @@ def windows(recording: Recording) -> list[Span]:
 
 
 def windows_of(parts: Iterable[Recording]) -> list[Span]:
-    """The same of a recording in parts that follow one another."""
+    """Windows of a recording in parts that follow one another."""
     spans: list[Span] = []
     samples = 0
     for part in parts:
@@ -167,7 +167,7 @@ class Framer:
                 )
 
     def framed(self, recording: Recording, spans: Sequence[Span]) -> Iterator["Framed"]:
-        """The same in arrays, span by span."""
+        """Frames of some spans in arrays, span by span."""
         values = np.column_stack([getattr(recording, role.value) for role in ROLES])
         for span in spans:
             yield _merged([self._encode(number, values, span) for number in range(len(self._counters))])
@@ -243,7 +243,7 @@ _SHOWN_UNIT = {
 
 
 def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
-    """One line for every role with values that the bus cannot hold, which are clamped when sent."""
+    """Lines for the roles with values that the bus cannot hold, which are clamped when sent."""
     warnings = []
     for role in ROLES:
         found, limits = survey.signals[role.value], role_range(bus, role)

@@ -36,7 +36,7 @@ HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading
 
 @dataclass(frozen=True)
 class ReplaySource:
-    """What is to be sent: frames as they are in the file, how many, which kinds of frames, on which buses."""
+    """Source of what is sent: frames as they are in the file, how many, which kinds of frames, on which buses."""
 
     frames: Iterator[TimedFrame]
     extent: Extent
@@ -218,7 +218,7 @@ PROGRESS_PERIOD = 100_000_000  # ns
 
 @dataclass(frozen=True)
 class PlayStatistics:
-    """What was sent: number of frames, duration [s], and how late they were (nan without a time grid).
+    """Statistics of what was sent: number of frames, duration [s], and how late they were (nan without a time grid).
 
     paused: for how long an interface was waited for [s].
     """
@@ -229,7 +229,7 @@ class PlayStatistics:
     paused: float = 0.0
 
     def as_text(self) -> str:
-        """One line for the screen."""
+        """Summary for the screen in one line."""
         sent = f"{self.frames} frames in {self.duration:.3f} s"
         if self.paused:
             sent += f", {self.paused:.1f} s of which without the interface"
@@ -243,7 +243,7 @@ class PlayStatistics:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """The same for a program; null where nothing was measured."""
+        """Statistics for a program; null where nothing was measured."""
 
         def known(value: float) -> float | None:
             return None if math.isnan(value) else value

@@ -67,12 +67,12 @@ NANOSECONDS = 1e9  # a second
 
 @dataclass(frozen=True)
 class Calendar:
-    """How the stamps are written, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
+    """Format of the stamps, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
 
     form: str
 
     def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
-        """Of stamps (n,) since 1970; those that are none are below all others."""
+        """Nanoseconds since 1970 of stamps (n,); those that are none are below all others."""
         import pandas  # slow to import
 
         try:
@@ -87,12 +87,12 @@ class Calendar:
         return found
 
     def seconds(self, cells: Any, origin: int) -> NDArray[np.float64]:
-        """Of stamps (n,) since `origin` [ns]: exact, which seconds since 1970 are not. NaN of those that are none."""
+        """Seconds of stamps (n,) since `origin` [ns]: exact, which those since 1970 are not. NaN of those that are none."""
         found = self.nanoseconds(cells)
         return np.where(found == _NONE, np.nan, (found - origin) / NANOSECONDS)
 
     def as_text(self, origin: int) -> str:
-        """What is made of the stamps."""
+        """Description of how the stamps are read."""
         form = "ISO 8601" if self.form == ISO_8601 else f"'{self.form}'"
         return f"calendar stamps as {form}, counted from {np.datetime64(origin, 'ns')}"
 
@@ -101,7 +101,7 @@ _NONE = np.iinfo(np.int64).min  # as NumPy and pandas have it
 
 
 def calendar_of(time: TimeConfig, cells: Iterable[str]) -> Calendar | None:
-    """That of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
+    """Calendar of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
     if time.format is not None:
         return Calendar(time.format)
     if time.unit is None and any(_ISO.match(cell) for cell in cells):

@@ -309,7 +309,7 @@ class MappedSignals(TableSignals):
         return not axis.is_on_grid or abs(1.0 / axis.period / self.rate - 1.0) > SAME_RATE
 
     def _samples(self, run: RowRun) -> int:
-        """Of the grid within a run."""
+        """Number of samples of the grid within a run."""
         span = (run.end - run.begin) * self.rate
         is_on_grid = self._axes[self._main].is_on_grid
         return int(round(span) if is_on_grid else math.floor(span + 1e-6)) + 1

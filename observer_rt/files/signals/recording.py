@@ -1,4 +1,4 @@
-"""One recording of an injector: its even time grid, three inputs, and the measured rate where there is one.
+"""Recording of an injector: its even time grid, three inputs, and the measured rate where there is one.
 
 The grid is checked, and the sample rate found behind printed time stamps.
 """
@@ -28,7 +28,7 @@ _ROWS = 1024  # whose distances from the grid are remembered by their extremes
 
 
 class UnevenTime(NamedTuple):
-    """Where a time column leaves its even grid."""
+    """Place where a time column leaves its even grid."""
 
     row: int
     """Zero-based index of the first sample that is not where it should be."""
@@ -69,7 +69,7 @@ class TimeGrid:
         return None
 
     def end(self) -> UnevenTime | None:
-        """Where the clock drifted, if it did."""
+        """Place where the clock drifted, if it did."""
         row, distance = self._farthest()
         if distance <= GRID_TOLERANCE * self._period:
             return None
@@ -199,7 +199,7 @@ class Recording:
         return {"time": self.time, **self.signals}
 
     def with_arrays(self, arrays: Arrays) -> Self:
-        """The same with other values of these names."""
+        """Recording with other values of these names."""
         return replace(self, **arrays)  # type: ignore[arg-type]  # of no other field
 
     @property
@@ -209,7 +209,7 @@ class Recording:
 
     @cached_property
     def sample_rate(self) -> float:
-        """As of `TimeGrid` [Hz]."""
+        """Sample rate as of `TimeGrid` [Hz]."""
         grid = TimeGrid()
         grid.take(self.time)
         return grid.sample_rate
@@ -227,11 +227,11 @@ class Chunk(Recording):
     first: int = 0
 
     def __post_init__(self) -> None:
-        """Nothing: whoever reads a recording in parts has checked it."""
+        """Checks nothing: whoever reads a recording in parts has checked it."""
 
     @property
     def sample_rate(self) -> float:
-        """As of the recording."""
+        """Sample rate of the recording [Hz]."""
         return self.rate
 
 

@@ -62,7 +62,7 @@ class Table(ABC):
     @staticmethod
     @abstractmethod
     def names(path: Path) -> Collection[str]:
-        """Of the columns, of a file in our own layout all."""
+        """Names of the columns, of a file in our own layout all."""
 
     @abstractmethod
     def parts(self, raster: int) -> Iterator[TablePart]:
@@ -73,7 +73,7 @@ class Table(ABC):
         """A zero-based row, as a user finds it."""
 
     def _wanted(self) -> dict[str, ColumnConfig]:
-        """What is mapped of a file whose time is a column."""
+        """Columns that are mapped of a file whose time is a column."""
         if self.config.time is None:
             raise UserError(
                 f"{self.path}: time",
@@ -137,12 +137,12 @@ class Mdf4Table(Table):
 
     @staticmethod
     def names(path: Path) -> Collection[str]:
-        """Of the channels."""
+        """Names of the channels."""
         (names,) = mdf4_apart(FILE, "names", path)
         return list(names)
 
     def parts(self, raster: int) -> Iterator[TablePart]:
-        """Of a group; those of the first one are already on their way when they are asked for first."""
+        """Parts of a group; those of the first one are already on their way when they are asked for first."""
         begun = self._begun
         if raster == 0 and begun is not None:
             self._begun = None
@@ -151,7 +151,7 @@ class Mdf4Table(Table):
         return mdf4_apart(FILE, "parts", self.path, group, self._places, self._counted, SAMPLES_AT_ONCE)
 
     def place(self, row: int, raster: int) -> str:
-        """By its number in the group."""
+        """Place of a row: its number in the group."""
         return f"{self.path}, group {self._groups[raster]}, sample {row}"
 
 
@@ -186,7 +186,7 @@ class ParquetTable(Table):
 
     @staticmethod
     def names(path: Path) -> Collection[str]:
-        """Of the columns."""
+        """Names of the columns."""
         with _opened(path) as file:
             return list(file.schema_arrow.names)
 
@@ -203,7 +203,7 @@ class ParquetTable(Table):
                 yield TablePart(signals.pop(TIME), signals)
 
     def place(self, row: int, raster: int) -> str:
-        """By its number."""
+        """Place of a row in the file: its number."""
         return f"{self.path}, row {row}"
 
 

@@ -71,7 +71,7 @@ class LumpLine(_LumpCoefficients):
 
     @property
     def fastest(self) -> float:
-        """The same: of inertance against compliance."""
+        """Angular frequency [rad/s] of inertance against compliance, the mode's."""
         return self.mode
 
     @property
@@ -100,15 +100,15 @@ class LumpLine(_LumpCoefficients):
         )
 
     def substeps(self, of_sac: int, interval: float) -> int:
-        """Those: RK4 steps both."""
+        """Steps of the sac, with which RK4 steps the line, too."""
         return of_sac
 
     def strain(self, interval: float) -> float:
-        """It has no steps of its own."""
+        """Zero, for the lump has no steps of its own."""
         return 0.0
 
     def stepping(self, interval: float) -> str:
-        """It has no steps of its own."""
+        """Empty, for the lump has no steps of its own."""
         return ""
 
     def with_friction(self, k: float) -> "LumpLine":
@@ -133,7 +133,7 @@ class LumpLine(_LumpCoefficients):
 
 
 class MeanLumpLine(LumpLine):
-    """The same with the integral of p_L [s] as its last state."""
+    """Lump line with the integral of p_L [s] as its last state."""
 
     __slots__ = ()
     further = 1

@@ -38,6 +38,12 @@ _Sections = TypeVar("_Sections", bound=Section)
 
 MOST_INJECTORS = 8
 
+_OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
+
+_SHOWN = 8
+Content = Mapping[str, Any]
+"""All that a bench says, by the keys that lead to it; of databases a digest of their content."""
+
 
 @dataclass(frozen=True)
 class BenchInjector:
@@ -135,9 +141,6 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     return parameters
 
 
-_OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
-
-
 def describes_files_only(path: Path) -> bool:
     """Whether a bench file with `[recording]` says nothing of buses. Raises `UserError` for one that is no TOML."""
     return _is_off_bus(read_toml(path))
@@ -227,11 +230,6 @@ def _require_file(place: str, path: Path, others: str = "") -> None:
     if not path.is_file():
         problem = f"{path} {'is a folder' if path.is_dir() else 'does not exist'}"
         raise UserError(place, problem, f"name a file, by its path from the bench file on{others}")
-
-
-_SHOWN = 8
-Content = Mapping[str, Any]
-"""All that a bench says, by the keys that lead to it; of databases a digest of their content."""
 
 
 def content_of(bench: Bench) -> Content:

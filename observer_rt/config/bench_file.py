@@ -15,6 +15,13 @@ BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN 
 Channel = Annotated[str, Field(min_length=1)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
+NAME_PLACE = "{injector}"  # in texts at the top of the file
+MOST_CPUS = 8192  # that Linux knows
+RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
+
+# Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
+ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4}}
+
 
 class LinkConfig(Section):
     """CAN bus by which frames are received and sent."""
@@ -109,14 +116,6 @@ def of_links(
             raise UserError(f"{option} {text}", f"there is no link '{name}'", remedy)
         result[names.index(name)] = value
     return result
-
-
-NAME_PLACE = "{injector}"  # in texts at the top of the file
-MOST_CPUS = 8192  # that Linux knows
-RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
-
-# Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
-ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4}}
 
 
 class DatabaseConfig(Section):

@@ -10,15 +10,16 @@ from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.config.toml_file import Positive, Section
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
+OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
+
+Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
+
 
 class Meaning(StrEnum):
     """Meaning of a sample: the value at its time, or the mean over the sample period that ends there."""
 
     INSTANT = "instant"
     MEAN = "mean"
-
-
-OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
 
 
 class ColumnConfig(Section):
@@ -110,9 +111,6 @@ class RecordingConfig(Section):
         for name in ("rail_pressure", "needle_lift", "line_pressure", "injection_rate"):
             if (column := getattr(self, name)) is not None:
                 yield name, column
-
-
-Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
 
 
 class SamplingConfig(Section):

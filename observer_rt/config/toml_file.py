@@ -15,6 +15,9 @@ from observer_rt.foundation.errors import UserError, did_you_mean
 Schema = Mapping[str, Any]
 _UNITS = {"_hz": "Hz", "_s": "s", "_ms": "ms", "_us": "us", "_mpa": "MPa", "_um": "um", "bit_rate": "bit/s"}
 
+_Model = TypeVar("_Model", bound=BaseModel)
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
 
 @dataclass(frozen=True)
 class Allowed:
@@ -114,10 +117,6 @@ def _limits(key: str, kind: Schema) -> str:
         if name in kind
     ]
     return f" {' and '.join(limits)}" if limits else unit and f" of{unit}"
-
-
-_Model = TypeVar("_Model", bound=BaseModel)
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Section(BaseModel):

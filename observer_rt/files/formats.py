@@ -41,6 +41,26 @@ from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 
+Format = LogFormat | SignalFormat
+GROUP = "observer_rt.formats"
+F = TypeVar("F", bound=Format)
+_ADVICE = {  # what to do with other kinds of files
+    (".mat",): 'in MATLAB: parquetwrite("{0}.parquet", table(time_s, ...)), or writetable into {0}.csv',
+    (".h5", ".hdf5"): 'in Python: pandas.read_hdf("{0}{1}").to_parquet("{0}.parquet")',
+    (".xlsx", ".xls", ".ods"): "save it as {0}.csv",
+    (".mdf", ".dat"): "name it {0}.mf4 if it is MDF 4; of MDF 3 make that in Python, by asammdf: "
+    'MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
+    (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
+    (
+        ".gz",
+        ".zst",
+        ".zip",
+        ".7z",
+        ".bz2",
+        ".xz",
+    ): "unpack it first; only logs of text are read packed, by gzip",
+}
+
 
 def _header(columns: Sequence[WrittenColumn]) -> str:
     *needed, optional = (column.header for column in columns)
@@ -65,7 +85,6 @@ PARQUET = SignalFormat(
 
 MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
-Format = LogFormat | SignalFormat
 BUILT_IN: tuple[Format, ...] = (
     CSV,
     MDF4_SIGNALS,
@@ -79,8 +98,6 @@ BUILT_IN: tuple[Format, ...] = (
     CSV_LOG,
     PCAP,
 )
-GROUP = "observer_rt.formats"
-F = TypeVar("F", bound=Format)
 
 
 @cache
@@ -215,24 +232,6 @@ def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], Non
         parts: list[Recording] = []
         yield parts.append
         found.writer(path, joined(parts))
-
-
-_ADVICE = {  # what to do with other kinds of files
-    (".mat",): 'in MATLAB: parquetwrite("{0}.parquet", table(time_s, ...)), or writetable into {0}.csv',
-    (".h5", ".hdf5"): 'in Python: pandas.read_hdf("{0}{1}").to_parquet("{0}.parquet")',
-    (".xlsx", ".xls", ".ods"): "save it as {0}.csv",
-    (".mdf", ".dat"): "name it {0}.mf4 if it is MDF 4; of MDF 3 make that in Python, by asammdf: "
-    'MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
-    (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
-    (
-        ".gz",
-        ".zst",
-        ".zip",
-        ".7z",
-        ".bz2",
-        ".xz",
-    ): "unpack it first; only logs of text are read packed, by gzip",
-}
 
 
 def _check_suffix(path: Path, suffixes: Collection[str]) -> None:

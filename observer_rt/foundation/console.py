@@ -20,6 +20,11 @@ from rich.text import Text
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import FileKind, refuse_other_kind
 
+_TRAILING = re.compile(r" +$", re.MULTILINE)
+
+PACKED = ".gz"
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+
 
 @contextlib.contextmanager
 def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
@@ -75,9 +80,6 @@ def say(console: Console, text: str) -> None:
     console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=not console.is_terminal)
 
 
-_TRAILING = re.compile(r" +$", re.MULTILINE)
-
-
 def results() -> Console:
     """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
     console = Console()
@@ -119,10 +121,6 @@ class _Piped(io.TextIOBase):
 
     def flush(self) -> None:
         self._out.flush()
-
-
-PACKED = ".gz"
-FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def check_destination(

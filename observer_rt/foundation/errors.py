@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher
 
+CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
+
 
 class ObserverError(Exception):
     """A failure with a message for the user; `exit_code` is what the command line returns."""
@@ -44,9 +46,6 @@ class CombinedError(ObserverError):
     def __init__(self, failures: Mapping[str, ObserverError]) -> None:
         self.exit_code = min(failure.exit_code for failure in failures.values())
         super().__init__("\n".join(f"{name}: {failure}" for name, failure in failures.items()))
-
-
-CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

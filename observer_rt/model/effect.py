@@ -9,6 +9,27 @@ from enum import StrEnum
 
 from observer_rt.model.effective import EffectiveModel
 
+Law = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
+"""The model with an effect at parameter values, in SI and in the order of its parameters."""
+
+BOTH_CHANNELS = (
+    "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
+)
+FUEL_OR_DRAWING = (
+    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
+)
+SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
+LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
+LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
+LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
+BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
+BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
+PRESSURE_GAUGE = (
+    "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
+)
+WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
+"""What is left to measure of these where the injection rate was measured."""
+
 
 class Equation(StrEnum):
     """The equation that is violated while an effect is missing."""
@@ -108,10 +129,6 @@ def parameter(
     return EffectParameter(name, unit, si, 0.0, *bounds, dead_zone * si, first)
 
 
-Law = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
-"""The model with an effect at parameter values, in SI and in the order of its parameters."""
-
-
 @dataclass(frozen=True)
 class Effect:
     """An entry of the vocabulary.
@@ -176,25 +193,6 @@ def added(terms: str, name: str) -> Law:
         return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})
 
     return apply
-
-
-BOTH_CHANNELS = (
-    "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
-)
-FUEL_OR_DRAWING = (
-    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
-)
-SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
-LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
-LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
-LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
-BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
-BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
-PRESSURE_GAUGE = (
-    "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
-)
-WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
-"""What is left to measure of these where the injection rate was measured."""
 
 
 def bounded(effect: Effect, **bounds: tuple[float, float]) -> Effect:

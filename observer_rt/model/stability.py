@@ -13,6 +13,9 @@ from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorPara
 
 OVERSHOOT = 1.2  # of the rail pressure, that the closed end of a line reaches when a needle shuts
 
+RK4_LIMIT = 2.6  # step * fastest rate; RK4 is stable to 2.78 on the negative real axis
+MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sample rate is too low
+
 
 def refuse_unstable_cells(
     place: str, injector: InjectorParameters, coefficients: Coefficients, interval: float
@@ -58,10 +61,6 @@ def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> 
     normalised = OVERSHOOT * highest_pressure / model.coefficients.pressure_scale
     stiffer = max(0.0, line.stiffness_slope * (normalised - line.stiffness_pressure))
     return line.with_stiffness(stiffer).strain(interval)
-
-
-RK4_LIMIT = 2.6  # step * fastest rate; RK4 is stable to 2.78 on the negative real axis
-MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sample rate is too low
 
 
 def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> float:

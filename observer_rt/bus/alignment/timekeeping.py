@@ -27,6 +27,14 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
 COUNTING = dtype_of(RECORDS["Counting"])
 
+SHIFT = dtype_of(RECORDS["Shift"])
+
+TIMEKEEPING = dtype_of(RECORDS["TimekeepingMemory"])
+
+LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
+SECOND = 1e9  # ns
+LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
+
 
 class Count(IntEnum):
     """Place of a frame in the count of those before it."""
@@ -42,11 +50,6 @@ def make_counting(modulus: int) -> NDArray[np.void]:
     counting = np.zeros(1, COUNTING)
     counting["modulus"] = modulus
     return counting
-
-
-SHIFT = dtype_of(RECORDS["Shift"])
-
-TIMEKEEPING = dtype_of(RECORDS["TimekeepingMemory"])
 
 
 class Timekeeping(NamedTuple):
@@ -72,11 +75,6 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
         clocks[number] = make_clock(float(row["interval"]), int(samples[number]), float(row["shortest"]))[0]
         counts[number] = make_counting(int(row["modulus"]))[0]
     return Timekeeping(memory, timing, clocks, counts, np.zeros(count, SHIFT))
-
-
-LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
-SECOND = 1e9  # ns
-LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,19 @@ _DBC = ".dbc"
 _DBC_ENCODING = "cp1252"
 _CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads DBF, XLS, older SYM and some FIBEX"
 
+_EXTENDED = 1 << 31  # of an identifier in a DBC file
+_TEXT = r'"(?:\\.|[^"\\])*+"'
+_MESSAGE_LINES = re.compile(
+    r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
+)
+_SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
+_SIGNAL_VALUES = re.compile(
+    rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
+)
+_IDENTIFIED = re.compile(
+    rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b"
+)
+
 
 def load_database(path: Path, lenient: bool = False) -> Database:
     """Load a bus database (DBC, or another CAN format cantools reads).
@@ -200,20 +213,6 @@ def named(place: str) -> Iterator[None]:
         yield
     except UserError as error:
         raise UserError(place, f"{error.place} {error.problem}", error.remedy) from None
-
-
-_EXTENDED = 1 << 31  # of an identifier in a DBC file
-_TEXT = r'"(?:\\.|[^"\\])*+"'
-_MESSAGE_LINES = re.compile(
-    r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
-)
-_SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
-_SIGNAL_VALUES = re.compile(
-    rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
-)
-_IDENTIFIED = re.compile(
-    rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b"
-)
 
 
 class MendedDbc(NamedTuple):

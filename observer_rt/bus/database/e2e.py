@@ -34,6 +34,8 @@ DATA_IDS = 16  # of profile 2, one for every value of its counter
 
 PROTECTION = dtype_of(RECORDS["Protection"])
 
+SUPERVISION = dtype_of(RECORDS["Supervision"])
+
 
 def protection_of(profile: int | None, data_id: int | bytes | None) -> np.void:
     """Protection of a message, a row `PROTECTION`; data_id: of profile 2 all of them."""
@@ -66,6 +68,3 @@ class E2EState(IntEnum):
     INIT = 1
     VALID = 2
     INVALID = 3
-
-
-SUPERVISION = dtype_of(RECORDS["Supervision"])

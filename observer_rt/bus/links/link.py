@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.foundation.errors import RunError
 
+AT_ONCE = 256  # frames of a block: they bring far fewer samples than the observer remembers
+
 
 class BusState(StrEnum):
     """State of a CAN controller by its error counters (ISO 11898-1)."""
@@ -230,9 +232,6 @@ class Link(Protocol):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-AT_ONCE = 256  # frames of a block: they bring far fewer samples than the observer remembers
 
 
 class FrameBlock(NamedTuple):

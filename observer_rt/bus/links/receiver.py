@@ -15,6 +15,8 @@ LONGEST_WAIT = 0.02  # s that a reading thread is deaf to its end
 CAPACITY = 20_000  # frames that reading threads keep; what comes on top of them waits in the drivers
 _FULL_WAIT = 1e-3  # s
 
+RECONNECT_PERIOD = 0.1  # s between tries
+
 
 class BusDownError(LinkDownError):
     """The interface of one bus went down or away."""
@@ -170,9 +172,6 @@ class _Threaded(LinkReceiver):
                 return
             if frame is not None:
                 arrived.put((bus, frame))
-
-
-RECONNECT_PERIOD = 0.1  # s between tries
 
 
 class Outage:

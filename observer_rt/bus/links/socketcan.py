@@ -51,6 +51,27 @@ _IFREQ_POINTER = struct.Struct("@16sP16x")
 
 ANCILLARY_BYTES = socket.CMSG_SPACE(_THREE_TIMESPECS.size)
 
+RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
+FRAME_BYTES = 768  # about what a received frame takes of it
+SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
+SEND_PATIENCE_S = 0.5
+
+# Of the generic Linux interface, not all known to Python's socket module.
+_SO_RCVBUFFORCE = 33
+SO_RXQ_OVFL = 40
+_SIOCGIFMTU = 0x8921
+_CAN_RAW_ERR_FILTER = 2
+
+# struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
+# unused, data. The whole size says which of the two was read.
+_HEADER = struct.Struct("=IBB2x")
+_CLASSIC_FRAME = struct.Struct("=IB3x8s")
+_FD_FRAME = struct.Struct("=IBB2x64s")
+_FILTER = struct.Struct("=II")
+_COUNT = struct.Struct("=I")
+_ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
+_TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
+
 
 class StampReader:
     """Reads the stamps of one socket; those of the interface itself where it offers them.
@@ -96,28 +117,6 @@ def _offers_hardware_stamps(can_socket: socket.socket, channel: str) -> bool:
     _, capabilities = _TS_INFO.unpack(info)
     needed = _RX_HARDWARE | _RAW_HARDWARE
     return bool(capabilities & needed == needed)
-
-
-RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
-FRAME_BYTES = 768  # about what a received frame takes of it
-SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
-SEND_PATIENCE_S = 0.5
-
-# Of the generic Linux interface, not all known to Python's socket module.
-_SO_RCVBUFFORCE = 33
-SO_RXQ_OVFL = 40
-_SIOCGIFMTU = 0x8921
-_CAN_RAW_ERR_FILTER = 2
-
-# struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
-# unused, data. The whole size says which of the two was read.
-_HEADER = struct.Struct("=IBB2x")
-_CLASSIC_FRAME = struct.Struct("=IB3x8s")
-_FD_FRAME = struct.Struct("=IBB2x64s")
-_FILTER = struct.Struct("=II")
-_COUNT = struct.Struct("=I")
-_ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
-_TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
 
 
 class SocketCanLink(Link):

@@ -52,6 +52,8 @@ _UNITS = {
 }
 Compiled = TypeVar("Compiled", RateMessage, OutputMessage)
 
+_FLOAT_TYPES = {FLOAT16: np.float16, FLOAT32: np.float32, FLOAT64: np.float64}
+
 
 @dataclass(frozen=True)
 class BusMap:
@@ -330,9 +332,6 @@ def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]
 
 def _once(layouts: Iterable[MessageLayout]) -> tuple[MessageLayout, ...]:
     return tuple({(layout.name, layout.bus, layout.frame_id): layout for layout in layouts}.values())
-
-
-_FLOAT_TYPES = {FLOAT16: np.float16, FLOAT32: np.float32, FLOAT64: np.float64}
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,24 @@ from observer_rt.core.frames.frames import RECORDS
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.records import dtype_of
 
+ROLES = tuple(Role)
+OPTIONAL_ROLES = tuple(OptionalRole)
+ENERGIZING = len(OPTIONAL_ROLES)  # beside the numbers of these roles
+MAX_INPUTS = len(ROLES)
+MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
+LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
+
+INPUT_MESSAGE = dtype_of(RECORDS["InputMessage"])
+
+# Samples of one or more roles that come together and are aligned with those of other streams.
+INPUT_STREAM = dtype_of(RECORDS["InputStream"])
+
+# Consecutive samples that one frame carries: all of a message's, or those under one selector value.
+INPUT_GROUP = dtype_of(RECORDS["InputGroup"])
+
+# One kind of frame of a message: it has one, or one for every selector value that carries samples.
+INPUT_KIND = dtype_of(RECORDS["InputKind"])
+
 
 @dataclass(frozen=True)
 class SampleGroup:
@@ -90,25 +108,7 @@ def require_one_rate(
             )
 
 
-ROLES = tuple(Role)
-OPTIONAL_ROLES = tuple(OptionalRole)
-ENERGIZING = len(OPTIONAL_ROLES)  # beside the numbers of these roles
-MAX_INPUTS = len(ROLES)
-MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
-LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
-
-INPUT_MESSAGE = dtype_of(RECORDS["InputMessage"])
-
-# Samples of one or more roles that come together and are aligned with those of other streams.
-INPUT_STREAM = dtype_of(RECORDS["InputStream"])
-
-# Consecutive samples that one frame carries: all of a message's, or those under one selector value.
-INPUT_GROUP = dtype_of(RECORDS["InputGroup"])
-
 OPTIONAL_INPUT = dtype_of(RECORDS["OptionalInput"])
-
-# One kind of frame of a message: it has one, or one for every selector value that carries samples.
-INPUT_KIND = dtype_of(RECORDS["InputKind"])
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,8 @@ RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
 SLOW_TOLERANCE = 0.1  # of the interval of a slower one
 RATIO_TOLERANCE = 1e-6
 
+TIMING = dtype_of(RECORDS["Timing"])
+
 
 class Joining(IntEnum):
     """Way of joining a message's samples to the grid."""
@@ -54,9 +56,6 @@ class Numbering(IntEnum):
     COUNTER = 1  # a signal that counts frames
     E2E_COUNTER = 2  # the counter of the end-to-end protection
     STAMPS = 3  # nothing but when they are received
-
-
-TIMING = dtype_of(RECORDS["Timing"])
 
 
 class Following(NamedTuple):

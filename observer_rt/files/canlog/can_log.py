@@ -23,6 +23,10 @@ _LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH +
 _LOST = re.compile(rf"(\d+) {LOST_NOTE}")
 
 
+CLASSIC = (repeat(False),) * 3
+"""The columns `is_fd`, `bit_rate_switch` and `error_state_indicator` of frames of classic CAN."""
+
+
 class LogFrame(NamedTuple):
     """A data frame of a log, with what a `Frame` does not carry."""
 
@@ -35,8 +39,6 @@ class LogFrame(NamedTuple):
 
 _frame_of: Callable[[tuple[Any, ...]], Frame] = partial(tuple.__new__, Frame)  # in half the time
 _log_frame_of: Callable[[tuple[Any, ...]], LogFrame] = partial(tuple.__new__, LogFrame)
-CLASSIC = (repeat(False),) * 3
-"""The columns `is_fd`, `bit_rate_switch` and `error_state_indicator` of frames of classic CAN."""
 
 
 def log_frames(*columns: Iterable[Any]) -> Iterator[LogFrame]:

@@ -45,6 +45,15 @@ _UNREAD = (
     (b"PK\x03\x04", "a zip archive"),
 )
 
+_LINES_TO_KNOW = 20
+LINES_AT_ONCE = 60
+LONGEST_LINE = 1 << 16  # characters, of what is packed: zeros would be one line of any length
+EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
+_SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
+
+SURE_OF_START = 30  # times that are the largest so far
+SURE_OF_LINES = 8  # times that differ from the one before
+
 
 def head_of(path: Path) -> bytes:
     """Beginning of a file, that of a packed one unpacked. Raises `OSError` for a file that cannot be opened."""
@@ -68,13 +77,6 @@ def likeness(path: Path) -> tuple[str, str]:
         if head.startswith(mark):
             return f"; it looks like {name}", "export it as .asc, .blf or .trc from the program that wrote it"
     return "", ""
-
-
-_LINES_TO_KNOW = 20
-LINES_AT_ONCE = 60
-LONGEST_LINE = 1 << 16  # characters, of what is packed: zeros would be one line of any length
-EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
-_SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
 
 
 class TextLogReader(LogReader):
@@ -148,10 +150,6 @@ class TextLogReader(LogReader):
         """Call `refuse`, with the likely kind of the file if nothing of it could be read so far."""
         looks, rename = likeness(self.path) if number <= _LINES_TO_KNOW else ("", "")
         self.refuse(number, f"{problem}{looks}", rename or remedy)
-
-
-SURE_OF_START = 30  # times that are the largest so far
-SURE_OF_LINES = 8  # times that differ from the one before
 
 
 class Rising:

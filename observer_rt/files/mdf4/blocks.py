@@ -21,16 +21,6 @@ from observer_rt.foundation.sandbox import WorkerError, run_apart
 
 READABLE = "give a complete MDF 4 measurement"
 
-
-def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
-    """Call `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
-    try:
-        with file_errors(path):
-            yield from run_apart(module, function, path, *arguments)
-    except WorkerError as error:
-        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
-
-
 MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
 MAJOR_VERSION = b"4."
 ALIGNMENT = 8  # bytes to which blocks are filled up
@@ -50,6 +40,15 @@ _SIGNAL_DATA = (b"##SD", b"##DZ", b"##DL", b"##HL")
 _DEFLATED, _TRANSPOSED = 0, 1
 MOST_DEFLATED = 1100  # bytes that one can stand for
 _AT_ONCE = 1 << 25  # bytes
+
+
+def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
+    """Call `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
+    try:
+        with file_errors(path):
+            yield from run_apart(module, function, path, *arguments)
+    except WorkerError as error:
+        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
 
 @dataclass(frozen=True)

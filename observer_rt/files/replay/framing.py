@@ -27,6 +27,12 @@ RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, of `SamplingConfig`
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
 
+_SHOWN_UNIT = {
+    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
+    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
+}
+
 
 def bench_for(bench: Bench, recording: Sampled) -> Bench:
     """The bench at the recording's sample rate, for samples of the recording's meaning.
@@ -233,13 +239,6 @@ def _merged(messages: Sequence[Framed]) -> Framed:
         begins = starts[:-1][numbers[order] == number]
         data[begins[:, None] + np.arange(payloads.shape[1])] = payloads
     return Framed(numbers[order], due[order], starts, data)
-
-
-_SHOWN_UNIT = {
-    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
-    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
-    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
-}
 
 
 def clamped_in(survey: Survey, bus: BusMap) -> list[str]:

@@ -33,6 +33,14 @@ from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading meanwhile may delay a frame
 
+LATE = 1 * MILLISECOND  # beyond which a frame counts as late
+_SIGNIFICANT_BITS = 7  # a bin is at most 1/64 of its value wide
+_NANOSECOND = 1e-9  # s
+
+SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
+LONGEST_SLEEP = 100_000_000  # ns between two looks at the progress
+PROGRESS_PERIOD = 100_000_000  # ns
+
 
 @dataclass(frozen=True)
 class ReplaySource:
@@ -161,11 +169,6 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         )
 
 
-LATE = 1 * MILLISECOND  # beyond which a frame counts as late
-_SIGNIFICANT_BITS = 7  # a bin is at most 1/64 of its value wide
-_NANOSECOND = 1e-9  # s
-
-
 @dataclass(frozen=True)
 class ReplayLateness:
     """Median, 99th percentile and maximum [s], and the share of frames later than `LATE`; nan without frames."""
@@ -209,11 +212,6 @@ class LatenessCounter:
             if seen >= wanted:
                 return bin_start * _NANOSECOND
         raise AssertionError("the bins hold all frames")
-
-
-SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
-LONGEST_SLEEP = 100_000_000  # ns between two looks at the progress
-PROGRESS_PERIOD = 100_000_000  # ns
 
 
 @dataclass(frozen=True)

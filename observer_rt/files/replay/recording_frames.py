@@ -27,6 +27,9 @@ from observer_rt.foundation.errors import RunError, UserError
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
 SAMPLE_TOLERANCE = 1e-6  # of a sample: a time the user gives names the sample printed with it
 
+NANOSECONDS = 1e9  # in a second
+PAUSE = 1.0  # s, between two recordings, and between two stretches of one
+
 
 @dataclass(frozen=True)
 class Extent:
@@ -192,10 +195,6 @@ def _described(stream: SignalStream) -> str:
     begin = stream.stretches[0].start
     end = begin + (stream.grid_samples - 1) / stream.sample_rate
     return f"{stream.path or 'the recording'}, which runs from {begin:.6g} to {end:.6g} s"
-
-
-NANOSECONDS = 1e9  # in a second
-PAUSE = 1.0  # s, between two recordings, and between two stretches of one
 
 
 class Device:

@@ -37,6 +37,13 @@ LOOKED_AT = 200  # lines, among which the names and the first numbers must be
 OWN_MISSING = frozenset(("", "nan", "-nan"))
 _NAMES = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}
 
+LONGEST_HEADER = 1 << 20  # characters
+_TAIL = 1 << 14  # bytes, in which the last line is
+_NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
+NUMBERS = "write numbers; leave the cell empty where a value is not available"
+UNGROUPED = "write numbers without separators of thousands: 1000.153 or 1000,153"
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
+
 
 @dataclass(frozen=True)
 class Dialect:
@@ -177,14 +184,6 @@ def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, Colum
         first,
         calendar,
     )
-
-
-LONGEST_HEADER = 1 << 20  # characters
-_TAIL = 1 << 14  # bytes, in which the last line is
-_NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
-NUMBERS = "write numbers; leave the cell empty where a value is not available"
-UNGROUPED = "write numbers without separators of thousands: 1000.153 or 1000,153"
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
 
 
 class CsvTable(Table):

@@ -20,6 +20,15 @@ MISSING = frozenset(
 )
 """In lower case."""
 
+_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+ISO_8601 = "ISO8601"  # as pandas calls it
+NANOSECONDS = 1e9  # a second
+
+_NONE = np.iinfo(np.int64).min  # as NumPy and pandas have it
+
+SEPARATORS = (";", "\t", ",", "|", " ")
+_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
+
 
 def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number with this decimal sign, or one of the ways to say that there is none."""
@@ -60,11 +69,6 @@ def decimal_of(rows: Sequence[Sequence[str]], places: Sequence[int]) -> str:
     return "," if with_comma > with_point else "."
 
 
-_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
-ISO_8601 = "ISO8601"  # as pandas calls it
-NANOSECONDS = 1e9  # a second
-
-
 @dataclass(frozen=True)
 class Calendar:
     """Format of the stamps, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
@@ -87,7 +91,7 @@ class Calendar:
         return found
 
     def seconds(self, cells: Any, origin: int) -> NDArray[np.float64]:
-        """Seconds of stamps (n,) since `origin` [ns]: exact, which those since 1970 are not. NaN of those that are none."""
+        """Seconds of stamps (n,) since `origin` [ns], exact as those since 1970 are not. NaN of no stamps."""
         found = self.nanoseconds(cells)
         return np.where(found == _NONE, np.nan, (found - origin) / NANOSECONDS)
 
@@ -97,9 +101,6 @@ class Calendar:
         return f"calendar stamps as {form}, counted from {np.datetime64(origin, 'ns')}"
 
 
-_NONE = np.iinfo(np.int64).min  # as NumPy and pandas have it
-
-
 def calendar_of(time: TimeConfig, cells: Iterable[str]) -> Calendar | None:
     """Calendar of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
     if time.format is not None:
@@ -107,10 +108,6 @@ def calendar_of(time: TimeConfig, cells: Iterable[str]) -> Calendar | None:
     if time.unit is None and any(_ISO.match(cell) for cell in cells):
         return Calendar(ISO_8601)
     return None
-
-
-SEPARATORS = (";", "\t", ",", "|", " ")
-_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,13 @@ from observer_rt.foundation.units import MILLISECOND
 SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
 LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
 
+MOST_STRETCHES = 10_000
+SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
+SAME_RATE = 0.01  # relative, of a file and the grid
+MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
+_FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
+_SHOWN = 5  # places where a file is split
+
 
 @dataclass
 class RowRun:
@@ -117,14 +124,6 @@ class Cursor:
         before = np.maximum(after - 1, 0)
         result[(place[after] != grid) & (place[after] - place[before] > self._reach)] = np.nan
         return result
-
-
-MOST_STRETCHES = 10_000
-SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
-SAME_RATE = 0.01  # relative, of a file and the grid
-MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
-_FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
-_SHOWN = 5  # places where a file is split
 
 
 @dataclass

@@ -26,6 +26,16 @@ must not drift within a recording by as much as would move a sample into its nei
 MAX_SIGNIFICANT_DIGITS = 15
 _ROWS = 1024  # whose distances from the grid are remembered by their extremes
 
+TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
+EQUIDISTANT = (
+    "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
+    "of a bench file, which bridges and splits"
+)
+
+SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")
+Arrays = Mapping[str, NDArray[np.float64]]
+"""Of time and signals, by name."""
+
 
 class UnevenTime(NamedTuple):
     """Place where a time column leaves its even grid."""
@@ -131,18 +141,6 @@ def _describe_step(before: float, after: float, period: float) -> str:
 
 def _rounded(value: float, significant_digits: int) -> float:
     return float(f"{value:.{significant_digits - 1}e}")
-
-
-TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
-EQUIDISTANT = (
-    "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
-    "of a bench file, which bridges and splits"
-)
-
-
-SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")
-Arrays = Mapping[str, NDArray[np.float64]]
-"""Of time and signals, by name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,14 @@ TIME = "time"
 OPTIONAL = "injection_rate"  # which a file in our own layout may have or not
 Values = NDArray[np.float64]
 
+FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
+
+INSTALL = "pip install 'observer-rt[parquet]'"
+READABLE = "give a complete Parquet file"
+
+# Of Thrift's compact protocol: type of a field, number of the checksum's in a page header.
+_I32, _CHECKSUM = 5, 4
+
 
 @dataclass(frozen=True, eq=False)
 class TablePart:
@@ -106,9 +114,6 @@ def present(
     return found
 
 
-FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
-
-
 class Mdf4Table(Table):
     """Channels by their names; time is that of their groups, in seconds."""
 
@@ -153,10 +158,6 @@ class Mdf4Table(Table):
     def place(self, row: int, raster: int) -> str:
         """Place of a row: its number in the group."""
         return f"{self.path}, group {self._groups[raster]}, sample {row}"
-
-
-INSTALL = "pip install 'observer-rt[parquet]'"
-READABLE = "give a complete Parquet file"
 
 
 class ParquetTable(Table):
@@ -246,12 +247,6 @@ def _opened(path: Path) -> Iterator[Any]:
             yield file
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
-
-
-_I32, _CHECKSUM = (
-    5,
-    4,
-)  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
 
 
 def _has_page_checksums(path: Path, metadata: Any) -> bool:

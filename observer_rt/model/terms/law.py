@@ -21,6 +21,11 @@ Values = NDArray[np.float64]
 Memory = Callable[["Lagged | Ringing", Values], Values]
 """What a law that remembers makes of the values of its argument."""
 
+LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
+
+# how tightly text binds: a part that binds less than its place asks for stands in parentheses
+_COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
+
 
 class Operation(IntEnum):
     """Operation of a law on one or two arguments; the numbers are those of compiled programs."""
@@ -55,7 +60,6 @@ SIGNS = {
 }
 FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}
 PAIRS = (Operation.MIN, Operation.MAX)  # the functions of two arguments
-LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
 
 class Law:
@@ -360,8 +364,6 @@ _SLOPES: Mapping[Operation, Callable[[Sequence[Law], Sequence[Law]], Law]] = {
     Operation.MAX: _of_choice(Operation.GREATER),
 }
 
-# how tightly text binds: a part that binds less than its place asks for stands in parentheses
-_COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
 _BINDING = {
     Operation.GREATER: _COMPARISON,
     Operation.LESS: _COMPARISON,

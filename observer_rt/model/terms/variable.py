@@ -7,6 +7,8 @@ from typing import NamedTuple, Self
 
 SYMBOLS = ("mm", "ms", "s", "MPa")
 
+_FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
+
 
 class Unit(NamedTuple):
     """Powers of the units laws are reckoned in, and of the unit of the coefficient `c`.
@@ -59,7 +61,6 @@ _KNOWN = {  # a unit as users write it: how many of ours, and which
     "Hz": (1.0, Unit(s=-1.0)),
 }
 UNIT_NAMES = tuple(_KNOWN)
-_FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
 
 
 def unit_named(text: str) -> tuple[float, Unit] | None:

@@ -56,14 +56,14 @@ class GroupIdentifier(int):
 
     @property
     def group(self) -> int:
-        """The group, whoever sends it."""
+        """Identifier of the group, for every source address."""
         return self & self.mask
 
 
 class ParameterGroups:
     """Gives received frames the identifiers that the database has for their groups.
 
-    One source address counts for each group: that of the database, as soon as it is heard, else the first.
+    One source address counts for each group: that of the database, as soon as it is received, else the first.
     """
 
     def __init__(self, identifiers: Iterable[int]) -> None:

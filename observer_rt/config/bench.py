@@ -42,7 +42,7 @@ _OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "lea
 
 _SHOWN = 8
 Content = Mapping[str, Any]
-"""All that a bench says, by the keys that lead to it; of databases a digest of their content."""
+"""Entries of a bench, by the keys that lead to it; of databases a digest of their content."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
 
 
 def describes_files_only(path: Path) -> bool:
-    """Whether a bench file with `[recording]` says nothing of buses. Raises `UserError` for one that is no TOML."""
+    """Whether a bench file with `[recording]` has no bus sections. Raises `UserError` for one that is no TOML."""
     return _is_off_bus(read_toml(path))
 
 
@@ -156,7 +156,7 @@ def load_bench(
     """Read `bench.toml` and the injectors it names, or `model` instead of that of each.
 
     lenient: read every bus database as with its `lenient = true`. off_bus: only files are read, so that a bench file
-    with `[recording]` that says nothing of buses is completed by the example.
+    with `[recording]` and no bus sections is completed by the example.
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)
@@ -243,7 +243,7 @@ def content_of(bench: Bench) -> Content:
 
 
 def changes(before: Content, after: Content) -> list[str]:
-    """Each key that says something else, with what it says."""
+    """Keys whose entries differ, each with its new entry."""
     pairs = {key: (before.get(key), after.get(key)) for key in [*before, *after]}
     found = [
         f"{key}: other content" if isinstance(now, tuple) else f"{key} {_shown(was)} -> {_shown(now)}"

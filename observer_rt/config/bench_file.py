@@ -83,7 +83,7 @@ def require_link(place: str, name: str | None, known: Mapping[str, FurtherLinkCo
 
 
 def refuse_shared_channels(place: str, links: Sequence[NamedLink]) -> None:
-    """Raise `UserError` where two buses are one channel; place: where the channels are said."""
+    """Raise `UserError` where two buses are one channel; place: where the channels are stated."""
     seen: dict[tuple[str, str], NamedLink] = {}
     for link in links:
         channel = link.config.interface, link.config.channel
@@ -170,7 +170,7 @@ class BenchFile:
     own: Mapping[str, Any]
 
     def read(self) -> BenchConfig:
-        """Both together. Raises `UserError` at the place that says it."""
+        """Both together. Raises `UserError` at the place that states it."""
         for key in self.own:
             if key not in InjectorConfig.model_fields:
                 raise unknown_key(

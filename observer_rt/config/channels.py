@@ -34,7 +34,7 @@ def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
 def effects_on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
     """Effects of delays and lags in recordings that are compared with models, on one raster: against the lift.
 
-    Raises `UserError` for a delay that the samples kept beside an injection do not bridge.
+    Raises `UserError` for a delay that the samples stored beside an injection do not bridge.
     """
     signals = fitted.config.signals
     lift = signals.needle_lift.filter_delay_us

@@ -99,7 +99,7 @@ def _line_in(path: Path, error: BaseException) -> str:
 
 
 def _check(place: str, effect: Effect, known: Mapping[str, Effect]) -> None:
-    """Refuse an effect for the first thing that is wrong with it."""
+    """Refuse an effect for the first of its faults."""
     try:
         fault = next(_faults(effect, known), None)
     except Exception as error:  # fields of quite another type

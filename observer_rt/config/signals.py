@@ -35,7 +35,7 @@ class OptionalSignal:
 
     use: what becomes of its values; possible: lowest and highest value [SI] of which its range must reach one, else
     it is `wrong`. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
-    always, then only where a frame cannot say that there is none. units: SI of each, or origins: where each begins
+    always, then only where a frame cannot mark it as not available. units: SI of each, or origins: where each begins
     [K]; neither: a plain number. shown: the unit of its range in `check`; without one that is not shown.
     """
 

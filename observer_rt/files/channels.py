@@ -37,10 +37,10 @@ def matched_channels(
     said: Mapping[int, str],
     option: Callable[[int], str],
 ) -> dict[int, str]:
-    """The channel of each bus, for several buses; those said are taken, the others found by reading the log.
+    """The channel of each bus, for several buses; those stated are taken, the others found by reading the log.
 
     A log with names: by the channels of the bench file. One with numbers: by those our own recorder would give these
-    channels, else, where there are as many as buses, in order. option: what a user would say for a bus.
+    channels, else, where there are as many as buses, in order. option: how a user states one for a bus.
     Raises `UserError` for a needed bus that none of this finds.
     """
     open_buses = [bus for bus in range(len(links)) if bus not in said]

@@ -148,7 +148,7 @@ class _Files:
         self._writer: LogRecorder | None = None
         self._begun = 0
         self.lost = 0
-        """Frames that were lost, which is said before the next one."""
+        """Number of lost frames that are noted before the next one."""
 
     def write(self, frame: Frame, channel: str, now: int) -> None:
         """Append a frame of a channel; `now`: monotonic time [ns]."""

@@ -146,7 +146,7 @@ def check_destination(
 
 
 def refuse_existing(option: str, paths: Iterable[Path], force: bool, kind: FileKind | None = None) -> None:
-    """Raise `UserError` for a file that would be replaced although nobody said --force, or is of another kind."""
+    """Raise `UserError` for a file that would be replaced without --force, or is of another kind."""
     for path in paths:
         refuse_other_kind(option, path, kind)
         if path.exists() and not force:

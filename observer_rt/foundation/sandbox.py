@@ -31,7 +31,7 @@ _PACKAGE_FOLDER = Path(__file__).parents[2]
 
 
 class WorkerError(Exception):
-    """The work ended without a result; the text says how."""
+    """End of the work without a result; the text states how."""
 
 
 class _Request(NamedTuple):
@@ -143,7 +143,7 @@ def serve(descriptor: int) -> None:
         if not data:
             return
         request: _Request = pickle.loads(data)
-        with suppress(Exception):  # the worker will say it
+        with suppress(Exception):  # the worker will report it
             import_module(request.module)
         if os.fork() == 0:
             requests.close()

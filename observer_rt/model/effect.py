@@ -28,7 +28,7 @@ PRESSURE_GAUGE = (
     "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
 )
 WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
-"""What is left to measure of these where the injection rate was measured."""
+"""Measurements that are left of these where the injection rate was measured."""
 
 
 class Equation(StrEnum):
@@ -74,7 +74,7 @@ class Likeness(StrEnum):
     """Difficulty of telling two effects apart by rail pressure, lift and line pressure."""
 
     SAME = "same"  # nothing in these signals distinguishes them
-    ALIKE = "alike"  # the two of them found together are one that nobody can tell
+    ALIKE = "alike"  # the two of them found together are one, indistinguishable
     NEAR = "near"  # good recordings tell them apart
 
 
@@ -135,7 +135,7 @@ class Effect:
 
     apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
     it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that distinguishes it
-    from all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing;
+    from all it has no relation to, empty when there is no such; apparent: None where its apparent size means nothing;
     remedy: what a user does about an effect of the bench that an injector file cannot have in force; wear: whether
     it is what injectors get as they age.
     """

@@ -43,7 +43,7 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
 """Effects of the vocabulary that are a law of order 1: what is found as such a law is called by their names."""
 
 LETTERS = "AWF"
-"""What stands in a form for its numbers, in order."""
+"""Letters that stand in a form for its numbers, in order."""
 
 
 class FormNumber(NamedTuple):

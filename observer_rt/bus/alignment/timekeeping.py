@@ -7,7 +7,7 @@ negative. So a frame that comes late is late, not one of the next cycle: frames 
 the time in which the counter comes round (one cycle where there is no counter) and delays like that do not occur
 otherwise.
 
-How regularly the input messages come, and how well the time of their samples is known.
+`MessageTiming` holds the jitter of the messages and the uncertainty of the time of their samples.
 """
 
 import math

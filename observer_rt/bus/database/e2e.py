@@ -14,7 +14,7 @@ Profile 7, its header at the start, high bytes first. Bytes 0-7: CRC-64/XZ (poly
 start and final inversion all ones) over byte 8 to the end. Bytes 8-11: length of the frame, 12-15: counter, 16-19:
 data id.
 
-What the frames of a message are worth together says the receiver's state machine (AUTOSAR E2E_SM).
+The receiver's state machine (AUTOSAR E2E_SM) judges the frames of a message together.
 """
 
 from enum import IntEnum

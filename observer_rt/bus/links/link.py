@@ -110,7 +110,7 @@ def condition_messages(channel: str, before: BusCondition, now: BusCondition) ->
 
 
 class Frame(NamedTuple):
-    """Received data frame. `stamp_ns`: when, nanoseconds since 1970; by which clock says the link."""
+    """Received data frame. `stamp_ns`: when, nanoseconds since 1970; by the clock of `Link.stamp_source`."""
 
     frame_id: int
     payload: bytes
@@ -118,9 +118,9 @@ class Frame(NamedTuple):
     is_extended: bool = False
     is_fd: bool = True
     bit_rate_switch: bool = False
-    """Of a CAN FD frame: its data came at the faster bit rate."""
+    """Flag of a CAN FD frame: its data came at the faster bit rate."""
     error_state_indicator: bool = False
-    """Of a CAN FD frame: its sender had seen so many errors that it was error passive."""
+    """Flag of a CAN FD frame: its sender had seen so many errors that it was error passive."""
 
 
 class FdFlags(NamedTuple):
@@ -150,13 +150,13 @@ class StampSource(StrEnum):
 
 
 class LinkDownError(RunError):
-    """The interface went down or away; `Link.reconnect` says when it is back."""
+    """The interface went down or away; `Link.reconnect` reports when it is back."""
 
 
 class Link(Protocol):
     """An open connection to one CAN bus; a context manager that closes it.
 
-    Own frames are not received. Remote and error frames are left out; what error frames tell is in `condition`.
+    Own frames are not received. Remote and error frames are left out; the content of error frames is in `condition`.
     One thread may receive while others send.
     """
 

@@ -23,9 +23,9 @@ class SharedBus:
         self._end = threading.Event()
         self._is_lost = False
         self.connections = 0
-        """How often it was connected."""
+        """Number of connections made."""
         self.trouble = Exception()
-        """What ended the last connection that was lost."""
+        """Error that ended the last connection that was lost."""
 
     def open(self, receive_ids: Sequence[tuple[int, bool]]) -> Link:
         """A link for one more user, who wants these (identifier, is extended). Raises as `open_link`."""
@@ -69,7 +69,7 @@ class SharedBus:
         while not self._end.is_set():
             try:
                 frame = self.link.receive(_LONGEST_WAIT)
-            except Exception as error:  # whatever it is, all who wait for frames must hear of it
+            except Exception as error:  # whatever it is, all who wait for frames must get it
                 self.trouble, self._is_lost = error, True
                 return
             if frame is not None:
@@ -136,7 +136,7 @@ class _Share(Link):
 
 
 def require_interface(place: str, name: str) -> None:
-    """Raise `UserError` for an interface that is none; place: where the user says it."""
+    """Raise `UserError` for an interface that is none; place: where the user states it."""
     if name in _OURS:
         return
     import can  # only for those who use one of its drivers

@@ -167,7 +167,7 @@ class _Threaded(LinkReceiver):
                 continue
             try:
                 frame = link.receive(LONGEST_WAIT)
-            except Exception as error:  # whatever it is, the reader of all buses must hear of it
+            except Exception as error:  # whatever it is, the reader of all buses must get it
                 arrived.put((bus, error))
                 return
             if frame is not None:
@@ -206,7 +206,7 @@ class EnduringReading:
 
     def __init__(self, links: Sequence[Link]) -> None:
         self.outages = 0
-        """How often an interface went down or away."""
+        """Number of times an interface went down or away."""
         self.down: Mapping[int, str] = {}
         """Why, of the buses that are down now; replaced, never changed."""
         self._links = links

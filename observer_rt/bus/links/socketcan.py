@@ -1,6 +1,6 @@
 """A link over a raw SocketCAN socket: one system call a frame, exact time stamps, lost frames counted.
 
-When a SocketCAN frame arrived: the stamps a socket delivers beside it, in integer nanoseconds since 1970.
+Receive stamps are those a socket delivers beside a frame, in integer nanoseconds since 1970.
 """
 
 import array
@@ -112,7 +112,7 @@ def _offers_hardware_stamps(can_socket: socket.socket, channel: str) -> bool:
     info = array.array("B", _TS_INFO.pack(_ETHTOOL_GET_TS_INFO, 0))
     try:
         fcntl.ioctl(can_socket, _SIOCETHTOOL, _IFREQ_POINTER.pack(channel.encode(), info.buffer_info()[0]))
-    except OSError:  # a driver without the question, or no such interface: binding will tell
+    except OSError:  # a driver without the question, or no such interface: binding will fail
         return False
     _, capabilities = _TS_INFO.unpack(info)
     needed = _RX_HARDWARE | _RAW_HARDWARE
@@ -262,7 +262,7 @@ class SocketCanLink(Link):
         self._dropped += more
 
     def note_error_frame(self, identifier: int, data: bytes) -> None:
-        """Take what an error frame says."""
+        """Take the content of an error frame into the condition."""
         self._condition = after_error_frame(self._condition, identifier, data)
 
     def send(

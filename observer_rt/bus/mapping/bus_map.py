@@ -69,7 +69,7 @@ class BusMap:
     summary: OutputMessage
     status: OutputMessage
     labels: tuple[str, ...]
-    """What messages to the user call the buses."""
+    """Names of the buses in messages to the user."""
 
     @property
     def energizing(self) -> EnergizingLayout | None:
@@ -90,7 +90,7 @@ class BusMap:
         """(identifier, is extended) to be read from a bus.
 
         Of one with results only they are those of the results, which nobody else sends: a link that reads nothing
-        would not hear of its controller's state either.
+        would not get its controller's state either.
         """
         wanted = [layout for layout in self.received if layout.bus == bus]
         wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
@@ -267,7 +267,7 @@ class BenchMap:
     known: tuple[KnownMessage, ...]
     """All messages of all databases, used or not."""
     overlooked: tuple[str, ...]
-    """What is wrong with databases that were read leniently."""
+    """Faults of databases that were read leniently."""
 
     @cached_property
     def destinations(self) -> Mapping[int, tuple[Destination, ...]]:

@@ -119,11 +119,11 @@ class OptionalInput:
     table: NDArray[np.void]
     """`codec.SIGNAL`: the index of the first sample, where there is one, then its signals."""
     selection: Selection
-    """What a multiplexed frame must hold to carry it."""
+    """Selector value of a multiplexed frame that carries it."""
     row: NDArray[np.void]
     """`OPTIONAL_INPUT`, without its places in the tables."""
     default: float
-    """What frames made of a recording say [units of the database], nan: not available."""
+    """Values in frames made of a recording [units of the database], nan: not available."""
 
 
 class Inputs(NamedTuple):

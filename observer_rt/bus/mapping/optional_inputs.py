@@ -1,6 +1,6 @@
 """Optional inputs, from bench file and bus database: which frames carry them, and how.
 
-The energizing of the injector on the bus: which signals tell it, and what a frame says of it.
+The energizing of the injector on the bus: the signals that carry it, and its reading from a frame.
 
 Either a level, 0 while the injector is not energized, one or several samples a frame; or a duration, one value a
 frame, 0 where there is none.
@@ -99,7 +99,7 @@ class EnergizingLayout(OptionalInput):
     delay: float
     """s from a frame's last sample to its stamp."""
     cycle: float | None
-    """s from frame to frame, None: it is sent when there is something to say."""
+    """Time from frame to frame [s], None: it is sent on an event."""
     window: float
     """s from the start of energizing, within which the needle opens."""
 
@@ -293,7 +293,7 @@ def _index(
 
 
 def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
-    """Have frames made of recordings tell no more of the optional inputs than a recording knows: no energizing."""
+    """Set the energizing in frames made of recordings to not available: a recording has none."""
     for message in slow:
         layout = message.layout
         key = layout.key

@@ -76,7 +76,7 @@ class AscLog(TextLogReader):
     """Reader; channels are numbered from 1 and named by their number.
 
     Dates are taken as local time; where one is in a language not known, times count from the start of the log,
-    and `notes` says so.
+    and `notes` reports it.
     """
 
     kind = "an ASC log"

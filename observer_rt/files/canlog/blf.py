@@ -194,7 +194,7 @@ class BlfLog(LogReader):
             self.refuse(number, str(error), READABLE)
 
     def _marker(self, data: bytes, body: int) -> bool:
-        """Whether a marker says that frames were lost."""
+        """Whether a marker reports lost frames, which are counted."""
         lost = self.lost_frames
         if body + MARKER.size <= len(data):
             length = MARKER.unpack_from(data, body)[4]

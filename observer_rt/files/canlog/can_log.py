@@ -32,7 +32,7 @@ class LogFrame(NamedTuple):
 
     frame: Frame
     channel: str
-    """As the log names it: `can0` in text of candump, `1` where channels are numbered."""
+    """Channel as the log names it: `can0` in text of candump, `1` where channels are numbered."""
     is_sent: bool = False
     """Sent by the computer that recorded it."""
 
@@ -59,11 +59,11 @@ class LogReader(ABC):
 
     Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry, for
     time that steps back on a channel and for stamps that are whole seconds only. A file that ends within a frame was
-    cut while it was written: the frames before are read, and `notes` says so.
+    cut while it was written: the frames before are read, and `notes` reports it.
     """
 
     unit: ClassVar[str] = "line"
-    """What a place in the file is counted in."""
+    """Unit that places in the file are counted in."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -77,7 +77,7 @@ class LogReader(ABC):
         self.other_entries = 0
         """Entries that are no frames, such as bus statistics."""
         self.lost_frames = 0
-        """Frames that whoever recorded the log says were lost."""
+        """Frames lost by the log's own record."""
         self.remarks: list[str] = []
         self._reordered = 0
         self._size = 0
@@ -134,7 +134,7 @@ class LogReader(ABC):
         return f"{self.path}, {self.unit} {number}"
 
     def refuse(self, number: int, problem: str, remedy: str = "") -> NoReturn:
-        """Raise `UserError` for a place in the file; where nothing is said, with the usual remedy."""
+        """Raise `UserError` for a place in the file; without a remedy, with the usual one."""
         usual = (
             "delete it, or record the log again"
             if self.unit == "line"
@@ -143,7 +143,7 @@ class LogReader(ABC):
         raise UserError(self.place(number), problem, remedy or usual)
 
     def note_text(self, text: str) -> None:
-        """Take a comment of the log: it may say that frames were lost."""
+        """Take a comment of the log: it may report lost frames."""
         lost = _LOST.search(text)
         if lost:
             self.lost_frames += int(lost[1])
@@ -218,7 +218,7 @@ class LogRecorder(LogWriter):
 
     @abstractmethod
     def write_lost(self, frames: int) -> None:
-        """Say, in the log, that frames were lost before the next one."""
+        """Note in the log that frames were lost before the next one."""
 
     @property
     @abstractmethod

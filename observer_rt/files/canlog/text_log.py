@@ -1,4 +1,4 @@
-"""Logs of text, line by line, packed or not: foreign content is named, times from start or line to line are said."""
+"""Logs of text, line by line, packed or not: foreign content and times from start or line to line are recognised."""
 
 import gzip
 import zlib
@@ -49,7 +49,7 @@ _LINES_TO_KNOW = 20
 LINES_AT_ONCE = 60
 LONGEST_LINE = 1 << 16  # characters, of what is packed: zeros would be one line of any length
 EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
-_SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
+_SIZE_AT_END = 4  # bytes of a gzip file that hold the length of its content
 
 SURE_OF_START = 30  # times that are the largest so far
 SURE_OF_LINES = 8  # times that differ from the one before
@@ -80,12 +80,12 @@ def likeness(path: Path) -> tuple[str, str]:
 
 
 class TextLogReader(LogReader):
-    """Reader of a log of text, in UTF-8 or what is left of another encoding; whether it is packed, its bytes say."""
+    """Reader of a log of text, in UTF-8 or what is left of another encoding; packed or not, by its first bytes."""
 
     kind: ClassVar[str]
-    """What its files are, with an article."""
+    """Kind of its files, with an article."""
     remedy: ClassVar[str] = ""
-    """Of a line that is none of such a log, if not the usual one."""
+    """Remedy for a line that is none of such a log, if not the usual one."""
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         for first, lines in self._blocks():

@@ -1,4 +1,4 @@
-"""Blocks of MDF4 files, as far as they say where records lie, how long they are and how many there should be.
+"""Blocks of MDF4 files, as far as they state place, length and number of records.
 
 asammdf reads what is in the records, in a process of its own, for it trusts what stands in a file. What leads to them
 is read here, too, for asammdf passes over records that it cannot follow. Every link is followed once, every length is
@@ -53,7 +53,7 @@ def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Itera
 
 @dataclass(frozen=True)
 class DataReference:
-    """A field of a record that says where its data begin, among those of the group, or in the blocks, at a place."""
+    """A field of a record that holds where its data begin, among those of the group, or in the blocks, at a place."""
 
     byte: int
     size: int
@@ -62,7 +62,7 @@ class DataReference:
 
 @dataclass(frozen=True)
 class ChannelGroup:
-    """Records of one kind. length: in bytes, without the id; None: each says its own."""
+    """Records of one kind. length: in bytes, without the id; None: each states its own."""
 
     place: int
     record_id: int
@@ -97,7 +97,7 @@ class DataGroup:
 
 
 class GroupCount(NamedTuple):
-    """Records of a channel group in the data, and those of them that are complete. stated: as its heading says; None:
+    """Records of a channel group in the data, and those of them that are complete. stated: by its heading; None:
     it does not."""
 
     found: int
@@ -165,7 +165,7 @@ class Blocks:
         self._linked: set[int] = set()
         (flags,) = struct.unpack("<H", self._read(_FLAGS_PLACE, 2))
         self.has_cycles = not flags & _UPDATE_CYCLES
-        """Whether the headings say how many records there are."""
+        """Whether the headings state the number of records."""
         self.has_offsets = not flags & _UPDATE_OFFSETS
         """Whether references to data of variable length are right."""
         self.has_lists = not flags & _UPDATE_LAST_LIST

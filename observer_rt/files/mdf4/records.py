@@ -1,6 +1,6 @@
 """Number of records in an MDF4 file: its data walked through from record to record.
 
-asammdf, which reads them, stops at the first record that it cannot follow and says nothing: one bit, and half of a
+asammdf, which reads them, stops at the first record that it cannot follow, without an error: one bit, and half of a
 log is gone.
 """
 
@@ -53,7 +53,7 @@ def count_records(path: Path) -> CountedRecords:
                         counts, said = walked.counts(), walked.remarks
                     else:
                         counts, said = _of_one(blocks, group)
-                    groups |= {  # of which more is known than what the heading says
+                    groups |= {  # of which more is known than the heading states
                         place: count
                         for place, count in counts.items()
                         if not (count.found == count.complete == (count.stated or 0))

@@ -1,4 +1,4 @@
-"""A recording as the frames a measuring device would send, by the bench's bus map; what they cannot hold is said."""
+"""Frames of a recording, as a measuring device would send them by the bench's bus map; clamping is reported."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -71,9 +71,9 @@ class TimedFrame(NamedTuple):
     is_fd: bool
     payload: bytes
     channel: str = ""
-    """Of the log it comes from; none for a frame made from a recording."""
+    """Channel of the log it comes from; none for a frame made from a recording."""
     bit_rate_switch: bool = True
-    """Of a CAN FD frame; as is the next."""
+    """Flag of a CAN FD frame, as the next one is."""
     error_state_indicator: bool = False
     bus: int = 0
     """Number of the bench's bus it is sent on."""

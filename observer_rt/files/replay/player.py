@@ -270,7 +270,7 @@ def play(
 
     speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is called with the
     time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
-    these buses, instead of `link`. While an interface is down or away all wait, which `tell` hears of, and go on as
+    these buses, instead of `link`. While an interface is down or away all wait, which `tell` is given, and go on as
     much later; no frame is left out.
 
     Raises:

@@ -49,7 +49,7 @@ _GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:
 class Dialect:
     """Dialect in which one file is written.
 
-    names, units: of all columns, units as far as the file says them; mapped: places of columns by signal;
+    names, units: of all columns, units as far as the file states them; mapped: places of columns by signal;
     first_row: lines before the first numbers; header_line, unit_line: 1-based, 0: none; calendar: of the time, None:
     it is a number; missing: cells without a value, in lower case; comment: what begins one, empty: nothing does.
     """

@@ -18,7 +18,7 @@ NO_NUMBER = ("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan")  # as Windows prints it
 MISSING = frozenset(
     ("", "nan", "-nan", "na", "n/a", "<na>", "#n/a", "#na", "null", "none", "-", "--", "---", *NO_NUMBER)
 )
-"""In lower case."""
+"""Marks of a missing value, in lower case."""
 
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 ISO_8601 = "ISO8601"  # as pandas calls it
@@ -31,7 +31,7 @@ _UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number with this decimal sign, or one of the ways to say that there is none."""
+    """Whether a cell is a number with this decimal sign, or a mark for a missing one."""
     text = cell.strip()
     if is_missing(text):
         return True
@@ -45,7 +45,7 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no value."""
+    """Whether a cell marks a missing value."""
     return cell.strip().lower() in MISSING
 
 
@@ -160,7 +160,7 @@ def header_by_place(path: Path, lines: Sequence[str], config: RecordingConfig) -
 
 
 def bare_unit(unit: str) -> str:
-    """A unit as it is said in a row of units."""
+    """A unit as it stands in a row of units."""
     return unit.strip().strip("[]()").strip()
 
 

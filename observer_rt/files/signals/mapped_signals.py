@@ -47,7 +47,7 @@ class AxisSurvey:
     def __init__(self, rate: float, bridge: float) -> None:
         self._rate, self._bridge = rate, bridge
         self.period = 0.0
-        """Of the stamps [s], their median in the first part."""
+        """Period of the stamps [s], their median in the first part."""
         self.runs: list[RowRun] = []
         self.bridged = 0
         """Gaps that are closed by a straight line."""

@@ -39,7 +39,7 @@ def found_and_parts(
 ) -> Iterator[FoundChannels | TablePart]:
     """Channels of a file that are wanted, then the parts of the first group with some of them.
 
-    Raises `UserError` where a channel is missing or in doubt.
+    Raises `UserError` where a channel is missing or ambiguous.
     """
     with opened(path) as file:
         mapped = present(path, wanted, file.channels_db, is_own, "channel")

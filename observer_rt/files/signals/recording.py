@@ -34,7 +34,7 @@ EQUIDISTANT = (
 
 SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")
 Arrays = Mapping[str, NDArray[np.float64]]
-"""Of time and signals, by name."""
+"""Time and signals by name, each (n,)."""
 
 
 class UnevenTime(NamedTuple):
@@ -162,11 +162,11 @@ class Recording:
     injection_rate: NDArray[np.float64] | None = None
     """Measured [m3/s]; None where no rate was measured."""
     path: Path | None = None
-    """Where the recording was read from; None for one made in memory."""
+    """File of the recording; None for one made in memory."""
     meaning: Meaning | None = field(default=None, kw_only=True)
-    """What a sample is; None: as the bench file says, without one an instant."""
+    """Meaning of a sample; None: as the bench file states, without one an instant."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
-    """What its reader left out or found odd."""
+    """Notes on what its reader left out or found odd."""
 
     def __post_init__(self) -> None:
         name = str(self.path) if self.path is not None else "recording"

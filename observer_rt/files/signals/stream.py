@@ -20,7 +20,7 @@ LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into on
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples of a file between which none is missing. start: time of the first one [s], as the file says it."""
+    """Samples of a file between which none is missing. start: time of the first one [s], as in the file."""
 
     start: float
     samples: int
@@ -37,15 +37,15 @@ class SignalStream(ABC):
         self.has_rate = False
         """Whether an injection rate was measured."""
         self.notes: tuple[str, ...] = ()
-        """What was made of the file that the user should know."""
+        """Notes for the user on how the file was read."""
         self.survey = Survey()
         """Ranges of the signals."""
         self.names: dict[str, str] = {}
-        """What signals are called in the file, where that is not as in a recording."""
+        """Names of signals in the file, where they are not as in a recording."""
         self.meaning: Meaning | None = None
-        """What a sample is; None: as the bench file says, without one an instant."""
+        """Meaning of a sample; None: as the bench file states, without one an instant."""
         self.details: tuple[str, ...] = ()
-        """How the file was read, for who looks at it."""
+        """Details of how the file was read, for who looks at it."""
 
     @property
     def path(self) -> Path | None:
@@ -111,7 +111,7 @@ class SignalStream(ABC):
 
 
 Sampled: TypeAlias = Recording | SignalStream
-"""What was recorded at a sample rate, in memory or read in parts."""
+"""Recording at a sample rate, in memory or read in parts."""
 
 
 def joined(parts: Sequence[Recording]) -> Recording:

@@ -54,15 +54,15 @@ class Table(ABC):
         self.config = config
         self.is_own = is_own
         self.is_text = False
-        """Whether numbers are decimal, to be converted to what their printed digits say."""
+        """Whether numbers are decimal, to be converted to the value of their printed digits."""
         self.layout = ""
-        """How the file is written, in a few words."""
+        """Layout of the file in a few words."""
         self.columns: Mapping[str, str] = {}
         """Units, empty where there is none, by the names of all columns."""
         self.mapped: dict[str, ColumnConfig] = {}
-        """Those of the file that are mapped, by signal and `time`."""
+        """Columns of the file that are mapped, by signal and `time`."""
         self.units: dict[str, str] = {}
-        """As the file says them, of the mapped columns; left out where it does not."""
+        """Units of the mapped columns in the file; left out where it states none."""
         self.rasters: tuple[tuple[str, ...], ...] = ()
         """Names of the mapped signals by time axis."""
         self.notes: list[str] = []

@@ -83,7 +83,7 @@ class TableSignals(SignalStream):
             self.survey.take(name, values)
 
     def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
-        """Unit of a column, and who says so. Raises `UserError` for none and for an unknown one."""
+        """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""
         found = (self._table.units.get(name, ""), "as the file says")
         unit, said = found if column.unit is None else (column.unit, "as the bench file says")
         if unit not in UNITS[name]:

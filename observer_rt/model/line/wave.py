@@ -34,8 +34,8 @@ RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter 
 MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
-HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
-DAMPING = 0.5  # m2/s, of a line whose file does not say
+HALF_WAY = 0.5  # of the length, where two parts meet whose file does not state it
+DAMPING = 0.5  # m2/s, of a line whose file does not state it
 FASTER = 3.3e-3  # s^1/2, the integral of what that leaves below .01 ms: it adds to the inertance
 
 

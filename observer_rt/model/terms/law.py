@@ -19,7 +19,7 @@ from observer_rt.model.terms.variable import Variable, unit_named
 
 Values = NDArray[np.float64]
 Memory = Callable[["Lagged | Ringing", Values], Values]
-"""What a law that remembers makes of the values of its argument."""
+"""Values of a law that remembers, by the law and the values of its argument."""
 
 LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 

@@ -134,7 +134,7 @@ class Bench:
 
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
-    """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
+    """Read the parameters [SI] of an injector file. Raises `UserError` naming file, key, problem and remedy."""
     parameters = with_cells(validated(InjectorParameters, read_toml(path), place_in(path), "injector"))
     check_effects(f"{path}: ", parameters.effects)
     check_terms(f"{path}: ", parameters)
@@ -153,10 +153,11 @@ def _is_off_bus(shared: Mapping[str, Any]) -> bool:
 def load_bench(
     path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False, off_bus: bool = False
 ) -> Bench:
-    """Read `bench.toml` and the injectors it names, or `model` instead of that of each.
+    """Read a bench file and the injector files it names.
 
-    lenient: read every bus database as with its `lenient = true`. off_bus: only files are read, so that a bench file
-    with `[recording]` and no bus sections is completed by the example.
+    model: injector file for each injector, instead of that named. lenient: read every bus database as with its
+    `lenient = true`. off_bus: only files are read, so that a bench file with `[recording]` and no bus sections is
+    completed by the example.
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)

@@ -176,8 +176,9 @@ def recorded() -> list[LogFormat]:
 def open_recording(
     path: Path, injector: BenchInjector | None = None, in_one_go: bool = False
 ) -> SignalStream:
-    """Look through a recording, which is then read in parts; one in a layout of the user's own by `[recording]`.
+    """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
+    injector: whose `[recording]` describes a layout of the user's own; None: our own layouts only.
     in_one_go: as of `EvenSignals`, of our own layouts; else it is looked through all the same.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
@@ -204,7 +205,11 @@ def open_recording(
 
 
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:
-    """Read a recording into memory, else as `open_recording`."""
+    """Read a recording into memory: arrays (n,) of time and signals [SI], NaN between its stretches.
+
+    injector: whose `[recording]` describes a layout of the user's own; None: our own layouts only.
+    Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
+    """
     with file_errors(path):
         return open_recording(path, injector).collected()
 
@@ -222,7 +227,10 @@ def write_recording(path: Path, recording: Recording) -> None:
 
 @contextmanager
 def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
-    """Writes the parts of a recording it is given. Raises `UserError` for a suffix that cannot be written."""
+    """Open a recording for writing; the function given appends a part. has_rate: the parts have an injection rate.
+
+    Raises `UserError` for a suffix that cannot be written, `OSError` when writing fails.
+    """
     found = _of(path, written(signal_formats()))
     assert found.writer is not None
     if isinstance(found.reader, OwnLayout):

@@ -178,7 +178,7 @@ class SizedEffect:
 
 
 def scaled(section: str, *names: str) -> Law:
-    """The law of a share: parameters of a section of the injector file times 1 + value."""
+    """Law of a share: the parameters `names` of a section of the injector file times 1 + value [-]."""
 
     def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
         return model.with_section(section, **dict.fromkeys(names, 1.0 + values[0]))
@@ -187,7 +187,7 @@ def scaled(section: str, *names: str) -> Law:
 
 
 def added(terms: str, name: str) -> Law:
-    """The law of a sum: value added to one of the model's `departures`, `inputs` or `sensor` terms."""
+    """Law of a sum: the value [SI] added to `name` of the model's `departures`, `inputs` or `sensor`, its `terms`."""
 
     def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
         return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})

@@ -123,7 +123,10 @@ def map_bus(bench: Bench) -> BusMap:
 
 
 def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
-    """Compile the mapping of one injector of a bench, whose `databases` are all injectors'; raises as `map_bus`."""
+    """Compile the mapping of one injector of a bench, whose `databases` are all injectors'.
+
+    Raises `UserError` naming bench file, key and what the database has instead.
+    """
     inputs, layouts, slow = _map_inputs(fitted, databases)
     outputs = fitted.config.outputs
 
@@ -354,7 +357,7 @@ def role_factor(bus: BusMap, role: Role) -> float:
 
 
 def role_range(bus: BusMap, role: Role) -> RoleRange:
-    """The values that reach the receiver when more is encoded than fits."""
+    """Range [SI] of the role on the bus: the values that reach the receiver when more is encoded than fits."""
     message = bus.inputs.messages[message_of(bus, role)]
     ends = []
     for value in (-np.inf, np.inf):

@@ -42,7 +42,7 @@ _log_frame_of: Callable[[tuple[Any, ...]], LogFrame] = partial(tuple.__new__, Lo
 
 
 def log_frames(*columns: Iterable[Any]) -> Iterator[LogFrame]:
-    """Frames by columns: the fields of `Frame`, channel and whether each was sent."""
+    """Frames by columns (n,): the fields of `Frame`, channel and whether each was sent."""
     *frames, channels, are_sent = columns
     return map(
         _log_frame_of, zip(map(_frame_of, zip(*frames, strict=False)), channels, are_sent, strict=False)
@@ -249,14 +249,20 @@ class ChannelNumbers:
 
 
 def text_nanoseconds(text: str, digits: int = 9) -> int:
-    """Decimal text of a unit of 10^digits ns as whole ns: nothing is lost to binary fractions."""
+    """Convert decimal text in units of 10^digits ns to whole ns: nothing is lost to binary fractions.
+
+    Raises ValueError for a text that is no number.
+    """
     whole, _, fraction = text.replace(",", ".").partition(".")
     factor: int = 10**digits
     return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
 
 
 def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:
-    """Decimal text, of six digits behind the point where those are enough, else nine; `digits` before it."""
+    """Decimal text of a time [s], six digits behind the point where those are enough, else nine.
+
+    digits: width before the point, filled with `fill`.
+    """
     seconds, rest = divmod(nanoseconds, NANOSECONDS)
     return f"{seconds:{fill}>{digits}}." + (f"{rest:09d}" if rest % 1000 else f"{rest // 1000:06d}")
 

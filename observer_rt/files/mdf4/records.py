@@ -104,17 +104,13 @@ class _Walk:
         self._fields = [_Field(each, reference) for each in self._kinds for reference in each.references]
         self._variable = {each.place: _VariableData() for each in self._kinds if each.length is None}
         for place in {each.reference.target for each in self._fields} - self._variable.keys():
-            self._variable[place] = self._apart(place)
+            records = ChannelGroup(place, 0, None, 0)  # of variable length, in blocks of their own
+            walk = _Walk(self._blocks, DataGroup(0, (records,), self._blocks.pieces(place)))
+            walk.run()
+            self._variable[place] = walk._variable[place]
         self._kind_of = np.empty(RECORDS_AT_ONCE, np.int64)
         self._place_of = np.empty(RECORDS_AT_ONCE, np.int64)
         self.remarks: list[str] = []
-
-    def _apart(self, place: int) -> "_VariableData":
-        """Data of variable length in the blocks at a place."""
-        records = ChannelGroup(place, 0, None, 0)
-        walk = _Walk(self._blocks, DataGroup(0, (records,), self._blocks.pieces(place)))
-        walk.run()
-        return walk._variable[place]
 
     def run(self) -> None:
         """Walk. Raises `ValueError` where no record can follow, `_RecordError` where that has a place."""

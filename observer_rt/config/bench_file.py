@@ -170,7 +170,7 @@ class BenchFile:
     own: Mapping[str, Any]
 
     def read(self) -> BenchConfig:
-        """Both together. Raises `UserError` at the place that states it."""
+        """Join what is stated for all and for one. Raises `UserError` at the place that states it."""
         for key in self.own:
             if key not in InjectorConfig.model_fields:
                 raise unknown_key(

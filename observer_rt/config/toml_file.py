@@ -49,7 +49,7 @@ class Allowed:
         return [choice for kind in self._kinds for choice in kind.get("enum", ())]
 
     def in_words(self) -> str:
-        """Such as `a number from 2 to 50 ms`."""
+        """Text of what is allowed, such as `a number from 2 to 50 ms`."""
         key = next((part for part in reversed(self.keys) if isinstance(part, str)), "")
         return " or ".join(_in_words(key, kind, self._of(kind.get("items", {}))) for kind in self._kinds)
 

@@ -86,7 +86,7 @@ class HealthyRemainder(_BaselineSection):
 
     @model_serializer(mode="wrap")
     def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Only what was stated: each of the two writes its own figures."""
+        """Figures that were stated only: each of the two writes its own."""
         return {name: value for name, value in dump(self).items() if name in self.model_fields_set}
 
 

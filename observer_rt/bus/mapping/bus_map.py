@@ -65,7 +65,7 @@ class BusMap:
     """Messages with optional inputs."""
     following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
     rate: RateMessage | None
-    """None: the injection rate is not published."""
+    """Message of the injection rate; None: it is not published."""
     summary: OutputMessage
     status: OutputMessage
     labels: tuple[str, ...]

@@ -278,9 +278,9 @@ class LogFormat:
     description: str
     reader: Callable[[Path], LogReader]
     writer: Callable[[Path, int], LogWriter] | None = None
-    """None where it is only read."""
+    """Writer of a log; None where the format is only read."""
     recorder: Callable[[Path, int], LogRecorder] | None = None
-    """None where what was written so far could not be read after a loss of power."""
+    """Recorder of a log; None where what was written so far could not be read after a loss of power."""
     keeps_fd: bool = True
     """Whether CAN FD frames can be written."""
     stamp_step: int = 1

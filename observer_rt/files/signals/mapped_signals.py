@@ -188,7 +188,7 @@ class MappedSignals(TableSignals):
         return tuple(lines)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Read anew, every axis beside the others."""
+        """Read all samples anew, every axis beside the others."""
         rows = [_Rows(self._parts(raster)) for raster in range(len(self._axes))]
         cursors = [Cursor(self.rate, axis.reach, axis.is_on_grid) for axis in self._axes]
         for number, (run, stretch) in enumerate(zip(self._runs, self.stretches, strict=True)):

@@ -125,7 +125,7 @@ class EvenSignals(TableSignals):
             deque(parts, 0)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Read anew, or in the one go."""
+        """Read all samples anew, or in the one go."""
         first = 0
         for part in self._coming if self._in_one_go else self._filled_parts():
             yield self._chunk(part.time, part.signals, 0, first)

@@ -66,7 +66,7 @@ class LumpLine(_LumpCoefficients):
 
     @property
     def mode(self) -> float:
-        """The only one there is."""
+        """Angular frequency [rad/s] of the lump's only motion."""
         return math.sqrt(self.a1 * self.a3)
 
     @property
@@ -87,7 +87,7 @@ class LumpLine(_LumpCoefficients):
         return result
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """There are none."""
+        """Empty, for the lump has no further states that ring."""
         return np.zeros(self.further)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

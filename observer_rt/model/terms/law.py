@@ -76,7 +76,7 @@ class Law:
 
     @property
     def all_parts(self) -> Iterator[Law]:
-        """Itself, its parts and theirs."""
+        """The law itself, its parts and theirs."""
         yield self
         for part in self.parts:
             yield from part.all_parts

@@ -96,15 +96,11 @@ def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np
         }
         fields = {number: _Fields(file, number) for number in _groups(file, DATA) if counts[number]}
         odd = dict.fromkeys(remark for each in fields.values() for remark in each.oddities())
-        yield _totals(file, counted, counts, tuple(odd))
+        data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
+        places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
+        remarks = (*counted.remarks, *counted.contradictions(places, "frames"), *odd)
+        yield Totals(data, error, remote, sum(counts.values()) - data - error - remote, remarks)
         yield from in_order_of_time([each.records(counts[number]) for number, each in fields.items()])
-
-
-def _totals(file: MDF, counted: CountedRecords, counts: dict[int, int], odd: tuple[str, ...]) -> Totals:
-    data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
-    places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
-    remarks = (*counted.remarks, *counted.contradictions(places, "frames"), *odd)
-    return Totals(data, error, remote, sum(counts.values()) - data - error - remote, remarks)
 
 
 def _groups(file: MDF, kind: str) -> list[int]:

@@ -119,7 +119,7 @@ class OptionalInput:
     table: NDArray[np.void]
     """`codec.SIGNAL`: the index of the first sample, where there is one, then its signals."""
     selection: Selection
-    """Selector value of a multiplexed frame that carries it."""
+    """Selector values of a multiplexed frame that carries it."""
     row: NDArray[np.void]
     """`OPTIONAL_INPUT`, without its places in the tables."""
     default: float

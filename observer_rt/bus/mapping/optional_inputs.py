@@ -293,7 +293,7 @@ def _index(
 
 
 def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
-    """Set the energizing in frames made of recordings to not available: a recording has none."""
+    """Fill frames made of recordings with the defaults of the optional inputs: a recording has no energizing."""
     for message in slow:
         layout = message.layout
         key = layout.key

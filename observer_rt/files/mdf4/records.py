@@ -254,7 +254,7 @@ class _VariableData:
         self.longest = max(self.longest, int(lengths.max()))
 
     def use(self, offsets: NDArray[np.uint64]) -> NDArray[np.bool_]:
-        """Marks the references that lead to where data begin, and counts these as used."""
+        """Mark which references lead to where data begin, True or False, and count these data as used."""
         starts = np.concatenate(self._starts) if self._starts else np.empty(0, np.uint64)
         if self._used is None:
             self._used = np.zeros(starts.size, np.bool_)

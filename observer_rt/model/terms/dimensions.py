@@ -4,7 +4,6 @@ A bare number takes whatever unit makes the law right, and so does what it is mu
 a variable and `c` have one.
 """
 
-
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.terms.law import (
     Applied,

@@ -21,6 +21,15 @@ BIT_RATE_SWITCH, ERROR_STATE = (
 )  # flags of struct canfd_frame: data sent faster, sender error passive
 ARPHRD_CAN = 280  # kind of interface
 
+# Added to the id of a frame.
+EXTENDED = 1 << 32
+BUS = 1 << 33  # for each bus before its own
+
+_GROUP = 0x03FF_FF00  # the bits of a group that goes to all
+_ADDRESSED_GROUP = 0x03FF_0000
+_FIRST_TO_ALL = 0xF0  # of the byte that distinguishes the two kinds
+ADDRESS = 0xFF
+
 
 def length_code(length: int) -> int:
     """Data length code of the shortest frame that holds `length` bytes, of at most 64."""
@@ -32,20 +41,9 @@ def length_of(code: int) -> int:
     return FD_LENGTHS[min(code, len(FD_LENGTHS) - 1)]
 
 
-# Added to the id of a frame.
-EXTENDED = 1 << 32
-BUS = 1 << 33  # for each bus before its own
-
-
 def frame_key(frame_id: int, is_extended: bool, bus: int = 0) -> int:
-    """One number for id and format of a frame on a bus."""
+    """Number for id and format of a frame on a bus."""
     return frame_id + (EXTENDED if is_extended else 0) + BUS * bus
-
-
-_GROUP = 0x03FF_FF00  # the bits of a group that goes to all
-_ADDRESSED_GROUP = 0x03FF_0000
-_FIRST_TO_ALL = 0xF0  # of the byte that distinguishes the two kinds
-ADDRESS = 0xFF
 
 
 class GroupIdentifier(int):
@@ -58,14 +56,14 @@ class GroupIdentifier(int):
 
     @property
     def group(self) -> int:
-        """The group, whoever sends it."""
+        """Identifier of the group, for every source address."""
         return self & self.mask
 
 
 class ParameterGroups:
     """Gives received frames the identifiers that the database has for their groups.
 
-    One source address counts for each group: that of the database, as soon as it is heard, else the first.
+    One source address counts for each group: that of the database, as soon as it is received, else the first.
     """
 
     def __init__(self, identifiers: Iterable[int]) -> None:

@@ -38,10 +38,16 @@ _Sections = TypeVar("_Sections", bound=Section)
 
 MOST_INJECTORS = 8
 
+_OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
+
+_SHOWN = 8
+Content = Mapping[str, Any]
+"""Entries of a bench, by the keys that lead to it; of databases a digest of their content."""
+
 
 @dataclass(frozen=True)
 class BenchInjector:
-    """One injector of a bench: what the bench file says of it, and the parameters in the file it names."""
+    """Injector of a bench: its sections of the bench file, and the parameters in the file it names."""
 
     file: BenchFile
     config: InjectorConfig
@@ -50,11 +56,11 @@ class BenchInjector:
 
     @property
     def name(self) -> str:
-        """Of `[injectors.<name>]`; empty where the file has one injector, which its own sections describe."""
+        """Name, of `[injectors.<name>]`; empty where the file has one injector, which its own sections describe."""
         return self.file.name
 
     def place(self, key: str) -> str:
-        """Where the bench file says `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
+        """Place in the bench file of `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
         return self.file.place(*key.split("."))
 
     @property
@@ -118,28 +124,25 @@ class Bench:
         return ", ".join(injector.name for injector in self.injectors)
 
     def with_sections(self, **sections: Section) -> "Bench":
-        """The same with other sections of its one injector."""
+        """Bench with other sections of its one injector."""
         config = self.injector.config.model_copy(update=sections)
         return replace(self, injectors=(replace(self.injector, config=config),))
 
     def with_parameters(self, parameters: InjectorParameters) -> "Bench":
-        """The same with other parameters of its one injector."""
+        """Bench with other parameters of its one injector."""
         return replace(self, injectors=(replace(self.injector, parameters=parameters),))
 
 
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
-    """Read `injector.toml`. Raises `UserError` naming file, key, problem and remedy."""
+    """Read the parameters [SI] of an injector file. Raises `UserError` naming file, key, problem and remedy."""
     parameters = with_cells(validated(InjectorParameters, read_toml(path), place_in(path), "injector"))
     check_effects(f"{path}: ", parameters.effects)
     check_terms(f"{path}: ", parameters)
     return parameters
 
 
-_OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
-
-
 def describes_files_only(path: Path) -> bool:
-    """Whether a bench file with `[recording]` says nothing of buses. Raises `UserError` for one that is no TOML."""
+    """Whether a bench file with `[recording]` has no bus sections. Raises `UserError` for one that is no TOML."""
     return _is_off_bus(read_toml(path))
 
 
@@ -150,10 +153,11 @@ def _is_off_bus(shared: Mapping[str, Any]) -> bool:
 def load_bench(
     path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False, off_bus: bool = False
 ) -> Bench:
-    """Read `bench.toml` and the injectors it names, or `model` instead of that of each.
+    """Read a bench file and the injector files it names.
 
-    lenient: read every bus database as with its `lenient = true`. off_bus: only files are read, so that a bench file
-    with `[recording]` that says nothing of buses is completed by the example.
+    model: injector file for each injector, instead of that named. lenient: read every bus database as with its
+    `lenient = true`. off_bus: only files are read, so that a bench file with `[recording]` and no bus sections is
+    completed by the example.
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)
@@ -229,13 +233,8 @@ def _require_file(place: str, path: Path, others: str = "") -> None:
         raise UserError(place, problem, f"name a file, by its path from the bench file on{others}")
 
 
-_SHOWN = 8
-Content = Mapping[str, Any]
-"""All that a bench says, by the keys that lead to it; of databases a digest of their content."""
-
-
 def content_of(bench: Bench) -> Content:
-    """What a bench says, with its injector files and databases as they are now."""
+    """Content of a bench, with its injector files and databases as they are now."""
     said = _flat("", bench.config.model_dump())
     for injector in bench.injectors:
         prefix = f"injectors.{injector.name}." if injector.name else ""
@@ -245,7 +244,7 @@ def content_of(bench: Bench) -> Content:
 
 
 def changes(before: Content, after: Content) -> list[str]:
-    """Each key that says something else, with what it says."""
+    """Keys whose entries differ, each with its new entry."""
     pairs = {key: (before.get(key), after.get(key)) for key in [*before, *after]}
     found = [
         f"{key}: other content" if isinstance(now, tuple) else f"{key} {_shown(was)} -> {_shown(now)}"

@@ -15,9 +15,16 @@ BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN 
 Channel = Annotated[str, Field(min_length=1)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
+NAME_PLACE = "{injector}"  # in texts at the top of the file
+MOST_CPUS = 8192  # that Linux knows
+RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
+
+# Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
+ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4}}
+
 
 class LinkConfig(Section):
-    """Where the frames come from and go to: one CAN bus."""
+    """CAN bus by which frames are received and sent."""
 
     interface: str = "socketcan"
     channel: Channel = "can0"
@@ -38,24 +45,24 @@ class FurtherLinkConfig(Section):
 
 @dataclass(frozen=True)
 class NamedLink:
-    """One of the buses of a bench; `name` in the bench file, empty for that of `[link]`."""
+    """Bus of a bench; `name` in the bench file, empty for that of `[link]`."""
 
     name: str
     config: LinkConfig
 
     @property
     def label(self) -> str:
-        """What messages to the user call it."""
+        """Name of the bus in messages to the user."""
         return f"{self.name} ({self.config.channel})" if self.name else self.config.channel
 
     @property
     def place(self) -> str:
-        """Its section of the bench file."""
+        """Section of the bus in the bench file."""
         return f"links.{self.name}" if self.name else "link"
 
 
 def named_links(first: LinkConfig, further: Mapping[str, FurtherLinkConfig]) -> tuple[NamedLink, ...]:
-    """All buses, complete; their places are the bus numbers."""
+    """Buses of a bench, complete; their places are the bus numbers."""
     links = [NamedLink("", first)]
     for name, config in further.items():
         stated = {key: value for key, value in config.model_dump().items() if value is not None}
@@ -76,7 +83,7 @@ def require_link(place: str, name: str | None, known: Mapping[str, FurtherLinkCo
 
 
 def refuse_shared_channels(place: str, links: Sequence[NamedLink]) -> None:
-    """Raise `UserError` where two buses are one channel; place: where the channels are said."""
+    """Raise `UserError` where two buses are one channel; place: where the channels are stated."""
     seen: dict[tuple[str, str], NamedLink] = {}
     for link in links:
         channel = link.config.interface, link.config.channel
@@ -111,14 +118,6 @@ def of_links(
     return result
 
 
-NAME_PLACE = "{injector}"  # in texts at the top of the file
-MOST_CPUS = 8192  # that Linux knows
-RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
-
-# Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
-ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4}}
-
-
 class DatabaseConfig(Section):
     file: str  # relative to the bench file; or the name of a database shipped with the package
     lenient: bool = False  # read it although signals overlap or do not fit
@@ -145,7 +144,7 @@ class BusesConfig(Section):
 
     @property
     def buses(self) -> tuple[NamedLink, ...]:
-        """All buses, that of `[link]` first; their places are the bus numbers."""
+        """Buses of a bench, that of `[link]` first; their places are the bus numbers."""
         return named_links(self.link, self.links)
 
     def bus_number(self, link: str | None) -> int:
@@ -154,7 +153,7 @@ class BusesConfig(Section):
 
 
 class BenchConfig(InjectorConfig, BusesConfig):
-    """All of a bench file with one injector, or of one with several as the file is for one of them."""
+    """Content of a bench file with one injector, or of one with several as the file is for one of them."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +170,7 @@ class BenchFile:
     own: Mapping[str, Any]
 
     def read(self) -> BenchConfig:
-        """Both together. Raises `UserError` at the place that says it."""
+        """Join what is stated for all and for one. Raises `UserError` at the place that states it."""
         for key in self.own:
             if key not in InjectorConfig.model_fields:
                 raise unknown_key(
@@ -210,7 +209,7 @@ class BenchFile:
         return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs, **moved}}
 
     def place(self, *location: str | int) -> str:
-        """Where the file says something, by the keys that lead to it."""
+        """Place of an entry in the file, by the keys that lead to it."""
         here: Any = self.own
         for key in location[:2]:
             here = here.get(key) if isinstance(here, Mapping) else None
@@ -219,7 +218,7 @@ class BenchFile:
 
 
 def _named(shared: Any, name: str) -> Any:
-    """What the file says for all, with the name of one in it."""
+    """Value that the file states for all, with the name of one in it."""
     match shared:
         case str():
             return shared.replace(NAME_PLACE, name)

@@ -1,4 +1,4 @@
-"""What a bench file states of its channels, delays of filters and lags of sensors: where each of them is undone.
+"""Delays of filters and lags of sensors that a bench file states: where each of them is undone.
 
 For samples of a bus `bus/alignment` undoes the delay of each message that carries the lift or the rail pressure; all
 else is given to the model, as effects.
@@ -25,16 +25,16 @@ def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:
 
 
 def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
-    """What is left of the delays in aligned samples, and the lags; () where nothing is stated."""
+    """Effects of the delays that are left in aligned samples, and of the lags; () where nothing is stated."""
     rail = signals.rail_pressure.filter_delay_us * MICROSECOND
     rest = rail - undone_in_alignment(signals, Role.RAIL_PRESSURE)
     return _effects(signals, rest, signals.line_pressure.filter_delay_us * MICROSECOND)
 
 
 def effects_on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
-    """The same for recordings that are compared with models, whose channels lie on one raster: against the lift.
+    """Effects of delays and lags in recordings that are compared with models, on one raster: against the lift.
 
-    Raises `UserError` for a delay that the samples kept beside an injection do not bridge.
+    Raises `UserError` for a delay that the samples stored beside an injection do not bridge.
     """
     signals = fitted.config.signals
     lift = signals.needle_lift.filter_delay_us
@@ -51,12 +51,12 @@ def effects_on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
 
 
 def with_channels_of(signals: SignalsConfig, other: SignalsConfig) -> SignalsConfig:
-    """The same signals, of which `other` says how late and how slow they are."""
+    """Signals with the delays and lags that `other` states."""
     return _changed(signals, lambda role: other.of(role).model_dump(include=_KEYS))
 
 
 def as_sent(signals: SignalsConfig) -> SignalsConfig:
-    """The same signals, none of them late or slow."""
+    """Signals without delays and lags."""
     return _changed(signals, lambda _: dict.fromkeys(_KEYS, 0.0))
 
 
@@ -67,7 +67,7 @@ def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]])
 
 
 def _effects(signals: SignalsConfig, rail_delay: float, line_delay: float) -> tuple[SizedEffect, ...]:
-    """Of delays [s] against the lift."""
+    """Effects of delays [s] against the lift."""
     sizes = (
         ("rail_pressure_skew", "d", rail_delay),
         ("channel_skew", "d", line_delay),

@@ -79,7 +79,7 @@ def _described(effect: Effect) -> str:
 
 
 def term_domain(parameters: InjectorParameters) -> TermDomain:
-    """Where terms of an injector must be sound."""
+    """Domain in which terms of an injector must be sound."""
     line = parameters.line
     friction = line.loss_factor * parameters.fluid.density_line / line.area**2  # Pa/(m3/s)^2
     friction *= MM3_PER_MS**2 / MEGAPASCAL

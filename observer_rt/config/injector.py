@@ -1,4 +1,4 @@
-"""What a bench file says of one injector: signals, recordings, model, how it is observed, where its results go."""
+"""Sections of a bench file for one injector: signals, recordings, model, observation, destinations of results."""
 
 from collections.abc import Iterator
 from enum import StrEnum
@@ -10,15 +10,16 @@ from observer_rt.config.signals import Role, SignalsConfig
 from observer_rt.config.toml_file import Positive, Section
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
+OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
+
+Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
+
 
 class Meaning(StrEnum):
-    """What a sample is: the value at its time, or the mean over the sample period that ends there."""
+    """Meaning of a sample: the value at its time, or the mean over the sample period that ends there."""
 
     INSTANT = "instant"
     MEAN = "mean"
-
-
-OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
 
 
 class ColumnConfig(Section):
@@ -43,7 +44,7 @@ class ColumnConfig(Section):
 
     @property
     def name(self) -> str:
-        """What it is called; `column 3` where the file has no names."""
+        """Name of the column; `column 3` where the file has no names."""
         return self.column if isinstance(self.column, str) else f"column {self.column}"
 
 
@@ -112,9 +113,6 @@ class RecordingConfig(Section):
                 yield name, column
 
 
-Identifier = Annotated[int, Field(ge=0, le=0x1FFF_FFFF)]
-
-
 class SamplingConfig(Section):
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] = 100e3
     meaning: Meaning = Meaning.INSTANT
@@ -174,7 +172,7 @@ class OutputsConfig(Section):
 
 
 class Training(StrEnum):
-    """How phi is trained: ours, or the paper's scheme for comparison."""
+    """Training of phi: ours, or the paper's scheme for comparison."""
 
     PREDICTION_ERROR = "prediction_error"
     PAPER = "paper"
@@ -203,7 +201,7 @@ class LearningConfig(Section):
 
 
 class StateConfig(Section):
-    """What is kept on disk; files are relative to the bench file, None: not kept."""
+    """Files of the observer on disk; they are relative to the bench file, None: not written."""
 
     file: str | None = None  # of what was learned
     journal: str | None = None  # of the injections

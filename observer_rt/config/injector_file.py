@@ -1,4 +1,4 @@
-"""Injector files that are changed and written again, their comments and layout kept."""
+"""Injector files that are changed and written again, with their comments and layout."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -99,7 +99,7 @@ def _line_in(path: Path, error: BaseException) -> str:
 
 
 def _check(place: str, effect: Effect, known: Mapping[str, Effect]) -> None:
-    """Refuse an effect for the first thing that is wrong with it."""
+    """Refuse an effect for the first of its faults."""
     try:
         fault = next(_faults(effect, known), None)
     except Exception as error:  # fields of quite another type
@@ -109,7 +109,7 @@ def _check(place: str, effect: Effect, known: Mapping[str, Effect]) -> None:
 
 
 def _faults(effect: Effect, known: Mapping[str, Effect]) -> Iterator[tuple[str, str]]:
-    """What is wrong with an effect, and how to mend it."""
+    """Faults of an effect, each with its remedy."""
     if not _ID.fullmatch(effect.id):
         yield "is no id", "use small letters, digits and underscores"
     if not (effect.sentence and effect.signature):
@@ -133,7 +133,7 @@ def _faults(effect: Effect, known: Mapping[str, Effect]) -> Iterator[tuple[str, 
 
 
 def _faults_of(one: EffectParameter, is_size: bool) -> Iterator[tuple[str, str]]:
-    """What is wrong with a parameter; the first is the effect's size, others shape it."""
+    """Faults of a parameter, each with its remedy; the first parameter is the effect's size, others shape it."""
     if not (one.name.isidentifier() and one.unit):
         yield f"parameter '{one.name}' has no name or no unit", 'give both; the unit of a share is "-"'
     if not (one.si > 0.0 and math.isfinite(one.si)):
@@ -151,7 +151,7 @@ def _faults_of(one: EffectParameter, is_size: bool) -> Iterator[tuple[str, str]]
 
 
 def _faults_of_law(effect: Effect) -> Iterator[tuple[str, str]]:
-    """What is wrong with `apply`, tried on the nominal injector and on what it has made of it."""
+    """Faults of `apply`, tried on the nominal injector and on what it has made of it."""
     nominal = effective_model(load_injector())
     made = []
     for values in product(*((p.lowest, p.highest) for p in effect.parameters)):
@@ -174,7 +174,7 @@ def _faults_of_law(effect: Effect) -> Iterator[tuple[str, str]]:
 
 
 def _unsound(model: Any) -> str:
-    """Why a model is none the program can run; empty when it is."""
+    """Reason why a model is none the program can run; empty when it is."""
     if not isinstance(model, EffectiveModel):
         return f"gives {type(model).__name__}, not an EffectiveModel"
     InjectorParameters.model_validate(model.injector.model_dump())
@@ -199,7 +199,7 @@ class OwnEffects:
 
     @classmethod
     def in_use(cls, paths: Sequence[Path]) -> Self:
-        """Those of this process, read from these files."""
+        """Effects of this process, read from these files."""
         return cls(tuple(path.absolute() for path in paths), added_digests())
 
     def use(self) -> None:

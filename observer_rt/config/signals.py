@@ -1,4 +1,4 @@
-"""Which signals of which messages carry what the observer needs, as a bench file says it."""
+"""Signals of messages that carry the inputs of the observer, as a bench file states them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -31,11 +31,11 @@ class OptionalRole(StrEnum):
 
 @dataclass(frozen=True)
 class OptionalSignal:
-    """What an optional role is, for the bus and for `check`.
+    """Description of an optional role, for the bus and for `check`.
 
     use: what becomes of its values; possible: lowest and highest value [SI] of which its range must reach one, else
     it is `wrong`. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
-    always, then only where a frame cannot say that there is none. units: SI of each, or origins: where each begins
+    always, then only where a frame cannot mark it as not available. units: SI of each, or origins: where each begins
     [K]; neither: a plain number. shown: the unit of its range in `check`; without one that is not shown.
     """
 
@@ -78,7 +78,7 @@ OPTIONAL_SIGNALS: Mapping[OptionalRole, OptionalSignal] = {
 
 
 class SampledConfig(Section):
-    """Which signals of which message carry samples, and which: one of `signal`, `signals`, `pattern`."""
+    """Samples of a message: its signals, by one of `signal`, `signals`, `pattern`."""
 
     message: str
     signal: str | None = None
@@ -105,7 +105,7 @@ class SampledConfig(Section):
 
 
 class SignalConfig(SampledConfig):
-    """The same of a role."""
+    """Samples of a role."""
 
     counter: str | None = None  # signal that counts the frames of a message without index
     rate_hz: Positive | None = None  # of a signal slower than sampling.rate_hz
@@ -115,14 +115,14 @@ class SignalConfig(SampledConfig):
 
 
 class EnergizingConfig(SampledConfig):
-    """The same of the energizing of the injector: with a unit of time its duration, else a level."""
+    """Samples of the energizing of the injector: with a unit of time its duration, else a level."""
 
     # from the start of energizing, within which the needle opens
     missing_after_ms: Annotated[float, Field(ge=0.1, le=50)] = 3.0
 
 
 class SlowSignalConfig(Section):
-    """Which signal of which message carries an optional role: one value a frame."""
+    """Signal of a message that carries an optional role: one value a frame."""
 
     message: str
     signal: str
@@ -130,7 +130,7 @@ class SlowSignalConfig(Section):
 
 
 class SlowQuantityConfig(SlowSignalConfig):
-    """The same of a signal with a unit."""
+    """Signal of a message that carries an optional role with a unit."""
 
     unit: str | None = None  # replaces the unit of the bus database
 

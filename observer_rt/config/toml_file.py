@@ -15,10 +15,13 @@ from observer_rt.foundation.errors import UserError, did_you_mean
 Schema = Mapping[str, Any]
 _UNITS = {"_hz": "Hz", "_s": "s", "_ms": "ms", "_us": "us", "_mpa": "MPa", "_um": "um", "bit_rate": "bit/s"}
 
+_Model = TypeVar("_Model", bound=BaseModel)
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
 
 @dataclass(frozen=True)
 class Allowed:
-    """What may stand where keys lead to. root, schema: of the whole file, and of this place."""
+    """Schema of what may stand at a place of a file. root, schema: of the whole file, and of this place."""
 
     root: Schema
     schema: Schema
@@ -26,7 +29,7 @@ class Allowed:
 
     @classmethod
     def at(cls, model: type[BaseModel], location: Iterable[int | str]) -> "Allowed":
-        """At the place of one of pydantic's errors, whose own remarks in the location are passed over."""
+        """Schema at the place of one of pydantic's errors, whose own remarks in the location are passed over."""
         root = model.model_json_schema()
         place = cls(root, root)
         for part in location:
@@ -42,16 +45,16 @@ class Allowed:
 
     @property
     def choices(self) -> list[str]:
-        """Of a text that must be one of several."""
+        """Choices for a text that must be one of several."""
         return [choice for kind in self._kinds for choice in kind.get("enum", ())]
 
     def in_words(self) -> str:
-        """Such as `a number from 2 to 50 ms`."""
+        """Text of what is allowed, such as `a number from 2 to 50 ms`."""
         key = next((part for part in reversed(self.keys) if isinstance(part, str)), "")
         return " or ".join(_in_words(key, kind, self._of(kind.get("items", {}))) for kind in self._kinds)
 
     def _below(self, part: int | str) -> Iterator[Schema]:
-        """What may stand a key or a number of a list further."""
+        """Schemas of what may stand a key or a number of a list further."""
         for kind in self._kinds:
             if isinstance(part, int):
                 yield from [*kind.get("prefixItems", ())[part:], *filter(None, [kind.get("items")])]
@@ -99,7 +102,7 @@ def _in_words(key: str, kind: Schema, items: list[Schema]) -> str:
 
 
 def _limits(key: str, kind: Schema) -> str:
-    """Of a number, with its unit as its key says it."""
+    """Limits of a number, with its unit as its key states it."""
     unit = next((f" {unit}" for end, unit in _UNITS.items() if key.lower().endswith(end)), "")
     if "minimum" in kind and "maximum" in kind:
         return f" from {kind['minimum']:.10g} to {kind['maximum']:.10g}{unit}"
@@ -114,10 +117,6 @@ def _limits(key: str, kind: Schema) -> str:
         if name in kind
     ]
     return f" {' and '.join(limits)}" if limits else unit and f" of{unit}"
-
-
-_Model = TypeVar("_Model", bound=BaseModel)
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Section(BaseModel):
@@ -150,7 +149,7 @@ def validated(
 
 
 def place_in(path: Path) -> Callable[..., str]:
-    """What `validated` calls the places of a file."""
+    """Function by which `validated` names the places of a file."""
     return lambda *location: f"{path}: {'.'.join(map(str, location)) or 'file'}"
 
 

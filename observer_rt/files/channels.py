@@ -37,10 +37,10 @@ def matched_channels(
     said: Mapping[int, str],
     option: Callable[[int], str],
 ) -> dict[int, str]:
-    """The channel of each bus, for several buses; those said are taken, the others found by reading the log.
+    """The channel of each bus, for several buses; those stated are taken, the others found by reading the log.
 
     A log with names: by the channels of the bench file. One with numbers: by those our own recorder would give these
-    channels, else, where there are as many as buses, in order. option: what a user would say for a bus.
+    channels, else, where there are as many as buses, in order. option: how a user states one for a bus.
     Raises `UserError` for a needed bus that none of this finds.
     """
     open_buses = [bus for bus in range(len(links)) if bus not in said]
@@ -124,7 +124,7 @@ class InputFrames:
             self._refuse_empty(bus, list(channels), [identifier for identifier, _ in others])
 
     def notes(self) -> list[str]:
-        """What the reader of the log has to say after the last reading."""
+        """Notes of the reader of the log after the last reading."""
         notes = self._log.notes()
         if len(self._channels) > 1:
             pairs = (
@@ -141,7 +141,7 @@ class InputFrames:
 
     @property
     def share_read(self) -> float:
-        """How much of the log was read, 0 to 1."""
+        """Share of the log that was read, 0 to 1."""
         return self._log.share_read
 
     def _refuse_empty(self, bus: int, channels: list[str], others: list[int]) -> None:

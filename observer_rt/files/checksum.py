@@ -1,4 +1,4 @@
-"""A checksum of a whole file, kept as text within it: damage anywhere in what we write as MF4 or Parquet is found.
+"""A checksum of a whole file, as text within it: damage anywhere in what we write as MF4 or Parquet is found.
 
 Neither format has one. The text stands where other programs keep comments, and show them.
 """
@@ -12,7 +12,7 @@ from observer_rt.foundation.errors import UserError
 
 _TEXT = "observer-rt crc32 {:08x} of {:015d} bytes"
 BLANK = _TEXT.format(0, 0)
-"""What a file is to have within its last `_END` bytes, for `seal`."""
+"""Text that a file is to have within its last `_END` bytes, for `seal`."""
 _STATED = re.compile(rb"observer-rt crc32 ([0-9a-f]{8}) of (\d{15}) bytes")
 _END = 1 << 20  # bytes
 _AT_ONCE = 1 << 20
@@ -28,7 +28,7 @@ def seal(path: Path) -> None:
 
 
 def refuse_damaged(path: Path) -> tuple[str, ...]:
-    """What is odd about a file by its checksum; nothing of one without. Raises `UserError` for a damaged one."""
+    """Remarks on a file by its checksum; nothing of one without. Raises `UserError` for a damaged one."""
     with path.open("rb") as file:
         size, place, stated = _found(file)
         if not stated:
@@ -59,7 +59,7 @@ def _found(file: BinaryIO) -> tuple[int, int, re.Match[bytes] | None]:
 
 
 def _checksum(file: BinaryIO, place: int, size: int) -> int:
-    """Of a file of a size, its text without checksum."""
+    """Checksum of a file of a size, its text without checksum."""
     text = _TEXT.format(0, size).encode()
     file.seek(0)
     checksum = left = 0

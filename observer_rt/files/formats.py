@@ -41,6 +41,26 @@ from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 
+Format = LogFormat | SignalFormat
+GROUP = "observer_rt.formats"
+F = TypeVar("F", bound=Format)
+_ADVICE = {  # what to do with other kinds of files
+    (".mat",): 'in MATLAB: parquetwrite("{0}.parquet", table(time_s, ...)), or writetable into {0}.csv',
+    (".h5", ".hdf5"): 'in Python: pandas.read_hdf("{0}{1}").to_parquet("{0}.parquet")',
+    (".xlsx", ".xls", ".ods"): "save it as {0}.csv",
+    (".mdf", ".dat"): "name it {0}.mf4 if it is MDF 4; of MDF 3 make that in Python, by asammdf: "
+    'MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
+    (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
+    (
+        ".gz",
+        ".zst",
+        ".zip",
+        ".7z",
+        ".bz2",
+        ".xz",
+    ): "unpack it first; only logs of text are read packed, by gzip",
+}
+
 
 def _header(columns: Sequence[WrittenColumn]) -> str:
     *needed, optional = (column.header for column in columns)
@@ -65,7 +85,6 @@ PARQUET = SignalFormat(
 
 MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
-Format = LogFormat | SignalFormat
 BUILT_IN: tuple[Format, ...] = (
     CSV,
     MDF4_SIGNALS,
@@ -79,8 +98,6 @@ BUILT_IN: tuple[Format, ...] = (
     CSV_LOG,
     PCAP,
 )
-GROUP = "observer_rt.formats"
-F = TypeVar("F", bound=Format)
 
 
 @cache
@@ -108,7 +125,7 @@ def suffixes_of(known: Iterable[Format]) -> tuple[str, ...]:
 
 
 def written(known: Iterable[F]) -> list[F]:
-    """Those of some formats that can be written."""
+    """Formats that can be written, of some."""
     return [each for each in known if each.writer is not None]
 
 
@@ -145,7 +162,7 @@ def open_writer(path: Path, start_ns: int) -> LogWriter:
 
 
 def open_recorder(path: Path, start_ns: int) -> LogRecorder:
-    """As `open_writer`, of a log into which frames go as they come in."""
+    """Open a log for frames as they come in; raises like `open_writer`."""
     recorder = _of(path, recorded()).recorder
     assert recorder is not None
     return recorder(path, start_ns)
@@ -159,8 +176,9 @@ def recorded() -> list[LogFormat]:
 def open_recording(
     path: Path, injector: BenchInjector | None = None, in_one_go: bool = False
 ) -> SignalStream:
-    """Look through a recording, which is then read in parts; one in a layout of the user's own by `[recording]`.
+    """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
+    injector: whose `[recording]` describes a layout of the user's own; None: our own layouts only.
     in_one_go: as of `EvenSignals`, of our own layouts; else it is looked through all the same.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
@@ -187,7 +205,11 @@ def open_recording(
 
 
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:
-    """Read a recording into memory, else as `open_recording`."""
+    """Read a recording into memory: arrays (n,) of time and signals [SI], NaN between its stretches.
+
+    injector: whose `[recording]` describes a layout of the user's own; None: our own layouts only.
+    Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
+    """
     with file_errors(path):
         return open_recording(path, injector).collected()
 
@@ -205,7 +227,10 @@ def write_recording(path: Path, recording: Recording) -> None:
 
 @contextmanager
 def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
-    """Writes the parts of a recording it is given. Raises `UserError` for a suffix that cannot be written."""
+    """Open a recording for writing; the function given appends a part. has_rate: the parts have an injection rate.
+
+    Raises `UserError` for a suffix that cannot be written, `OSError` when writing fails.
+    """
     found = _of(path, written(signal_formats()))
     assert found.writer is not None
     if isinstance(found.reader, OwnLayout):
@@ -217,26 +242,8 @@ def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], Non
         found.writer(path, joined(parts))
 
 
-_ADVICE = {  # what to do with other kinds of files
-    (".mat",): 'in MATLAB: parquetwrite("{0}.parquet", table(time_s, ...)), or writetable into {0}.csv',
-    (".h5", ".hdf5"): 'in Python: pandas.read_hdf("{0}{1}").to_parquet("{0}.parquet")',
-    (".xlsx", ".xls", ".ods"): "save it as {0}.csv",
-    (".mdf", ".dat"): "name it {0}.mf4 if it is MDF 4; of MDF 3 make that in Python, by asammdf: "
-    'MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
-    (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
-    (
-        ".gz",
-        ".zst",
-        ".zip",
-        ".7z",
-        ".bz2",
-        ".xz",
-    ): "unpack it first; only logs of text are read packed, by gzip",
-}
-
-
 def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
-    """As `check_suffix`, with what to do with files of a kind that is met but not read."""
+    """Call `check_suffix`, with a remedy for files of a kind that is met but not read."""
     try:
         check_suffix(str(path), path, suffixes)
     except UserError as error:
@@ -286,7 +293,7 @@ def _installed(entry: EntryPoint, known: Iterable[Format]) -> Format:
 
 
 def _problem(found: object, known: Iterable[Format]) -> str | None:
-    """Why an object is no format that could stand beside those known."""
+    """Reason why an object is no format that could stand beside those known."""
     if not isinstance(found, LogFormat | SignalFormat):
         return f"is a {type(found).__name__}, neither LogFormat nor SignalFormat"
     if not found.suffixes or any(not re.fullmatch(r"\.[a-z0-9_]+", suffix) for suffix in found.suffixes):

@@ -1,4 +1,4 @@
-"""From a bus into log files: every frame that comes in, and how many were lost on the way."""
+"""Recorder of a bus into log files: every frame that comes in, and how many were lost on the way."""
 
 import threading
 import time
@@ -23,7 +23,7 @@ RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop
 
 @dataclass(frozen=True)
 class RecordLimits:
-    """When recording ends and when a new file begins; None: never. Durations in s, sizes in bytes."""
+    """Limits at which recording ends and a new file begins; None: never. Durations in s, sizes in bytes."""
 
     duration: float | None = None
     frames: int | None = None
@@ -38,7 +38,7 @@ class RecordLimits:
 
 @dataclass
 class RecordStatistics:
-    """What was recorded so far: frames, frames lost before they reached the recorder, time [s], files.
+    """Statistics of what was recorded so far: frames, frames lost before they reached the recorder, time [s], files.
 
     outages: how often the interface went down or away; what came meanwhile nobody counts.
     """
@@ -50,14 +50,14 @@ class RecordStatistics:
     files: list[Path] = field(default_factory=list)
 
     def as_text(self) -> str:
-        """One line for the screen."""
+        """Summary for the screen in one line."""
         rate = self.frames / self.duration if self.duration else 0.0
         names = ", ".join(str(path) for path in self.files) or "no file, for no frame came in"
         away = f", interface away {self.outages} times" if self.outages else ""
         return f"{self.frames} frames in {self.duration:.1f} s ({rate:.0f} a second), {self.lost} lost{away}; {names}"
 
     def as_json(self) -> dict[str, Any]:
-        """The same for a program."""
+        """Statistics for a program."""
         return {
             "frames": self.frames,
             "lost_frames": self.lost,
@@ -148,7 +148,7 @@ class _Files:
         self._writer: LogRecorder | None = None
         self._begun = 0
         self.lost = 0
-        """Frames that were lost, which is said before the next one."""
+        """Number of lost frames that are noted before the next one."""
 
     def write(self, frame: Frame, channel: str, now: int) -> None:
         """Append a frame of a channel; `now`: monotonic time [ns]."""

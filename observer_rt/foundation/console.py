@@ -20,6 +20,11 @@ from rich.text import Text
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import FileKind, refuse_other_kind
 
+_TRAILING = re.compile(r" +$", re.MULTILINE)
+
+PACKED = ".gz"
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
+
 
 @contextlib.contextmanager
 def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
@@ -45,7 +50,7 @@ class _Bars:
 
     @contextlib.contextmanager
     def on(self, console: Console) -> Iterator[Progress]:
-        """Where to add a bar."""
+        """Display to which a bar is added, open as long as there are bars."""
         with self._lock:
             if self._progress is None:
                 self._progress = _drawn_on(console)
@@ -73,9 +78,6 @@ def _drawn_on(console: Console) -> Progress:
 def say(console: Console, text: str) -> None:
     """A message as it is: no markup, no colours, wrapped on a terminal only."""
     console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=not console.is_terminal)
-
-
-_TRAILING = re.compile(r" +$", re.MULTILINE)
 
 
 def results() -> Console:
@@ -121,10 +123,6 @@ class _Piped(io.TextIOBase):
         self._out.flush()
 
 
-PACKED = ".gz"
-FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
-
-
 def check_destination(
     option: str, path: Path, suffixes: Collection[str] = (), kind: FileKind | None = None
 ) -> None:
@@ -148,7 +146,7 @@ def check_destination(
 
 
 def refuse_existing(option: str, paths: Iterable[Path], force: bool, kind: FileKind | None = None) -> None:
-    """Raise `UserError` for a file that would be replaced although nobody said --force, or is of another kind."""
+    """Raise `UserError` for a file that would be replaced without --force, or is of another kind."""
     for path in paths:
         refuse_other_kind(option, path, kind)
         if path.exists() and not force:
@@ -156,7 +154,7 @@ def refuse_existing(option: str, paths: Iterable[Path], force: bool, kind: FileK
 
 
 def suffix_of(path: Path) -> str:
-    """What kind a file is by its name, in lower case: of a packed one with that of its content, as `.asc.gz`."""
+    """Suffix of a file in lower case: of a packed one with that of its content, as `.asc.gz`."""
     suffix = path.suffix.lower()
     return Path(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
 
@@ -220,7 +218,7 @@ class StopRequest(SignalledEvent):
             part.set()
 
     def end_or_interrupt(self, *_: object) -> None:
-        """The same; when it is set already, interrupt."""
+        """End it; when it is set already, interrupt."""
         if self.is_set():
             raise KeyboardInterrupt
         self.end()

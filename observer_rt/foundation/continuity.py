@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class Break(IntEnum):
-    """Why a sample does not follow its predecessor."""
+    """Reason why a sample does not follow its predecessor."""
 
     NONE = 0
     START = 1  # the first sample
@@ -14,7 +14,7 @@ class Break(IntEnum):
 
 
 class Doubt(IntEnum):
-    """Why a sample cannot be trusted although it is there; numbers are those of `stream.state.Reason`."""
+    """Fault of a sample that is there but cannot be trusted; numbers are those of `stream.state.Reason`."""
 
     NONE = 0
     TIME_BASE = 16  # when it was taken is not known well enough

@@ -9,12 +9,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-Number = Annotated[float | None, BeforeValidator(_finite)]
+Number = Annotated[
+    float | None,
+    BeforeValidator(lambda value: None if isinstance(value, float) and not math.isfinite(value) else value),
+]
 """A figure; null where it is not finite."""
 Figures = Annotated[dict[str, Number], Field(description="by name, which ends with the unit")]
 

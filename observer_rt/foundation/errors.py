@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher
 
+CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
+
 
 class ObserverError(Exception):
     """A failure with a message for the user; `exit_code` is what the command line returns."""
@@ -36,7 +38,7 @@ class UserError(ObserverError):
 
 
 class CombinedError(ObserverError):
-    """What failed of several that were served side by side, each under its name.
+    """Failures of several that were served side by side, each under its name.
 
     The exit code is that of one alone, and 1 where some failed at run time: another start may help those.
     """
@@ -44,9 +46,6 @@ class CombinedError(ObserverError):
     def __init__(self, failures: Mapping[str, ObserverError]) -> None:
         self.exit_code = min(failure.exit_code for failure in failures.values())
         super().__init__("\n".join(f"{name}: {failure}" for name, failure in failures.items()))
-
-
-CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -61,12 +60,12 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """For the beginning of a remedy: `did you mean 'X'? `, or nothing when no known name is near."""
+    """Beginning of a remedy: `did you mean 'X'? `, or nothing when no known name is near."""
     best = nearest(name, known)
     return "" if best is None else f"did you mean '{best}'? "
 
 
 def hint(name: str, known: Iterable[str]) -> str:
-    """For the end of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
+    """End of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
     best = nearest(name, known)
     return "" if best is None else f"; the nearest is '{best}'"

@@ -1,4 +1,4 @@
-"""What a file holds, by how it begins: what we write takes the place of nothing of another kind."""
+"""Kinds of files, recognised by how they begin: what we write takes the place of nothing of another kind."""
 
 import re
 from pathlib import Path

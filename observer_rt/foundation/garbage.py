@@ -1,4 +1,4 @@
-"""How often Python looks for garbage."""
+"""Frequency of Python's garbage collection."""
 
 import gc
 

@@ -31,7 +31,7 @@ _PACKAGE_FOLDER = Path(__file__).parents[2]
 
 
 class WorkerError(Exception):
-    """The work ended without a result; the text says how."""
+    """End of the work without a result; the text states how."""
 
 
 class _Request(NamedTuple):
@@ -56,7 +56,7 @@ class _Failure(NamedTuple):
 
 
 def run_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
-    """What a generator function of a module yields of a file, run in a process of its own; all must be picklable.
+    """Run a generator function of a module on a file, in a process of its own; all it yields must be picklable.
 
     Raises what it raises if that is a `UserError` or `OSError`, `WorkerError` however else it ends early.
     """
@@ -143,7 +143,7 @@ def serve(descriptor: int) -> None:
         if not data:
             return
         request: _Request = pickle.loads(data)
-        with suppress(Exception):  # the worker will say it
+        with suppress(Exception):  # the worker will report it
             import_module(request.module)
         if os.fork() == 0:
             requests.close()

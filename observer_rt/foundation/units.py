@@ -41,7 +41,7 @@ TEMPERATURE_ORIGINS = {
 
 
 def factor_of(text: str, units: Mapping[str, float]) -> float | None:
-    """What a unit is in SI, by its name or as a number of them, such as `0.05 MPa`; None if it is neither."""
+    """Factor of a unit to SI, by its name or as a number of them, such as `0.05 MPa`; None if it is neither."""
     number, _, name = text.strip().rpartition(" ")
     try:
         count = float(number) if number else 1.0

@@ -1,4 +1,4 @@
-"""What a fitted injector file remembers of the healthy injector: [baseline]."""
+"""Baseline of the healthy injector in a fitted injector file: [baseline]."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -26,7 +26,7 @@ class PhaseFigures(_BaselineSection):
 
     @classmethod
     def of(cls, figures: Mapping[str, float]) -> "PhaseFigures":
-        """From figures by the name of the phase, nan where it was not seen."""
+        """Makes figures by phase from figures by the name of the phase, nan where it was not seen."""
         return cls(**{name.lower(): value for name, value in figures.items() if value == value})
 
     def at(self, phase: str) -> float:
@@ -44,7 +44,7 @@ class NoiseFigures(_BaselineSection):
 
 
 class Appearance(_BaselineSection):
-    """What an effect appears to be on the healthy injector, in its unit.
+    """Apparent size of an effect on the healthy injector, in its unit.
 
     mean: over the recordings; uncertainty: standard deviation of that; scatter: by how much it differs between
     operating points beyond noise.
@@ -86,12 +86,12 @@ class HealthyRemainder(_BaselineSection):
 
     @model_serializer(mode="wrap")
     def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Only what was stated: each of the two writes its own figures."""
+        """Figures that were stated only: each of the two writes its own."""
         return {name: value for name, value in dump(self).items() if name in self.model_fields_set}
 
 
 class Baseline(_BaselineSection):
-    """What the fitted model leaves unexplained on recordings of the healthy injector.
+    """Residuals of the fitted model on recordings of the healthy injector.
 
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
     means of 8 and 20, each of the recording with the most left; mass_share: standard deviation of a mass, as a share,

@@ -1,4 +1,4 @@
-"""What an effect is: a named departure of injector, line or sensors from the nominal model, and its bounds.
+"""Effects: named departures of injector, line or sensors from the nominal model, and their bounds.
 
 With it: measurements that tell effects apart which rail pressure, lift and line pressure may not.
 """
@@ -8,6 +8,27 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from observer_rt.model.effective import EffectiveModel
+
+Law = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
+"""The model with an effect at parameter values, in SI and in the order of its parameters."""
+
+BOTH_CHANNELS = (
+    "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
+)
+FUEL_OR_DRAWING = (
+    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
+)
+SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
+LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
+LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
+LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
+BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
+BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
+PRESSURE_GAUGE = (
+    "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
+)
+WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
+"""Measurements that are left of these where the injection rate was measured."""
 
 
 class Equation(StrEnum):
@@ -21,7 +42,7 @@ class Equation(StrEnum):
 
 
 class Place(StrEnum):
-    """Where an effect sits, however the line between the places is modelled."""
+    """Place of an effect, however the line between the places is modelled."""
 
     RAIL_INLET = "rail_inlet"
     LINE_FLOW = "line_flow"
@@ -50,10 +71,10 @@ _VIOLATED = {
 
 
 class Likeness(StrEnum):
-    """How hard two effects are to tell apart by rail pressure, lift and line pressure."""
+    """Difficulty of telling two effects apart by rail pressure, lift and line pressure."""
 
     SAME = "same"  # nothing in these signals distinguishes them
-    ALIKE = "alike"  # the two of them found together are one that nobody can tell
+    ALIKE = "alike"  # the two of them found together are one, indistinguishable
     NEAR = "near"  # good recordings tell them apart
 
 
@@ -70,7 +91,7 @@ class Relation:
 
 
 class Apparent(StrEnum):
-    """From what an effect's apparent size, as if it were alone, is stated beside every discovery."""
+    """Quantity from which an effect's apparent size, as if it were alone, is stated beside every discovery."""
 
     SETTLED = "settled"  # from the line at rest with the needle shut
     LEFT = "left"  # from all that the amended model leaves
@@ -108,17 +129,13 @@ def parameter(
     return EffectParameter(name, unit, si, 0.0, *bounds, dead_zone * si, first)
 
 
-Law = Callable[[EffectiveModel, Sequence[float]], EffectiveModel]
-"""The model with an effect at parameter values, in SI and in the order of its parameters."""
-
-
 @dataclass(frozen=True)
 class Effect:
     """An entry of the vocabulary.
 
     apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
     it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that distinguishes it
-    from all it has no relation to, empty when there is no such; apparent: None where its apparent size says nothing;
+    from all it has no relation to, empty when there is no such; apparent: None where its apparent size means nothing;
     remedy: what a user does about an effect of the bench that an injector file cannot have in force; wear: whether
     it is what injectors get as they age.
     """
@@ -141,7 +158,7 @@ class Effect:
         return _VIOLATED[self.place]
 
     def relation_to(self, other: "Effect") -> Relation | None:
-        """How it is related to another effect, whichever of the two says so."""
+        """Relation to another effect, whichever of the two states it."""
         stated = [r for r in self.relations if other.id in r.others]
         stated += [r for r in other.relations if self.id in r.others]
         return stated[0] if stated else None
@@ -161,7 +178,7 @@ class SizedEffect:
 
 
 def scaled(section: str, *names: str) -> Law:
-    """The law of a share: parameters of a section of the injector file times 1 + value."""
+    """Law of a share: the parameters `names` of a section of the injector file times 1 + value [-]."""
 
     def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
         return model.with_section(section, **dict.fromkeys(names, 1.0 + values[0]))
@@ -170,31 +187,12 @@ def scaled(section: str, *names: str) -> Law:
 
 
 def added(terms: str, name: str) -> Law:
-    """The law of a sum: value added to one of the model's `departures`, `inputs` or `sensor` terms."""
+    """Law of a sum: the value [SI] added to `name` of the model's `departures`, `inputs` or `sensor`, its `terms`."""
 
     def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
         return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})
 
     return apply
-
-
-BOTH_CHANNELS = (
-    "one signal fed to both pressure channels: a skew shifts it, a lag rounds it; or a higher sample rate"
-)
-FUEL_OR_DRAWING = (
-    "a fuel sample (bulk modulus), or the volume of the line by its drawing: no signal distinguishes them"
-)
-SAMPLE_OR_BALANCE = "the density of a fuel sample, or the injected mass on a balance"
-LIFT_GAUGE = "the lift sensor against a gauge, at the stop and just off the seat"
-LIFT_GAUGE_OR_RATE = f"{LIFT_GAUGE}; or the injection rate measured"
-LIFT_STEP = "the lift channel's answer to a step at its amplifier's input"
-BALLISTIC_RATE = "the injection rate measured, with ballistic injections among them"
-BALLISTIC = "more injections too short for the needle to reach its stop, of several durations"
-PRESSURE_GAUGE = (
-    "standstill at several rail pressures, and both sensors vented (0 MPa) or against a reference gauge"
-)
-WITH_A_MEASURED_RATE = {LIFT_GAUGE_OR_RATE: LIFT_GAUGE, BALLISTIC_RATE: BALLISTIC}
-"""What is left to measure of these where the injection rate was measured."""
 
 
 def bounded(effect: Effect, **bounds: tuple[float, float]) -> Effect:

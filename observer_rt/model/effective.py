@@ -17,7 +17,7 @@ from observer_rt.model.terms.variable import Variable
 
 
 class Coefficients(NamedTuple):
-    """What the compiled right-hand side needs; rates in 1/s for states normalised by (24)."""
+    """Coefficients of the compiled right-hand side; rates in 1/s for states normalised by (24)."""
 
     line: Any  # a `Line`
     seat: Seat
@@ -32,7 +32,7 @@ class Coefficients(NamedTuple):
 
     @property
     def states(self) -> int:
-        """Of the whole: p_L, Q_L, p_S and the line's further ones."""
+        """Number of states: p_L, Q_L, p_S and the line's further ones."""
         return 3 + int(self.line.further)
 
 
@@ -58,12 +58,12 @@ def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEP
 
 
 def averaged(c: Coefficients) -> Coefficients:
-    """The same for samples that are means over the sample period that ends at their time."""
+    """Coefficients for samples that are means over the sample period that ends at their time."""
     return c._replace(line=c.line.with_mean())
 
 
 class InputTerms(NamedTuple):
-    """From measured to true inputs: true = factor * measured + shift (the lift's only while the needle is open).
+    """Terms of true inputs: true = factor * measured + shift (the lift's only while the needle is open).
 
     lift_lag: time constant of a first-order lift sensor, undone before; rail_delay: by which the rail pressure is
     recorded later than the other two.
@@ -105,12 +105,12 @@ class EffectiveModel:
 
     @cached_property
     def coefficients(self) -> Coefficients:
-        """What the compiled right-hand side needs."""
+        """Coefficients of the compiled right-hand side."""
         return coefficients(self.injector, self.departures)
 
     @cached_property
     def program(self) -> NDArray[np.float64]:
-        """What compiled code runs of the terms (n, 2), see `forcing`."""
+        """Program of the terms (n, 2) for compiled code, see `forcing`."""
         return program_of(self.terms, {Variable.MAX_LIFT: self.injector.seat.max_lift / MILLIMETRE})
 
     def with_term(self, term: Term) -> "EffectiveModel":

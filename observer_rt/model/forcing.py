@@ -1,4 +1,4 @@
-"""What laws of terms may count, and no terms; they are evaluated once a sample by core.model."""
+"""Clock that laws of terms may count by, and empty terms; they are evaluated once a sample by core.model."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ NO_PROGRAM = np.empty((0, 2))
 
 
 class Clock(NamedTuple):
-    """What laws may count: time [s] and openings of the needle up to a sample."""
+    """Counts for laws: time [s] and openings of the needle up to a sample."""
 
     time: float = 0.0
     injections: float = 0.0

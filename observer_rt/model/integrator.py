@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Interval(NamedTuple):
-    """From one sample to the next; inputs u = [p_R, A_S] normalised by (24), linear in between."""
+    """Interval from one sample to the next; inputs u = [p_R, A_S] normalised by (24), linear in between."""
 
     start: tuple[float, float]  # u
     end: tuple[float, float]

@@ -32,13 +32,17 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Temperature = Annotated[float, Field(ge=200, le=500)]  # K; what is given in degC is refused
 
+LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
+HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
+SMALLEST_FACTOR = 0.3  # of density or bulk modulus: beyond it the law no longer describes a fuel
+
 
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class LineOutflow(StrEnum):
-    """Which flow drains the line in (20): the paper's Q_H, or Q_S as mass conservation says."""
+    """Flow that drains the line in (20): the paper's Q_H, or Q_S as mass conservation demands."""
 
     NOZZLE = "nozzle"
     SEAT = "seat"
@@ -147,7 +151,7 @@ def _known_format(number: int) -> int:
 
 
 class InjectorParameters(_Section):
-    """Everything the model knows of one injector and its line (SI units; effects in the units they name)."""
+    """Parameters of one injector and its line (SI units; effects in the units they name)."""
 
     format: Annotated[int, AfterValidator(_known_format)] = FORMAT
     line_outflow: LineOutflow = LineOutflow.NOZZLE
@@ -177,11 +181,6 @@ class Departures(NamedTuple):
 
 
 NO_DEPARTURES = Departures()
-
-
-LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
-HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
-SMALLEST_FACTOR = 0.3  # of density or bulk modulus: beyond it the law no longer describes a fuel
 
 
 def is_plausible(temperature: float) -> bool:

@@ -1,4 +1,4 @@
-"""Which numbers injectors have, and which entry of a file is probably wrong where a fit found others.
+"""Plausibility limits of fitted numbers, and the entry of a file that is probably wrong beyond them.
 
 Of geometry the bounds are generous, from small car injectors to those of large ships: what lies beyond is most often
 a value in other units than SI. A fit makes up for wrong geometry by what it sizes. There the bounds are of physics:
@@ -48,7 +48,7 @@ class ImplausibleNumber:
 
 
 def implausible(injector: InjectorParameters) -> tuple[ImplausibleNumber, ...]:
-    """All of them, in the order of the file."""
+    """Implausible numbers, in the order of the file."""
     return tuple(
         ImplausibleNumber(
             name,

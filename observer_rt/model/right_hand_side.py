@@ -1,4 +1,4 @@
-"""How derivatives of the state are carried along: by a parameter vector theta, and by the state at a start."""
+"""Derivatives of the state by a parameter vector theta, and by the state at a start, as they are carried along."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from observer_rt.model.network import Network
 
 
 class ByTheta(NamedTuple):
-    """How a parameter vector theta acts: the columns of the network's parameters, the slopes of the line's.
+    """Action of a parameter vector theta: the columns of the network's parameters, the slopes of the line's.
 
     line_slopes: d(coefficient)/d(theta) of every pair (line_coefficients, line_columns) that is not 0, all (k,);
     those of a column follow each other.

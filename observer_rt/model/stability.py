@@ -1,4 +1,4 @@
-"""How many steps and cells a line can be integrated in: steps a sample interval, cells a sound speed allows."""
+"""Stability limits of a line: steps a sample interval, cells a sound speed allows."""
 
 import math
 from dataclasses import replace
@@ -12,6 +12,9 @@ from observer_rt.model.line.wave import FEWEST_CELLS, STABLE, WaveLine, cells_fo
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
 
 OVERSHOOT = 1.2  # of the rail pressure, that the closed end of a line reaches when a needle shuts
+
+RK4_LIMIT = 2.6  # step * fastest rate; RK4 is stable to 2.78 on the negative real axis
+MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sample rate is too low
 
 
 def refuse_unstable_cells(
@@ -51,17 +54,13 @@ def in_stable_cells(model: EffectiveModel, interval: float, highest_pressure: fl
 
 
 def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> float:
-    """What must stay below STABLE, where pressure is highest; 0 of a line without cells."""
+    """Number that must stay below STABLE, where pressure is highest; 0 of a line without cells."""
     line = model.coefficients.line
     if not isinstance(line, WaveLine):
         return 0.0
     normalised = OVERSHOOT * highest_pressure / model.coefficients.pressure_scale
     stiffer = max(0.0, line.stiffness_slope * (normalised - line.stiffness_pressure))
     return line.with_stiffness(stiffer).strain(interval)
-
-
-RK4_LIMIT = 2.6  # step * fastest rate; RK4 is stable to 2.78 on the negative real axis
-MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sample rate is too low
 
 
 def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> float:

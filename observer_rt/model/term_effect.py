@@ -42,6 +42,9 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
 }
 """Effects of the vocabulary that are a law of order 1: what is found as such a law is called by their names."""
 
+LETTERS = "AWF"
+"""Letters that stand in a form for its numbers, in order."""
+
 
 class FormNumber(NamedTuple):
     """A number within a law that may be fitted, too, and between what."""
@@ -51,13 +54,9 @@ class FormNumber(NamedTuple):
     highest: float
 
     def settled(self, value: float) -> "FormNumber":
-        """With a value as exact as it need be."""
+        """Number with another value, as exact as it need be."""
         decimals = EXACT_DIGITS - math.floor(math.log10(self.highest - self.lowest))
         return self._replace(value=round(value, decimals) + 0.0)
-
-
-LETTERS = "AWF"
-"""What stands in a form for its numbers, in order."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""From frames to one gapless stream of samples, by index or by clock."""
+"""Alignment of frames to one gapless stream of samples, by index or by clock."""

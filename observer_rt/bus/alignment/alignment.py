@@ -1,9 +1,9 @@
-"""From blocks of samples to one gapless stream: which samples are complete, and what follows what.
+"""Alignment of blocks of samples to one gapless stream: complete samples, and their order.
 
 Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
-(`following`). Up to two missing samples are interpolated, more are a loss. An index jump is legal only with a
-contiguous E2E counter in every message on the grid and a closed needle before and after. Where a block belongs is
-as `placing` says.
+(`mapping.timing.Following`). Up to two missing samples are interpolated, more are a loss. An index jump is legal
+only with a contiguous E2E counter in every message on the grid and a closed needle before and after. The place of a
+block is found by `placing`.
 """
 
 from collections.abc import Sequence

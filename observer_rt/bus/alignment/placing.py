@@ -1,4 +1,4 @@
-"""Where a block of samples belongs in its message's stream: next, repeated, old, or the first of a new count.
+"""Place of a block of samples in its message's stream: next, repeated, old, or the first of a new count.
 
 Of a repeated block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the
 device.
@@ -8,7 +8,7 @@ from enum import IntEnum
 
 
 class Placing(IntEnum):
-    """What became of a block."""
+    """Place of a block in its message's stream."""
 
     ACCEPTED = 0
     REPEATED = 1

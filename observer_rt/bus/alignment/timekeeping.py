@@ -1,4 +1,4 @@
-"""When samples were taken: which number a frame has, where its samples lie on the grid, how well that is known.
+"""Sampling times: the number of a frame, the place of its samples on the grid, the uncertainty of that.
 
 Frames without an index are counted: by a counter where they carry one, and by a loop locked on their stamps.
 
@@ -7,7 +7,7 @@ negative. So a frame that comes late is late, not one of the next cycle: frames 
 the time in which the counter comes round (one cycle where there is no counter) and delays like that do not occur
 otherwise.
 
-How regularly the input messages come, and how well the time of their samples is known.
+`MessageTiming` holds the jitter of the messages and the uncertainty of the time of their samples.
 """
 
 import math
@@ -27,9 +27,17 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
 
 COUNTING = dtype_of(RECORDS["Counting"])
 
+SHIFT = dtype_of(RECORDS["Shift"])
+
+TIMEKEEPING = dtype_of(RECORDS["TimekeepingMemory"])
+
+LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
+SECOND = 1e9  # ns
+LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
+
 
 class Count(IntEnum):
-    """What a frame is to the ones before it."""
+    """Place of a frame in the count of those before it."""
 
     NEXT = 0
     REPEATED = 1
@@ -44,11 +52,6 @@ def make_counting(modulus: int) -> NDArray[np.void]:
     return counting
 
 
-SHIFT = dtype_of(RECORDS["Shift"])
-
-TIMEKEEPING = dtype_of(RECORDS["TimekeepingMemory"])
-
-
 class Timekeeping(NamedTuple):
     """Clocks and counts of all messages, one row each."""
 
@@ -60,7 +63,7 @@ class Timekeeping(NamedTuple):
 
 
 def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leading: int) -> Timekeeping:
-    """Nothing seen yet; `samples` of every role in one frame of each message."""
+    """Memory of all messages before the first frame; `samples` of every role in one frame of each message."""
     memory = np.zeros(1, TIMEKEEPING)
     memory["leading"] = leading
     memory["by_stamps"] = bool(
@@ -74,14 +77,9 @@ def make_timekeeping(timing: NDArray[np.void], samples: NDArray[np.int64], leadi
     return Timekeeping(memory, timing, clocks, counts, np.zeros(count, SHIFT))
 
 
-LINE_SLOPE = 0.125 * MEGAPASCAL / MICROSECOND  # Pa/s, steepest of the line pressure when the needle opens
-SECOND = 1e9  # ns
-LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
-
-
 @dataclass(frozen=True)
 class MessageTiming:
-    """One input message: delays of its frames, drift of its clock against the receiver's [-].
+    """Timing of one input message: delays of its frames, drift of its clock against the receiver's [-].
 
     unknown [s]: what its samples may lie beside their place on the grid; 0 where an index joins them, infinite
     while the clocks are not known.
@@ -100,7 +98,7 @@ class MessageTiming:
         return self.unknown * LINE_SLOPE
 
     def as_text(self) -> str:
-        """One line for the screen: delays, drift, and what they do to the samples."""
+        """Summary for the screen in one line: delays, drift, and their effect on the samples."""
         if self.jitter.frames == 0:
             return f"{self.name}: too few frames to tell their times"
         drift = f"drift {self.drift * 1e6:+.1f} ppm"
@@ -118,7 +116,7 @@ class MessageTiming:
 
 
 def _time_text(seconds: float) -> str:
-    """In the unit that suits it."""
+    """Text of a time [s], in the unit that suits it."""
     if seconds >= 1.0:
         return f"{seconds:.6g} s"
     if seconds >= 1 * MILLISECOND:
@@ -127,7 +125,7 @@ def _time_text(seconds: float) -> str:
 
 
 def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:
-    """What the stamps have shown so far, message by message."""
+    """Timing of each message by the receive stamps so far."""
     grid = keeping.clocks[int(keeping.memory[0]["leading"])]
     result = []
     for stream, (timing, clock) in enumerate(zip(keeping.timing, keeping.clocks, strict=True)):

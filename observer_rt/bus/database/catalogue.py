@@ -20,7 +20,7 @@ from observer_rt.foundation.errors import UserError
 
 _KEPT = 16  # databases
 _LENIENT = "or read it all the same: lenient = true in its [[dbc]], or --lenient"
-# As cantools says it: where it stopped, an attribute, or signals and message by name.
+# Messages of cantools: where it stopped, an attribute, or signals and message by name.
 _AT_LINE = re.compile(r"at line (\d+)")
 _OF_PYTHON = re.compile(
     r"object (has no|is not|does not|cannot)|positional argument|unsupported operand|invalid literal|"
@@ -34,6 +34,19 @@ _NOT_READ = ("expected database format", "Only SYM version 6.0")
 _DBC = ".dbc"
 _DBC_ENCODING = "cp1252"
 _CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads DBF, XLS, older SYM and some FIBEX"
+
+_EXTENDED = 1 << 31  # of an identifier in a DBC file
+_TEXT = r'"(?:\\.|[^"\\])*+"'
+_MESSAGE_LINES = re.compile(
+    r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
+)
+_SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
+_SIGNAL_VALUES = re.compile(
+    rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
+)
+_IDENTIFIED = re.compile(
+    rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b"
+)
 
 
 def load_database(path: Path, lenient: bool = False) -> Database:
@@ -77,7 +90,7 @@ def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
 
 @lru_cache(maxsize=_KEPT)
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
-    """As `_loaded`, in this state of its file: to read one takes as long as seconds of a recording."""
+    """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
     if not lenient or path.suffix.lower() != _DBC:
         return cantools.database.load_file(path, strict=not lenient), ()
     text, complaints = mended_dbc(path.read_text(encoding=_DBC_ENCODING, errors="replace"))
@@ -85,7 +98,7 @@ def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Data
 
 
 def overlooked(path: Path) -> list[str]:
-    """What would have been refused in a database that is read leniently; of overlaps the first of every message."""
+    """Faults that are passed over in a database that is read leniently; of overlaps the first of every message."""
     database, set_right = _loaded(path, lenient=True)
     complaints = list(set_right)
     for message in database.messages:
@@ -176,7 +189,7 @@ class BenchDatabases:
             return BusMessage(find_message(in_order[0][0], name), in_order[0][1])
 
     def __iter__(self) -> Iterator[tuple[Path, BusMessage]]:
-        """All messages, used or not, on the buses of their databases."""
+        """Iterate over all messages, used or not, on the buses of their databases."""
         return (
             (path, BusMessage(message, bus))
             for path, _, database, bus in self._databases
@@ -184,7 +197,7 @@ class BenchDatabases:
         )
 
     def overlooked(self) -> tuple[str, ...]:
-        """What is wrong with databases that were read leniently."""
+        """Faults of databases that were read leniently."""
         return tuple(
             f"{path}: {complaint}"
             for path, lenient, _, _ in self._databases
@@ -200,20 +213,6 @@ def named(place: str) -> Iterator[None]:
         yield
     except UserError as error:
         raise UserError(place, f"{error.place} {error.problem}", error.remedy) from None
-
-
-_EXTENDED = 1 << 31  # of an identifier in a DBC file
-_TEXT = r'"(?:\\.|[^"\\])*+"'
-_MESSAGE_LINES = re.compile(
-    r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
-)
-_SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
-_SIGNAL_VALUES = re.compile(
-    rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
-)
-_IDENTIFIED = re.compile(
-    rf"{_TEXT}|\b(BO_|SG_|VAL_|BO_TX_BU_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_)([ \t]+)(\d+)\b"
-)
 
 
 class MendedDbc(NamedTuple):

@@ -84,7 +84,7 @@ def _set_position(signal: Signal, row: np.void) -> None:
 def _raw_limits(signal: Signal) -> tuple[float, float]:
     """Lowest and highest raw value by the declared range and by the field, both float64 the field holds.
 
-    A range in which no code lies says nothing: by the field alone.
+    A range in which no code lies is passed over: by the field alone.
     """
     if signal.conversion.is_float:
         highest = _LARGEST_FLOAT[signal.length]

@@ -14,7 +14,7 @@ Profile 7, its header at the start, high bytes first. Bytes 0-7: CRC-64/XZ (poly
 start and final inversion all ones) over byte 8 to the end. Bytes 8-11: length of the frame, 12-15: counter, 16-19:
 data id.
 
-What the frames of a message are worth together says the receiver's state machine (AUTOSAR E2E_SM).
+The receiver's state machine (AUTOSAR E2E_SM) judges the frames of a message together.
 """
 
 from enum import IntEnum
@@ -34,9 +34,11 @@ DATA_IDS = 16  # of profile 2, one for every value of its counter
 
 PROTECTION = dtype_of(RECORDS["Protection"])
 
+SUPERVISION = dtype_of(RECORDS["Supervision"])
+
 
 def protection_of(profile: int | None, data_id: int | bytes | None) -> np.void:
-    """How a message is protected, `PROTECTION`; data_id: of profile 2 all of them."""
+    """Protection of a message, a row `PROTECTION`; data_id: of profile 2 all of them."""
     row = np.zeros(1, PROTECTION)
     row["profile"] = profile or UNPROTECTED
     if isinstance(data_id, bytes):
@@ -48,7 +50,7 @@ def protection_of(profile: int | None, data_id: int | bytes | None) -> np.void:
 
 
 class E2EStatus(IntEnum):
-    """What the receiver makes of one frame of a protected message."""
+    """Check result of one frame of a protected message."""
 
     OK = 0
     OK_SOME_LOST = 1
@@ -60,12 +62,9 @@ class E2EStatus(IntEnum):
 
 
 class E2EState(IntEnum):
-    """What the frames of a protected message are worth together."""
+    """State of the receiver's state machine, over the frames of a protected message."""
 
     NODATA = 0
     INIT = 1
     VALID = 2
     INVALID = 3
-
-
-SUPERVISION = dtype_of(RECORDS["Supervision"])

@@ -26,7 +26,7 @@ _DATA_ID, _DATA_ID_LIST = "E2EDataId", "E2EDataIdList"
 
 @dataclass(frozen=True)
 class MessageLayout:
-    """What the observer must know of a message besides its signals.
+    """Layout of a message besides its signals.
 
     `length` is in bytes. Time between two samples, time between two frames and number of samples in one are None
     where the database does not state them. `e2e_profile` is the AUTOSAR profile number, None without protection;
@@ -50,7 +50,7 @@ class MessageLayout:
 
     @cached_property
     def protection(self) -> np.void:
-        """The same as compiled code takes it, `e2e.PROTECTION`."""
+        """Protection as compiled code takes it, `e2e.PROTECTION`."""
         return protection_of(self.e2e_profile, self.e2e_data_id)
 
     @property
@@ -60,7 +60,7 @@ class MessageLayout:
 
     @property
     def received_id(self) -> int:
-        """Its identifier, for who receives it: of a message of J1939 one that stands for its parameter group."""
+        """Identifier for who receives the message: of one of J1939 a number that stands for its parameter group."""
         return GroupIdentifier(self.frame_id) if self.is_j1939 and self.is_extended else self.frame_id
 
     @classmethod
@@ -269,7 +269,7 @@ def _nearest(name: str, known: Sequence[str]) -> str:
 def from_unit(
     place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
 ) -> float:
-    """What a signal's unit is in SI, by `unit` of the bench file, or else what the database states.
+    """Factor from a signal's unit to SI, by `unit` of the bench file, or else as the database states it.
 
     Raises `UserError` naming `place` of the bench file for a unit that is none of `units`, nor a number of one.
     """

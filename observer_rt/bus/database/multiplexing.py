@@ -44,7 +44,7 @@ class Selection(NamedTuple):
 
 
 def conditions_of(message: Message, name: str) -> Conditions:
-    """What must hold for a frame of `message` to carry the signal `name`.
+    """Conditions under which a frame of `message` carries the signal `name`.
 
     Raises `UserError`: the signal or a selector is not there, or selectors select each other.
     """
@@ -79,7 +79,7 @@ def _multiplexer_ids(message: Message, signal: Signal) -> set[int] | None:
 
 
 def _field(signal: Signal) -> tuple[object, ...]:
-    """What decides what a signal's bits mean, and which other selects it."""
+    """Fields of a signal that decide what its bits mean, and which other selects it."""
     conversion = signal.conversion
     bits = (signal.start, signal.length, signal.byte_order, signal.is_signed, conversion.is_float)
     return (*bits, conversion.scale, conversion.offset, signal.multiplexer_signal)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.foundation.errors import RunError
 
+AT_ONCE = 256  # frames of a block: they bring far fewer samples than the observer remembers
+
 
 class BusState(StrEnum):
     """State of a CAN controller by its error counters (ISO 11898-1)."""
@@ -81,7 +83,7 @@ def after_error_frame(condition: BusCondition, identifier: int, data: bytes) -> 
 
 
 def condition_messages(channel: str, before: BusCondition, now: BusCondition) -> list[str]:
-    """What the user of a SocketCAN `channel` should know of a change of its condition, and can do about it."""
+    """Messages to the user of a SocketCAN `channel` about a change of its condition, with remedies."""
     messages = []
     if now.bus_offs > before.bus_offs and now.state is BusState.OFF:
         messages.append(
@@ -108,7 +110,7 @@ def condition_messages(channel: str, before: BusCondition, now: BusCondition) ->
 
 
 class Frame(NamedTuple):
-    """One received data frame. `stamp_ns`: when, nanoseconds since 1970; by which clock says the link."""
+    """Received data frame. `stamp_ns`: when, nanoseconds since 1970; by the clock of `Link.stamp_source`."""
 
     frame_id: int
     payload: bytes
@@ -116,13 +118,13 @@ class Frame(NamedTuple):
     is_extended: bool = False
     is_fd: bool = True
     bit_rate_switch: bool = False
-    """Of a CAN FD frame: its data came at the faster bit rate."""
+    """Flag of a CAN FD frame: its data came at the faster bit rate."""
     error_state_indicator: bool = False
-    """Of a CAN FD frame: its sender had seen so many errors that it was error passive."""
+    """Flag of a CAN FD frame: its sender had seen so many errors that it was error passive."""
 
 
 class FdFlags(NamedTuple):
-    """What a CAN FD frame is to be sent with, as in `Frame`."""
+    """Flags with which a CAN FD frame is to be sent, as in `Frame`."""
 
     bit_rate_switch: bool = True
     error_state_indicator: bool = False
@@ -139,7 +141,7 @@ class BusFrame(NamedTuple):
 
 
 class StampSource(StrEnum):
-    """Who says when a frame arrived; each less jittery than those after it."""
+    """Source of receive stamps; each less jittery than those after it."""
 
     HARDWARE = "hardware"  # the CAN interface
     KERNEL = "kernel"  # the kernel of this computer
@@ -148,13 +150,13 @@ class StampSource(StrEnum):
 
 
 class LinkDownError(RunError):
-    """The interface went down or away; `Link.reconnect` says when it is back."""
+    """The interface went down or away; `Link.reconnect` reports when it is back."""
 
 
 class Link(Protocol):
     """An open connection to one CAN bus; a context manager that closes it.
 
-    Own frames are not received. Remote and error frames are left out; what error frames tell is in `condition`.
+    Own frames are not received. Remote and error frames are left out; the content of error frames is in `condition`.
     One thread may receive while others send.
     """
 
@@ -200,12 +202,12 @@ class Link(Protocol):
 
     @property
     def condition(self) -> BusCondition:
-        """How the controller fares; always the same where the interface does not tell."""
+        """Condition of the controller; always the same where the interface does not report it."""
         return BusCondition()
 
     @property
     def stamp_source(self) -> StampSource:
-        """Who stamps the received frames."""
+        """Source of the stamps of received frames."""
         return StampSource.ARRIVAL
 
     @property
@@ -218,7 +220,7 @@ class Link(Protocol):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What the user should know of the link, found when it was opened; with remedies."""
+        """Warnings about the link, found when it was opened; with remedies."""
         return ()
 
     @abstractmethod
@@ -230,9 +232,6 @@ class Link(Protocol):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-AT_ONCE = 256  # frames of a block: they bring far fewer samples than the observer remembers
 
 
 class FrameBlock(NamedTuple):
@@ -249,7 +248,7 @@ class FrameBlock(NamedTuple):
 
     @property
     def frames(self) -> int:
-        """How many there are."""
+        """Number of frames."""
         return int(self.keys.size)
 
 
@@ -264,7 +263,7 @@ def block_of(frames: Sequence[BusFrame]) -> FrameBlock:
 
 
 def blocks_of(frames: Iterable[BusFrame]) -> Iterator[FrameBlock]:
-    """All of them, so many at a time that none waits long."""
+    """Blocks of all frames, so many at a time that none waits long."""
     coming = iter(frames)
     while some := list(islice(coming, AT_ONCE)):
         yield block_of(some)

@@ -23,9 +23,9 @@ class SharedBus:
         self._end = threading.Event()
         self._is_lost = False
         self.connections = 0
-        """How often it was connected."""
+        """Number of connections made."""
         self.trouble = Exception()
-        """What ended the last connection that was lost."""
+        """Error that ended the last connection that was lost."""
 
     def open(self, receive_ids: Sequence[tuple[int, bool]]) -> Link:
         """A link for one more user, who wants these (identifier, is extended). Raises as `open_link`."""
@@ -49,7 +49,7 @@ class SharedBus:
         return not self._is_lost and connection == self.connections
 
     def leave(self, share: "_Share") -> None:
-        """One user less."""
+        """Remove one user of the connection."""
         with self._lock:
             self._users = tuple(user for user in self._users if user is not share)
             if not self._users:
@@ -69,7 +69,7 @@ class SharedBus:
         while not self._end.is_set():
             try:
                 frame = self.link.receive(_LONGEST_WAIT)
-            except Exception as error:  # whatever it is, all who wait for frames must hear of it
+            except Exception as error:  # whatever it is, all who wait for frames must get it
                 self.trouble, self._is_lost = error, True
                 return
             if frame is not None:
@@ -78,7 +78,7 @@ class SharedBus:
 
 
 class _Share(Link):
-    """One user's part of a shared bus."""
+    """Share of one user in a shared bus."""
 
     def __init__(self, bus: SharedBus, wanted: frozenset[tuple[int, bool]]) -> None:
         self._bus = bus
@@ -136,7 +136,7 @@ class _Share(Link):
 
 
 def require_interface(place: str, name: str) -> None:
-    """Raise `UserError` for an interface that is none; place: where the user says it."""
+    """Raise `UserError` for an interface that is none; place: where the user states it."""
     if name in _OURS:
         return
     import can  # only for those who use one of its drivers

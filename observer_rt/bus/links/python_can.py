@@ -172,7 +172,7 @@ class PythonCanLink(Link):
 
     @property
     def dropped(self) -> int:
-        """Always 0: python-can does not tell. The virtual bus loses nothing."""
+        """Zero: python-can does not count them. The virtual bus loses nothing."""
         return 0
 
     @property

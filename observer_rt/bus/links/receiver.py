@@ -15,6 +15,8 @@ LONGEST_WAIT = 0.02  # s that a reading thread is deaf to its end
 CAPACITY = 20_000  # frames that reading threads keep; what comes on top of them waits in the drivers
 _FULL_WAIT = 1e-3  # s
 
+RECONNECT_PERIOD = 0.1  # s between tries
+
 
 class BusDownError(LinkDownError):
     """The interface of one bus went down or away."""
@@ -50,7 +52,7 @@ class LinkReceiver(ABC):
 
 
 def reading(links: Sequence[Link]) -> LinkReceiver:
-    """What reads these links: a single one without detour, several at once by `poll` where all have a descriptor."""
+    """Receiver of these links: a single one without detour, several at once by `poll` where all have a descriptor."""
     if len(links) == 1:
         return _Single(links[0])
     if any(link.descriptor is None for link in links):
@@ -81,7 +83,7 @@ class _Single(LinkReceiver):
 
 
 class _Polled(LinkReceiver):
-    """One system call looks at all sockets. Of frames that wait the earliest comes first, so that a backlog of all
+    """Looks at all sockets in one system call. Of frames that wait the earliest comes first, so that a backlog of all
     buses is worked off side by side."""
 
     def __init__(self, links: Sequence[Link]) -> None:
@@ -165,18 +167,15 @@ class _Threaded(LinkReceiver):
                 continue
             try:
                 frame = link.receive(LONGEST_WAIT)
-            except Exception as error:  # whatever it is, the reader of all buses must hear of it
+            except Exception as error:  # whatever it is, the reader of all buses must get it
                 arrived.put((bus, error))
                 return
             if frame is not None:
                 arrived.put((bus, frame))
 
 
-RECONNECT_PERIOD = 0.1  # s between tries
-
-
 class Outage:
-    """From a `LinkDownError` until the link is back. It is reconnected beside: whoever asks waits for nothing."""
+    """Time from a `LinkDownError` until the link is back, reconnected beside: whoever asks waits for nothing."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -207,7 +206,7 @@ class EnduringReading:
 
     def __init__(self, links: Sequence[Link]) -> None:
         self.outages = 0
-        """How often an interface went down or away."""
+        """Number of times an interface went down or away."""
         self.down: Mapping[int, str] = {}
         """Why, of the buses that are down now; replaced, never changed."""
         self._links = links

@@ -1,6 +1,6 @@
 """A link over a raw SocketCAN socket: one system call a frame, exact time stamps, lost frames counted.
 
-When a SocketCAN frame arrived: the stamps a socket delivers beside it, in integer nanoseconds since 1970.
+Receive stamps are those a socket delivers beside a frame, in integer nanoseconds since 1970.
 """
 
 import array
@@ -51,6 +51,27 @@ _IFREQ_POINTER = struct.Struct("@16sP16x")
 
 ANCILLARY_BYTES = socket.CMSG_SPACE(_THREE_TIMESPECS.size)
 
+RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
+FRAME_BYTES = 768  # about what a received frame takes of it
+SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
+SEND_PATIENCE_S = 0.5
+
+# Of the generic Linux interface, not all known to Python's socket module.
+_SO_RCVBUFFORCE = 33
+SO_RXQ_OVFL = 40
+_SIOCGIFMTU = 0x8921
+_CAN_RAW_ERR_FILTER = 2
+
+# struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
+# unused, data. The whole size says which of the two was read.
+_HEADER = struct.Struct("=IBB2x")
+_CLASSIC_FRAME = struct.Struct("=IB3x8s")
+_FD_FRAME = struct.Struct("=IBB2x64s")
+_FILTER = struct.Struct("=II")
+_COUNT = struct.Struct("=I")
+_ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
+_TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
+
 
 class StampReader:
     """Reads the stamps of one socket; those of the interface itself where it offers them.
@@ -91,33 +112,11 @@ def _offers_hardware_stamps(can_socket: socket.socket, channel: str) -> bool:
     info = array.array("B", _TS_INFO.pack(_ETHTOOL_GET_TS_INFO, 0))
     try:
         fcntl.ioctl(can_socket, _SIOCETHTOOL, _IFREQ_POINTER.pack(channel.encode(), info.buffer_info()[0]))
-    except OSError:  # a driver without the question, or no such interface: binding will tell
+    except OSError:  # a driver without the question, or no such interface: binding will fail
         return False
     _, capabilities = _TS_INFO.unpack(info)
     needed = _RX_HARDWARE | _RAW_HARDWARE
     return bool(capabilities & needed == needed)
-
-
-RECEIVE_BUFFER_BYTES = 16 << 20  # some 20,000 frames; the usual default holds about 300
-FRAME_BYTES = 768  # about what a received frame takes of it
-SEND_RETRY_S = 0.5e-3  # about three full frames at 500k/5M
-SEND_PATIENCE_S = 0.5
-
-# Of the generic Linux interface, not all known to Python's socket module.
-_SO_RCVBUFFORCE = 33
-SO_RXQ_OVFL = 40
-_SIOCGIFMTU = 0x8921
-_CAN_RAW_ERR_FILTER = 2
-
-# struct can_frame: identifier, length, 3 unused, data. struct canfd_frame: identifier, length, flags, 2
-# unused, data. The whole size says which of the two was read.
-_HEADER = struct.Struct("=IBB2x")
-_CLASSIC_FRAME = struct.Struct("=IB3x8s")
-_FD_FRAME = struct.Struct("=IBB2x64s")
-_FILTER = struct.Struct("=II")
-_COUNT = struct.Struct("=I")
-_ANCILLARY_BYTES = ANCILLARY_BYTES + socket.CMSG_SPACE(_COUNT.size)
-_TOLD_ERRORS = ErrorClass.CONTROLLER | ErrorClass.BUS_OFF | ErrorClass.RESTARTED
 
 
 class SocketCanLink(Link):
@@ -263,7 +262,7 @@ class SocketCanLink(Link):
         self._dropped += more
 
     def note_error_frame(self, identifier: int, data: bytes) -> None:
-        """Take what an error frame says."""
+        """Take the content of an error frame into the condition."""
         self._condition = after_error_frame(self._condition, identifier, data)
 
     def send(
@@ -334,7 +333,7 @@ class SocketCanLink(Link):
         self._socket.close()
 
     def failure(self, error: OSError) -> Exception:
-        """What the user can do about `error`."""
+        """Exception for `error` with its remedy."""
         name = self._channel
         if error.errno == errno.ENETDOWN:
             return LinkDownError(f"{name} is down\n  remedy: sudo ip link set {name} up")

@@ -1,1 +1,1 @@
-"""From bench file and bus database to arrays: which frames carry what."""
+"""Mapping of bench file and bus database to arrays: which frames carry what."""

@@ -1,4 +1,4 @@
-"""From bench files and bus databases to arrays: which frames carry which samples, and which the results.
+"""Mapping of bench files and bus databases to arrays: frames with samples, and frames with results.
 
 Each injector of a bench has its own map; a message may be of several.
 """
@@ -52,10 +52,12 @@ _UNITS = {
 }
 Compiled = TypeVar("Compiled", RateMessage, OutputMessage)
 
+_FLOAT_TYPES = {FLOAT16: np.float16, FLOAT32: np.float32, FLOAT64: np.float64}
+
 
 @dataclass(frozen=True)
 class BusMap:
-    """Everything the bench file says of one injector on the buses, compiled."""
+    """Messages and signals of one injector on the buses, compiled from the bench file."""
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
@@ -63,15 +65,15 @@ class BusMap:
     """Messages with optional inputs."""
     following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
     rate: RateMessage | None
-    """None: the injection rate is not published."""
+    """Message of the injection rate; None: it is not published."""
     summary: OutputMessage
     status: OutputMessage
     labels: tuple[str, ...]
-    """What messages to the user call the buses."""
+    """Names of the buses in messages to the user."""
 
     @property
     def energizing(self) -> EnergizingLayout | None:
-        """Where it is among them."""
+        """Layout of the energizing; None where no message carries it."""
         return next((slow.energizing for slow in self.slow if slow.energizing), None)
 
     @property
@@ -88,14 +90,14 @@ class BusMap:
         """(identifier, is extended) to be read from a bus.
 
         Of one with results only they are those of the results, which nobody else sends: a link that reads nothing
-        would not hear of its controller's state either.
+        would not get its controller's state either.
         """
         wanted = [layout for layout in self.received if layout.bus == bus]
         wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
         return [(layout.received_id, layout.is_extended) for layout in wanted]
 
     def name_of(self, layout: MessageLayout) -> str:
-        """Its name and, where there are several, its bus."""
+        """Name of a message and, where there are several, of its bus."""
         return f"{layout.name} on {self.labels[layout.bus]}" if len(self.labels) > 1 else layout.name
 
 
@@ -121,7 +123,10 @@ def map_bus(bench: Bench) -> BusMap:
 
 
 def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
-    """Compile the mapping of one injector of a bench, whose `databases` are all injectors'; raises as `map_bus`."""
+    """Compile the mapping of one injector of a bench, whose `databases` are all injectors'.
+
+    Raises `UserError` naming bench file, key and what the database has instead.
+    """
     inputs, layouts, slow = _map_inputs(fitted, databases)
     outputs = fitted.config.outputs
 
@@ -242,7 +247,7 @@ def _map_message(
 
 
 class Destination(NamedTuple):
-    """What a received frame carries: an input message of an injector, both by number."""
+    """Destination of a received frame: an input message of an injector, both by number."""
 
     injector: int
     message: int
@@ -259,17 +264,17 @@ class KnownMessage(NamedTuple):
 
 @dataclass(frozen=True)
 class BenchMap:
-    """Everything a bench file says of its buses, compiled; `injectors` in its order."""
+    """Messages and signals of all injectors of a bench file, compiled; `injectors` in its order."""
 
     injectors: tuple[BusMap, ...]
     known: tuple[KnownMessage, ...]
     """All messages of all databases, used or not."""
     overlooked: tuple[str, ...]
-    """What is wrong with databases that were read leniently."""
+    """Faults of databases that were read leniently."""
 
     @cached_property
     def destinations(self) -> Mapping[int, tuple[Destination, ...]]:
-        """Where the samples of a frame go, by its `frame_key`."""
+        """Destinations of the samples of a frame, by its `frame_key`."""
         found: dict[int, tuple[Destination, ...]] = {}
         for injector, bus in enumerate(self.injectors):
             for message in range(len(bus.input_layouts)):
@@ -293,7 +298,7 @@ class BenchMap:
         return (*self.received, *self.sent)
 
     def name_of(self, layout: MessageLayout) -> str:
-        """Its name and, where there are several, its bus."""
+        """Name of a message and, where there are several, of its bus."""
         return self.injectors[0].name_of(layout)
 
 
@@ -314,7 +319,7 @@ def map_bench(bench: Bench) -> BenchMap:
 
 
 def in_common(bench: Bench, mapped: BenchMap) -> Iterator[tuple[str, list[str]]]:
-    """What several injectors cannot share, and yet do, with their names: results, and what distinguishes these."""
+    """Results, and what distinguishes them, that several injectors share although they must not, with their names."""
     owners: dict[str, list[str]] = {}
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         for layout in bus.sent:
@@ -332,9 +337,6 @@ def _once(layouts: Iterable[MessageLayout]) -> tuple[MessageLayout, ...]:
     return tuple({(layout.name, layout.bus, layout.frame_id): layout for layout in layouts}.values())
 
 
-_FLOAT_TYPES = {FLOAT16: np.float16, FLOAT32: np.float32, FLOAT64: np.float64}
-
-
 @dataclass(frozen=True)
 class RoleRange:
     """Lowest and highest value [SI] that every sample of a role's message can carry."""
@@ -349,13 +351,13 @@ def message_of(bus: BusMap, role: Role) -> int:
 
 
 def role_factor(bus: BusMap, role: Role) -> float:
-    """What a value of the role in the database's unit is multiplied by to be SI."""
+    """Factor from the unit of the role in the database to SI."""
     (first, *_) = _groups(bus, message_of(bus, role), role)
     return float(first["factor"][ROLES.index(role)])
 
 
 def role_range(bus: BusMap, role: Role) -> RoleRange:
-    """The values that reach the receiver when more is encoded than fits."""
+    """Range [SI] of the role on the bus: the values that reach the receiver when more is encoded than fits."""
     message = bus.inputs.messages[message_of(bus, role)]
     ends = []
     for value in (-np.inf, np.inf):

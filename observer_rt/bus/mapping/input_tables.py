@@ -35,6 +35,24 @@ from observer_rt.core.frames.frames import RECORDS
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.records import dtype_of
 
+ROLES = tuple(Role)
+OPTIONAL_ROLES = tuple(OptionalRole)
+ENERGIZING = len(OPTIONAL_ROLES)  # beside the numbers of these roles
+MAX_INPUTS = len(ROLES)
+MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
+LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
+
+INPUT_MESSAGE = dtype_of(RECORDS["InputMessage"])
+
+# Samples of one or more roles that come together and are aligned with those of other streams.
+INPUT_STREAM = dtype_of(RECORDS["InputStream"])
+
+# Consecutive samples that one frame carries: all of a message's, or those under one selector value.
+INPUT_GROUP = dtype_of(RECORDS["InputGroup"])
+
+# One kind of frame of a message: it has one, or one for every selector value that carries samples.
+INPUT_KIND = dtype_of(RECORDS["InputKind"])
+
 
 @dataclass(frozen=True)
 class SampleGroup:
@@ -90,25 +108,7 @@ def require_one_rate(
             )
 
 
-ROLES = tuple(Role)
-OPTIONAL_ROLES = tuple(OptionalRole)
-ENERGIZING = len(OPTIONAL_ROLES)  # beside the numbers of these roles
-MAX_INPUTS = len(ROLES)
-MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
-LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
-
-INPUT_MESSAGE = dtype_of(RECORDS["InputMessage"])
-
-# Samples of one or more roles that come together and are aligned with those of other streams.
-INPUT_STREAM = dtype_of(RECORDS["InputStream"])
-
-# Consecutive samples that one frame carries: all of a message's, or those under one selector value.
-INPUT_GROUP = dtype_of(RECORDS["InputGroup"])
-
 OPTIONAL_INPUT = dtype_of(RECORDS["OptionalInput"])
-
-# One kind of frame of a message: it has one, or one for every selector value that carries samples.
-INPUT_KIND = dtype_of(RECORDS["InputKind"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,15 +119,15 @@ class OptionalInput:
     table: NDArray[np.void]
     """`codec.SIGNAL`: the index of the first sample, where there is one, then its signals."""
     selection: Selection
-    """What a multiplexed frame must hold to carry it."""
+    """Selector values of a multiplexed frame that carries it."""
     row: NDArray[np.void]
     """`OPTIONAL_INPUT`, without its places in the tables."""
     default: float
-    """What frames made of a recording say [units of the database], nan: not available."""
+    """Values in frames made of a recording [units of the database], nan: not available."""
 
 
 class Inputs(NamedTuple):
-    """What compiled code needs to decode the input frames."""
+    """Tables by which compiled code decodes the input frames."""
 
     messages: NDArray[np.void]  # INPUT_MESSAGE, those with samples first
     streams: NDArray[np.void]  # INPUT_STREAM
@@ -213,7 +213,7 @@ class InputTables:
         self._conditions.append(conditions)
 
     def inputs(self, timing: NDArray[np.void]) -> Inputs:
-        """All that was added, with the timing of every stream."""
+        """Tables of all inputs added, with the timing of every stream."""
         return Inputs(
             np.array(self._messages, INPUT_MESSAGE),
             np.array(self._streams, INPUT_STREAM),
@@ -227,7 +227,7 @@ class InputTables:
 
 
 def frame_row(layout: MessageLayout) -> NDArray[np.void]:
-    """By what a frame is known as a good one of this message, `INPUT_MESSAGE`; the rest is 0."""
+    """Row `INPUT_MESSAGE` by which a frame is checked as a good one of this message; the rest is 0."""
     row = np.zeros((), INPUT_MESSAGE)
     row["key"] = layout.key
     row["length"] = layout.length

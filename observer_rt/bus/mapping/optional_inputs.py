@@ -1,6 +1,6 @@
 """Optional inputs, from bench file and bus database: which frames carry them, and how.
 
-The energizing of the injector on the bus: which signals tell it, and what a frame says of it.
+The energizing of the injector on the bus: the signals that carry it, and its reading from a frame.
 
 Either a level, 0 while the injector is not energized, one or several samples a frame; or a duration, one value a
 frame, 0 where there is none.
@@ -66,7 +66,7 @@ class SlowSignal(OptionalInput):
 
     @property
     def name(self) -> str:
-        """Of the signal."""
+        """Name of the signal."""
         return self.names[0]
 
     @property
@@ -89,7 +89,7 @@ class SlowSignal(OptionalInput):
 
 @dataclass(frozen=True, eq=False)
 class EnergizingLayout(OptionalInput):
-    """Where the energizing is on the bus, compiled: one signal, or the samples of a level."""
+    """Layout of the energizing on the bus, compiled: one signal, or the samples of a level."""
 
     layout: MessageLayout
     index: str | None
@@ -99,12 +99,12 @@ class EnergizingLayout(OptionalInput):
     delay: float
     """s from a frame's last sample to its stamp."""
     cycle: float | None
-    """s from frame to frame, None: it is sent when there is something to say."""
+    """Time from frame to frame [s], None: it is sent on an event."""
     window: float
     """s from the start of energizing, within which the needle opens."""
 
     def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "EnergizingSignal":
-        """What a frame received at `stamp` [ns] says; values: by the table, SI; follows: as of `EnergizingSignal`."""
+        """Reading of a frame received at `stamp` [ns]; values: by the table, SI; follows: see `EnergizingSignal`."""
         return EnergizingSignal(
             None if self.index is None else int(values[0]),
             stamp - round(self.delay * NANOSECONDS),
@@ -114,7 +114,7 @@ class EnergizingLayout(OptionalInput):
 
 
 class EnergizingSignal(NamedTuple):
-    """What a frame says of the energizing, sample by sample."""
+    """Reading of the energizing from one frame, sample by sample."""
 
     first: int | None
     """Index of its first sample, modulo 2^32; None: the message has none."""
@@ -136,7 +136,7 @@ class SlowMessage:
 
     @property
     def inputs(self) -> tuple[OptionalInput, ...]:
-        """All of them."""
+        """Inputs of the message: the optional ones, and the energizing."""
         return self.signals if self.energizing is None else (*self.signals, self.energizing)
 
 
@@ -293,7 +293,7 @@ def _index(
 
 
 def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
-    """Have frames made of recordings tell no more of the optional inputs than a recording knows: no energizing."""
+    """Fill frames made of recordings with the defaults of the optional inputs: a recording has no energizing."""
     for message in slow:
         layout = message.layout
         key = layout.key

@@ -26,10 +26,28 @@ from observer_rt.foundation.errors import UserError
 HEADER_SIGNALS = ("SampleIndex", "Valid", "Learning", "State")
 RATE_PATTERN = "InjectionRate_{:02d}"
 
+# A stuff bit follows five equal bits. From the first bit of a run (the stuff bit itself begins one) it takes
+# on average 2^5 - 2 random bits to see four more of the same.
+BITS_PER_STUFF_BIT = 30.0
+
+# Lengths in bits, ISO 11898-1.
+_CLASSIC_HEAD = 19  # start 1, identifier 11, RTR 1, IDE 1, r0 1, DLC 4
+_CLASSIC_HEAD_EXTENDED = 39  # start 1, identifier 11 + 18, SRR 1, IDE 1, RTR 1, r1 r0 2, DLC 4
+_CLASSIC_CRC = 15
+_CLASSIC_TAIL = 13  # CRC delimiter 1, ACK 1, ACK delimiter 1, end of frame 7, intermission 3
+_FD_HEAD = 17  # start 1, identifier 11, RRS 1, IDE 1, FDF 1, res 1, BRS 1
+_FD_HEAD_EXTENDED = 36  # start 1, identifier 11 + 18, SRR 1, IDE 1, RRS 1, FDF 1, res 1, BRS 1
+_FD_CONTROL = 5  # ESI 1, DLC 4
+_FD_STUFF_COUNT = 4  # Gray code 3, parity 1
+_FD_SHORT_CRC = 17  # up to 16 bytes
+_FD_LONG_CRC = 21
+_FD_CRC_DELIMITER = 1
+_FD_TAIL = 12  # ACK 1, ACK delimiter 1, end of frame 7, intermission 3
+
 
 @dataclass(frozen=True)
 class OutputPage:
-    """One frame of an output message: `names` of the known signals in it, their table, and the frame without them.
+    """Frame of an output message: `names` of the known signals in it, their table, and the frame without them.
 
     places: of these signals among all known ones. selection: what a received frame must hold to be this one.
     """
@@ -116,25 +134,6 @@ def protected_layout(message: Message, bus: int) -> MessageLayout:
             "correct its length or its E2EProfile",
         )
     return layout
-
-
-# A stuff bit follows five equal bits. From the first bit of a run (the stuff bit itself begins one) it takes
-# on average 2^5 - 2 random bits to see four more of the same.
-BITS_PER_STUFF_BIT = 30.0
-
-# Lengths in bits, ISO 11898-1.
-_CLASSIC_HEAD = 19  # start 1, identifier 11, RTR 1, IDE 1, r0 1, DLC 4
-_CLASSIC_HEAD_EXTENDED = 39  # start 1, identifier 11 + 18, SRR 1, IDE 1, RTR 1, r1 r0 2, DLC 4
-_CLASSIC_CRC = 15
-_CLASSIC_TAIL = 13  # CRC delimiter 1, ACK 1, ACK delimiter 1, end of frame 7, intermission 3
-_FD_HEAD = 17  # start 1, identifier 11, RRS 1, IDE 1, FDF 1, res 1, BRS 1
-_FD_HEAD_EXTENDED = 36  # start 1, identifier 11 + 18, SRR 1, IDE 1, RRS 1, FDF 1, res 1, BRS 1
-_FD_CONTROL = 5  # ESI 1, DLC 4
-_FD_STUFF_COUNT = 4  # Gray code 3, parity 1
-_FD_SHORT_CRC = 17  # up to 16 bytes
-_FD_LONG_CRC = 21
-_FD_CRC_DELIMITER = 1
-_FD_TAIL = 12  # ACK 1, ACK delimiter 1, end of frame 7, intermission 3
 
 
 def frame_time(length: int, is_fd: bool, bit_rate: float, data_bit_rate: float, is_extended: bool) -> float:

@@ -9,9 +9,9 @@ from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIGRAM
 
 
 class SentQuantity(NamedTuple):
-    """How a physical value is sent, of which the largest code says that it is not available.
+    """Coding of a physical value that is sent, whose largest code means "not available".
 
-    si: what the database's unit is in SI; has_error: the code below that one says that there is an error.
+    si: what the database's unit is in SI; has_error: the code below that one means "error".
     """
 
     scale: float

@@ -1,4 +1,4 @@
-"""How the samples of a message come onto the grid, as the bench file says it.
+"""Timing of the samples of a message on the grid, as the bench file states it.
 
 The grid is that of the message with the line pressure: its index, or the number of its frames.
 """
@@ -37,9 +37,11 @@ RAIL_TOLERANCE = 20e-6  # s, the same of the rail pressure, which changes slowly
 SLOW_TOLERANCE = 0.1  # of the interval of a slower one
 RATIO_TOLERANCE = 1e-6
 
+TIMING = dtype_of(RECORDS["Timing"])
+
 
 class Joining(IntEnum):
-    """What brings a message's samples onto the grid."""
+    """Way of joining a message's samples to the grid."""
 
     INDEX = 0  # its index is the grid's
     RATIO = 1  # its index counts every n-th sample of the grid
@@ -48,7 +50,7 @@ class Joining(IntEnum):
 
 
 class Numbering(IntEnum):
-    """By what a message's frames are distinguished."""
+    """Way of numbering a message's frames."""
 
     INDEX = 0  # a signal with the index of the first sample
     COUNTER = 1  # a signal that counts frames
@@ -56,11 +58,8 @@ class Numbering(IntEnum):
     STAMPS = 3  # nothing but when they are received
 
 
-TIMING = dtype_of(RECORDS["Timing"])
-
-
 class Following(NamedTuple):
-    """How a message follows the grid: the roles (bits) that do, samples of the grid between two of its own,
+    """Relation of a message to the grid: the roles (bits) that follow it, samples of the grid between two of its own,
     distance of two of them [samples of the grid] that is bridged, whether its last one is held as long; by how many
     samples of the grid its values are earlier than its samples, and whether these are on the grid."""
 
@@ -78,7 +77,7 @@ def map_timing(
     links: Sequence[LinkConfig],
     samples: Sequence[int],
 ) -> NDArray[np.void]:
-    """One row TIMING for each message with its roles; `links` they come by, `samples` of every role in a frame.
+    """Rows TIMING, one for each message with its roles; `links` they come by, `samples` of every role in a frame.
 
     Raises `UserError` naming bench file and key.
     """
@@ -108,7 +107,7 @@ def map_timing(
 def following(
     fitted: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
 ) -> list[Following | None]:
-    """How each message follows the grid, None where all of it is on it; `roles` (bits) of each.
+    """Relation of each message to the grid, None where all of it is on it; `roles` (bits) of each.
 
     What is a mean lies half a sample period before its sample, what a filter delays by the stated time; the line
     pressure stays: the model's is averaged and delayed.
@@ -289,7 +288,7 @@ def _set_hold(
 
 
 def _place(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:
-    """Where the bench file says a key of the roles of a message, of the first where none of them states it."""
+    """Place in the bench file of a key of the roles of a message, of the first where none of them states it."""
     stating = (role for role in roles if getattr(fitted.config.signals.of(role), key) is not None)
     return fitted.place(f"signals.{next(stating, roles[0])}.{key}")
 

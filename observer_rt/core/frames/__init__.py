@@ -1,1 +1,1 @@
-"""From a received frame to the frames it causes."""
+"""Compiled path from a received frame to the frames it causes."""

@@ -1,4 +1,4 @@
-# A device's clock as the receive stamps show it: a straight line under the stamps of its frames.
+# Clock of a device by the receive stamps: a straight line under the stamps of its frames.
 #
 # A frame is never received before it was sent, so the delays of frames are positive, and the least of them are the
 # same again and again: the line through the lowest stamps of many short windows (the lower convex hull, as used for

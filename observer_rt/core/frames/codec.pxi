@@ -1,4 +1,4 @@
-# Signals of a bus database, by tables that say where their bits are: decoded and encoded see bus.database.codec.
+# Decodes and encodes signals of a bus database, by tables of where their bits are: see bus.database.codec.
 
 cdef enum:
     UNSIGNED = 0

@@ -1,4 +1,4 @@
-"""From one received frame to those it causes: check, decode, align, observe, publish; the loop over sockets."""
+"""Frame pipeline: checks, decodes, aligns, observes and publishes each received frame; the loop over sockets."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""From one received frame to those it causes: check, decode, align, observe, publish; the loop over sockets.
+"""Frame pipeline: checks, decodes, aligns, observes and publishes each received frame; the loop over sockets.
 
 One unit, for its parts call each other at every frame; a file for each of them.
 """

@@ -1,4 +1,4 @@
-# Recordings as frames: many of a message at once.
+# Encodes recordings as frames: many of a message at once.
 
 cdef void encode_column(
     const double* values, int64_t count, const Signal* signal, uint8_t* payloads, int64_t step

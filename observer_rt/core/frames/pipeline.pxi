@@ -1,4 +1,4 @@
-# From one received frame to the frames it causes: check, decode, align, observe, publish. Compiled.
+# Pipeline from one received frame to the frames it causes: check, decode, align, observe, publish.
 
 
 cdef enum:
@@ -8,7 +8,7 @@ cdef enum:
 cdef inline bint handle(
     Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp
 ) noexcept nogil:
-    """Take one frame, received at `stamp` [ns]; `key` as by `frame_key.frame_key`.
+    """Take one frame, received at `stamp` [ns]; `key` as by `can_frame.frame_key`.
 
     Frames caused are in the publisher's `out`. Returns True when Python must do something first, as of `proceed`.
     """
@@ -30,7 +30,8 @@ cdef void listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_
 cdef bint proceed(Pipeline* pipeline) noexcept nogil:
     """Observe what is aligned and publish what is observed.
 
-    Returns True when to go on it needs a new model (`InputMemory`), or the judgement of an event (`observer.judge`).
+    Returns True when to go on it needs a new model (`InputMemory`), or the judgement of an event
+    (`engine.service.judging`).
     """
     cdef bint waiting
     if pipeline.heard.memory.is_due:

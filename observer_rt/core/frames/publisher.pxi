@@ -1,4 +1,4 @@
-# Samples of the observer into injection-rate frames: every index once, in blocks that carry their index.
+# Publishes samples of the observer in injection-rate frames: every index once, in blocks that carry their index.
 
 
 cdef enum:

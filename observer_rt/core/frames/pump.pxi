@@ -1,4 +1,4 @@
-# The pump's loop: frames from sockets through the pipeline, rates back onto the bus. It never asks Python.
+# Pump loop: takes frames from sockets through the pipeline, sends rates back onto the bus, without Python.
 #
 # One turn: frames that wait, of several buses the earliest first; each through the pipeline; what it caused is sent.
 # With one bus and nothing to send late, a turn is two system calls. Nothing is allocated.

@@ -1,4 +1,4 @@
-# What Python calls.
+# Functions of frames that Python calls.
 
 def decode_signals(const uint8_t[::1] payload, const Signal[::1] table, double[::1] out) -> None:
     """Physical values `out` (n,), in the units of the bus database, of the signals in `table` (n,).

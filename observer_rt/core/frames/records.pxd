@@ -1,4 +1,4 @@
-# Records of the frames' way, as numpy owns them, and what its functions are given of them.
+# Records of the frame pipeline, as numpy owns them, and the structures its functions take of them.
 
 from libc.stdint cimport int16_t, int32_t, int64_t, uint16_t, uint32_t, uint64_t, uint8_t
 

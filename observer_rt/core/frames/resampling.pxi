@@ -1,4 +1,4 @@
-# Resamples what lies between the samples of the grid, or further apart.
+# Resamples signals whose samples lie between those of the grid, or further apart.
 #
 # A rail pressure of another time base, or a slower one, has on the grid the value that lies between its two neighbours.
 # Neighbours too far apart are not joined: what lies between them is missing.

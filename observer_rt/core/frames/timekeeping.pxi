@@ -1,4 +1,4 @@
-# When samples were taken: where a frame's samples lie on the grid, how well that is known.
+# Sampling times: the place of a frame's samples on the grid, and its uncertainty.
 #
 # How regularly the input messages come, and how well the time of their samples is known.
 

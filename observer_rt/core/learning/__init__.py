@@ -1,1 +1,1 @@
-"""What learning does with every sample of an event."""
+"""Loops of learning over the samples of an event."""

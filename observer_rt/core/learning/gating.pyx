@@ -1,4 +1,4 @@
-"""The subset of scalars that pays best, by one Cholesky factor grown and cut for all of them."""
+"""Best subset of scalars, by one Cholesky factor grown and cut for all subsets."""
 
 from libc.math cimport INFINITY, sqrt
 from libc.stdint cimport int64_t

@@ -1,4 +1,4 @@
-# Products of small matrices, in the order of their sums.
+# Multiplies small matrices, in a fixed order of their sums.
 
 from libc.stdint cimport int64_t
 

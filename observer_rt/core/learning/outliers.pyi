@@ -1,4 +1,4 @@
-"""What stands out in an event: leaps, spikes, stretches of a held signal, bursts of noise, ends of a range."""
+"""Outliers of an event: leaps, spikes, stretches of a held signal, bursts of noise, ends of a range."""
 
 import numpy as np
 from numpy.typing import NDArray

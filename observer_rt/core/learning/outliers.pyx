@@ -1,4 +1,4 @@
-"""What stands out in an event: leaps, spikes, stretches of a held signal, bursts of noise, ends of a range."""
+"""Outliers of an event: leaps, spikes, stretches of a held signal, bursts of noise, ends of a range."""
 
 from libc.math cimport INFINITY, NAN, fabs, sqrt
 from libc.stdint cimport int64_t

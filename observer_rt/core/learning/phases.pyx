@@ -1,4 +1,4 @@
-"""Where in an event each sample lies, and sums of the innovations there."""
+"""Phases of an event, sample by sample, and sums of the innovations in each."""
 
 from libc.stdint cimport int8_t, int64_t
 

@@ -1,4 +1,4 @@
-# The terms in force, once a sample, and what they change over the interval.
+# Evaluates the terms in force once a sample, and applies their changes over the interval.
 #
 # A term is a law of the state at the start of an interval and of the inputs in its middle, one of the sensor of the
 # pressure at its end. What it changes is what a model has anyway: coefficients of the line, the constants of the

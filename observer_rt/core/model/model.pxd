@@ -1,4 +1,4 @@
-# The model over a sample interval, its terms and the sensor, as loops of the core call it.
+# Model over a sample interval, its terms and the sensor: declarations for loops of the core.
 
 from libc.stdint cimport int64_t
 

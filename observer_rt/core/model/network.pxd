@@ -1,4 +1,4 @@
-# What a hidden neuron of phi computes.
+# Hidden neuron of phi: tanh.
 
 
 cdef inline double fast_tanh(double argument) noexcept nogil:

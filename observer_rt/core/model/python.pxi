@@ -1,4 +1,4 @@
-# What Python calls.
+# Functions of the model that Python calls.
 
 from numpy import ascontiguousarray, full, zeros
 

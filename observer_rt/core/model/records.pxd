@@ -1,4 +1,4 @@
-# The model as its functions are given it: coefficients, network, inputs, and what carries derivatives along.
+# Records of the model for its functions: coefficients, network, inputs, tangents of derivatives.
 
 from libc.stdint cimport int64_t
 

@@ -1,4 +1,4 @@
-# From measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
+# Front end from measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
 #
 # A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
 # extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are

@@ -1,4 +1,4 @@
-# What a verdict on an event makes of the samples after it.
+# Applies the verdict on an event to the samples after it.
 
 cdef double SLOW_PEAK = 5.0  # with the limit of the watch, five standard deviations
 

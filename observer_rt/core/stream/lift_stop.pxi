@@ -1,4 +1,4 @@
-# How far the needle opens: the lift at which long openings stay, for the scale of the sensor.
+# Lift stop: the lift at which long openings stay, for the scale of the sensor.
 
 cdef enum:
     REMEMBERED = 20  # openings

@@ -1,4 +1,4 @@
-# The zero of a shut needle's lift, followed: it is no motion.
+# Follows the zero of a shut needle's lift, which is no motion.
 #
 # Of a zero that moves on too fast for a mean, as hum lets it, level and slope are those of a mean and its mean.
 

@@ -1,4 +1,4 @@
-# Samples that no sensor means: spikes, frozen and clipped stretches, dropouts. Recognised one by one.
+# Recognises channel faults sample by sample: spikes, frozen and clipped stretches, dropouts.
 #
 # A value that must not be used is marked in `bridged` of its sample. For a line pressure x~ then goes on by the model,
 # without correction, and what is learned leaves it out; a rail pressure or lift is replaced by its neighbours or held.

@@ -1,4 +1,4 @@
-# What the closed needle tells: noise levels, the offset between line and rail pressure, the lift sensor.
+# Estimates at standstill: noise levels, the offset between line and rail pressure, the lift sensor.
 
 cdef enum:
     ENOUGH_SAMPLES = 256  # of standstill, before measured noise may replace the stated

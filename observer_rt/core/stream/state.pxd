@@ -1,4 +1,4 @@
-# Records of the stream, as numpy owns them, and what its functions are given of an observer.
+# Records of the stream, as numpy owns them, and the structure of an observer for its functions.
 
 from libc.stdint cimport int64_t
 

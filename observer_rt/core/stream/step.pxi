@@ -1,4 +1,4 @@
-# The observer over its stream of samples: what happens, in which order, at every sample.
+# Observer step: the operations at every sample of the stream, in their order.
 
 cdef enum:
     _RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck

@@ -1,4 +1,4 @@
-# What steps the pair x~ and x^, and what x^ carries as phi.
+# Stepper of the pair x~ and x^, and the phi of x^.
 
 from libc.stdint cimport int64_t
 

@@ -1,4 +1,4 @@
-"""What steps the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
+"""Stepper of the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
 
 from typing import Any
 

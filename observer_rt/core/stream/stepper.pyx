@@ -1,4 +1,4 @@
-"""What steps the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
+"""Stepper of the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
 
 from libc.math cimport NAN, isfinite
 from libc.stdint cimport int64_t

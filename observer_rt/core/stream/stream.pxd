@@ -1,4 +1,4 @@
-# The observer over its stream of samples, as other loops of the core call it.
+# Observer over its stream of samples: declarations for other loops of the core.
 
 from libc.stdint cimport int64_t
 

@@ -1,4 +1,4 @@
-"""The observer over its stream of samples: what happens, in which order, at every sample."""
+"""Observer over its stream of samples: the operations at every sample, in their order."""
 
 from collections.abc import Mapping
 from typing import Any

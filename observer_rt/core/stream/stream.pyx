@@ -1,4 +1,4 @@
-"""The observer over its stream of samples: what happens, in which order, at every sample.
+"""Observer over its stream of samples: the operations at every sample, in their order.
 
 One unit, for its parts call each other at every sample; a file for each of them.
 """

@@ -1,4 +1,4 @@
-# Validity decided, here only: what is known of a sample, an injection or the service becomes state and reason.
+# Decides validity, here only: state and reason of a sample, an injection or the service.
 #
 # What is valid has no reason. docs/validity.md says who knows what, and when.
 

@@ -30,6 +30,23 @@ _DATE = re.compile(
     re.IGNORECASE,
 )
 
+FLAG_REMOTE, FLAG_FD, FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE = 0x10, 0x1000, 0x2000, 0x4000
+_TIME = re.compile(r"\d+(?:[.,]\d+)?")
+_BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
+_TIMES = re.compile(r"(?:base\s+\w+\s+)?timestamps\s+(?P<times>absolute|relative)", re.IGNORECASE)
+_IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
+_BYTE = {16: re.compile(r"[0-9A-Fa-f]{1,2}"), 10: re.compile(r"[0-9]{1,3}")}
+_USUAL = re.compile(  # of data frames of classic CAN
+    r"^ *(\d+)\.(\d{1,9}) +(\d+) +([0-9A-Fa-f]+x?) +(Rx|Tx) +d ([0-8])((?: [0-9A-Fa-f ]*)?)"
+    r"(?:Length = \d+ BitCount = \d+ ID = \d+x?)? *$",
+    re.MULTILINE,
+)
+_DIRECTIONS = {"rx": False, "tx": True}
+HEADING = ("internal events", "no internal events")
+_AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
+
+DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+
 
 def nanoseconds_of(text: str) -> int | None:
     """A date as Vector's tools write it, as local time, in ns since 1970; None in an unknown language."""
@@ -55,27 +72,11 @@ def nanoseconds_of(text: str) -> int | None:
         return None
 
 
-FLAG_REMOTE, FLAG_FD, FLAG_BIT_RATE_SWITCH, FLAG_ERROR_STATE = 0x10, 0x1000, 0x2000, 0x4000
-_TIME = re.compile(r"\d+(?:[.,]\d+)?")
-_BASE = re.compile(r"base\s+(?P<base>hex|dec)\b", re.IGNORECASE)
-_TIMES = re.compile(r"(?:base\s+\w+\s+)?timestamps\s+(?P<times>absolute|relative)", re.IGNORECASE)
-_IDENTIFIER = {16: re.compile(r"[0-9A-Fa-f]+[xX]?"), 10: re.compile(r"[0-9]+[xX]?")}
-_BYTE = {16: re.compile(r"[0-9A-Fa-f]{1,2}"), 10: re.compile(r"[0-9]{1,3}")}
-_USUAL = re.compile(  # of data frames of classic CAN
-    r"^ *(\d+)\.(\d{1,9}) +(\d+) +([0-9A-Fa-f]+x?) +(Rx|Tx) +d ([0-8])((?: [0-9A-Fa-f ]*)?)"
-    r"(?:Length = \d+ BitCount = \d+ ID = \d+x?)? *$",
-    re.MULTILINE,
-)
-_DIRECTIONS = {"rx": False, "tx": True}
-HEADING = ("internal events", "no internal events")
-_AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
-
-
 class AscLog(TextLogReader):
     """Reader; channels are numbered from 1 and named by their number.
 
     Dates are taken as local time; where one is in a language not known, times count from the start of the log,
-    and `notes` says so.
+    and `notes` reports it.
     """
 
     kind = "an ASC log"
@@ -286,9 +287,6 @@ def _data(words: list[str], length: int, radix: int) -> bytes:
     if len(data) != length or len(words) != length:
         raise ValueError
     return data
-
-
-DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 
 
 class AscWriter(LogWriter):

@@ -51,6 +51,13 @@ _MARK = b"LOBJ"
 _LONGEST_PADDING = 8
 MILLISECOND = 1_000_000  # ns
 
+CONTAINER_BYTES = 128 * 1024  # unpacked, as the format's own tools choose it
+HEADER_SIZE = 144
+FASTEST_PACKING = 1  # of zlib: a fifth larger than its default, three times faster
+OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date, and is counted from 0
+_VERSIONS = (0, 0, 0, 0, 2, 6, 8, 1)  # of the application (none known), of the format
+_GROUP = b"observer-rt"
+
 
 class _Header(NamedTuple):
     size: int
@@ -187,7 +194,7 @@ class BlfLog(LogReader):
             self.refuse(number, str(error), READABLE)
 
     def _marker(self, data: bytes, body: int) -> bool:
-        """Whether a marker says that frames were lost."""
+        """Whether a marker reports lost frames, which are counted."""
         lost = self.lost_frames
         if body + MARKER.size <= len(data):
             length = MARKER.unpack_from(data, body)[4]
@@ -234,14 +241,6 @@ def _stamp(data: bytes, position: int, version: int) -> int:
         raise ValueError(f"has an object header of unknown version {version}")
     unit, *_, time = (STAMP_V1 if version == 1 else STAMP_V2).unpack_from(data, position)
     return int(time) * (10_000 if unit == TEN_MICROSECONDS else 1)
-
-
-CONTAINER_BYTES = 128 * 1024  # unpacked, as the format's own tools choose it
-HEADER_SIZE = 144
-FASTEST_PACKING = 1  # of zlib: a fifth larger than its default, three times faster
-OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date, and is counted from 0
-_VERSIONS = (0, 0, 0, 0, 2, 6, 8, 1)  # of the application (none known), of the format
-_GROUP = b"observer-rt"
 
 
 class BlfWriter(LogRecorder):

@@ -24,7 +24,7 @@ _DATA = r"(?P<length>\d+)(?P<data>(?: [0-9A-Fa-f]{1,3})*)"
 _CAN, _J1939 = "CAN", "J1939"
 _LINES = {
     _CAN: re.compile(rf"{_TIME}(?P<direction>Rx|Tx) (?P<channel>\d+) {_ID}(?P<kind>s|x|sr|xr) {_DATA}"),
-    # with group, type, addresses and priority, which the identifier says
+    # with group, type, addresses and priority, which the identifier holds
     _J1939: re.compile(
         rf"{_TIME}(?P<channel>\d+) {_ID}0x\w+ \w+ +\w+ +\w+ +\d+ (?P<direction>Rx|Tx) {_DATA}"
     ),
@@ -117,7 +117,7 @@ class BusmasterLog(TextLogReader):
 
 
 def is_busmaster(path: Path) -> bool:
-    """Whether a file says that BUSMASTER wrote it, or begins as what is left of such a one."""
+    """Whether a file names BUSMASTER as its writer, or begins as what is left of such a one."""
     return head_of(path).lstrip().startswith(MARK)
 
 

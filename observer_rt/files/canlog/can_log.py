@@ -23,24 +23,26 @@ _LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH +
 _LOST = re.compile(rf"(\d+) {LOST_NOTE}")
 
 
+CLASSIC = (repeat(False),) * 3
+"""The columns `is_fd`, `bit_rate_switch` and `error_state_indicator` of frames of classic CAN."""
+
+
 class LogFrame(NamedTuple):
     """A data frame of a log, with what a `Frame` does not carry."""
 
     frame: Frame
     channel: str
-    """As the log names it: `can0` in text of candump, `1` where channels are numbered."""
+    """Channel as the log names it: `can0` in text of candump, `1` where channels are numbered."""
     is_sent: bool = False
     """Sent by the computer that recorded it."""
 
 
 _frame_of: Callable[[tuple[Any, ...]], Frame] = partial(tuple.__new__, Frame)  # in half the time
 _log_frame_of: Callable[[tuple[Any, ...]], LogFrame] = partial(tuple.__new__, LogFrame)
-CLASSIC = (repeat(False),) * 3
-"""The columns `is_fd`, `bit_rate_switch` and `error_state_indicator` of frames of classic CAN."""
 
 
 def log_frames(*columns: Iterable[Any]) -> Iterator[LogFrame]:
-    """Frames by columns: the fields of `Frame`, channel and whether each was sent."""
+    """Frames by columns (n,): the fields of `Frame`, channel and whether each was sent."""
     *frames, channels, are_sent = columns
     return map(
         _log_frame_of, zip(map(_frame_of, zip(*frames, strict=False)), channels, are_sent, strict=False)
@@ -48,7 +50,7 @@ def log_frames(*columns: Iterable[Any]) -> Iterator[LogFrame]:
 
 
 def lost_note(frames: int) -> str:
-    """What a recorder writes into a log where frames were lost."""
+    """Note that a recorder writes into a log where frames were lost."""
     return f"{frames} {LOST_NOTE}"
 
 
@@ -57,11 +59,11 @@ class LogReader(ABC):
 
     Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry, for
     time that steps back on a channel and for stamps that are whole seconds only. A file that ends within a frame was
-    cut while it was written: the frames before are read, and `notes` says so.
+    cut while it was written: the frames before are read, and `notes` reports it.
     """
 
     unit: ClassVar[str] = "line"
-    """What a place in the file is counted in."""
+    """Unit that places in the file are counted in."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -75,7 +77,7 @@ class LogReader(ABC):
         self.other_entries = 0
         """Entries that are no frames, such as bus statistics."""
         self.lost_frames = 0
-        """Frames that whoever recorded the log says were lost."""
+        """Frames lost by the log's own record."""
         self.remarks: list[str] = []
         self._reordered = 0
         self._size = 0
@@ -83,7 +85,7 @@ class LogReader(ABC):
 
     @property
     def share_read(self) -> float:
-        """How much of the file was read, 0 to 1."""
+        """Share of the file that was read, 0 to 1."""
         return min(1.0, self._position / self._size) if self._size else 0.0
 
     def __iter__(self) -> Iterator[LogFrame]:
@@ -107,7 +109,7 @@ class LogReader(ABC):
         """Frames with their place in the file; whether a bus can carry them is checked afterwards."""
 
     def notes(self) -> list[str]:
-        """What the last reading left out or found odd, one sentence each."""
+        """Notes on what the last reading left out or found odd, one sentence each."""
         counted = [
             f"{count} {one if count == 1 else several}"
             for count, one, several in (
@@ -132,7 +134,7 @@ class LogReader(ABC):
         return f"{self.path}, {self.unit} {number}"
 
     def refuse(self, number: int, problem: str, remedy: str = "") -> NoReturn:
-        """Raise `UserError` for a place in the file; where nothing is said, with the usual remedy."""
+        """Raise `UserError` for a place in the file; without a remedy, with the usual one."""
         usual = (
             "delete it, or record the log again"
             if self.unit == "line"
@@ -141,7 +143,7 @@ class LogReader(ABC):
         raise UserError(self.place(number), problem, remedy or usual)
 
     def note_text(self, text: str) -> None:
-        """Take a comment of the log: it may say that frames were lost."""
+        """Take a comment of the log: it may report lost frames."""
         lost = _LOST.search(text)
         if lost:
             self.lost_frames += int(lost[1])
@@ -216,7 +218,7 @@ class LogRecorder(LogWriter):
 
     @abstractmethod
     def write_lost(self, frames: int) -> None:
-        """Say, in the log, that frames were lost before the next one."""
+        """Note in the log that frames were lost before the next one."""
 
     @property
     @abstractmethod
@@ -247,14 +249,20 @@ class ChannelNumbers:
 
 
 def text_nanoseconds(text: str, digits: int = 9) -> int:
-    """Decimal text of a unit of 10^digits ns as whole ns: nothing is lost to binary fractions."""
+    """Convert decimal text in units of 10^digits ns to whole ns: nothing is lost to binary fractions.
+
+    Raises ValueError for a text that is no number.
+    """
     whole, _, fraction = text.replace(",", ".").partition(".")
     factor: int = 10**digits
     return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
 
 
 def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:
-    """Decimal text, of six digits behind the point where those are enough, else nine; `digits` before it."""
+    """Decimal text of a time [s], six digits behind the point where those are enough, else nine.
+
+    digits: width before the point, filled with `fill`.
+    """
     seconds, rest = divmod(nanoseconds, NANOSECONDS)
     return f"{seconds:{fill}>{digits}}." + (f"{rest:09d}" if rest % 1000 else f"{rest // 1000:06d}")
 
@@ -270,9 +278,9 @@ class LogFormat:
     description: str
     reader: Callable[[Path], LogReader]
     writer: Callable[[Path, int], LogWriter] | None = None
-    """None where it is only read."""
+    """Writer of a log; None where the format is only read."""
     recorder: Callable[[Path, int], LogRecorder] | None = None
-    """None where what was written so far could not be read after a loss of power."""
+    """Recorder of a log; None where what was written so far could not be read after a loss of power."""
     keeps_fd: bool = True
     """Whether CAN FD frames can be written."""
     stamp_step: int = 1

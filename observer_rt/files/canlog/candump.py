@@ -87,7 +87,7 @@ class CandumpLog(TextLogReader):
     def _frame(
         self, match: re.Match[str], stamp: int, payload: bytes, is_fd: bool, switch: bool, state: bool
     ) -> LogFrame | None:
-        """What both kinds of lines call alike; error and remote frames are counted."""
+        """Frame of a line of either kind, None of an error or remote frame, which is counted."""
         digits, remote, channel, direction = match.group("id", "remote", "channel", "direction")
         identifier, is_extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
         if is_extended and identifier & ERROR_FLAG:

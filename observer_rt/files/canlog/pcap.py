@@ -33,7 +33,7 @@ _OLD = {  # first bytes of pcap: order of bytes, parts of a second
     b"\x4d\x3c\xb2\xa1": ("<", NANOSECONDS),
     b"\xa1\xb2\x3c\x4d": (">", NANOSECONDS),
 }
-_LINK = 0xFFFF  # beside which a pcap may say what is not of interest here
+_LINK = 0xFFFF  # the lower bits are the kind of link
 _OLD_HEAD = struct.calcsize("20xI")  # bytes before the first packet; the last number is the kind of link
 _BLOCK = 12  # bytes of an empty block: kind, length, and the length again at its end
 INTERFACE, STATISTICS, PACKET = 1, 5, 6  # kinds of blocks
@@ -83,7 +83,7 @@ class PcapLog(LogReader):
                 self.refuse(number, f"is damaged: {error}", READABLE)
 
     def _packets(self, file: BinaryIO) -> Iterator[tuple[_Interface, int, bytes]]:
-        """Of pcap, with their times."""
+        """Packets of a pcap file, with their times."""
         head = _taken(file, _OLD_HEAD)
         order, ticks = _OLD[head[: len(SECTION)]]
         link = struct.unpack_from(f"{order}20xI", head)[0] & _LINK
@@ -93,7 +93,7 @@ class PcapLog(LogReader):
             yield interface, seconds * ticks + parts, _taken(file, size)
 
     def _blocks(self, file: BinaryIO) -> Iterator[tuple[_Interface, int, bytes]]:
-        """Packets of pcapng, with their times; the other blocks say of which interface and what was lost."""
+        """Packets of pcapng, with their times; the other blocks name interfaces and count losses."""
         order = ""
         interfaces: list[_Interface] = []
         while head := file.read(1):
@@ -173,7 +173,7 @@ def _taken(file: BinaryIO, size: int) -> bytes:
 
 
 def _options(data: bytes, order: str) -> dict[int, bytes]:
-    """Of a block, by their codes."""
+    """Options of a block, by their codes."""
     found: dict[int, bytes] = {}
     while data:
         code, size = struct.unpack_from(f"{order}HH", data)

@@ -1,4 +1,4 @@
-"""Logs of text, line by line, packed or not: foreign content is named, times from start or line to line are said."""
+"""Logs of text, line by line, packed or not: foreign content and times from start or line to line are recognised."""
 
 import gzip
 import zlib
@@ -45,9 +45,18 @@ _UNREAD = (
     (b"PK\x03\x04", "a zip archive"),
 )
 
+_LINES_TO_KNOW = 20
+LINES_AT_ONCE = 60
+LONGEST_LINE = 1 << 16  # characters, of what is packed: zeros would be one line of any length
+EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
+_SIZE_AT_END = 4  # bytes of a gzip file that hold the length of its content
+
+SURE_OF_START = 30  # times that are the largest so far
+SURE_OF_LINES = 8  # times that differ from the one before
+
 
 def head_of(path: Path) -> bytes:
-    """How a file begins, that of a packed one unpacked. Raises `OSError` for a file that cannot be opened."""
+    """Beginning of a file, that of a packed one unpacked. Raises `OSError` for a file that cannot be opened."""
     with path.open("rb") as file:
         head = file.read(_HEAD)
         if head.startswith(GZIP_MARK):
@@ -58,7 +67,7 @@ def head_of(path: Path) -> bytes:
 
 
 def likeness(path: Path) -> tuple[str, str]:
-    """What a file looks like and what to do about it, for the ends of problem and remedy; empty if unknown."""
+    """Likely kind of a file and its remedy, for the ends of problem and remedy; empty if unknown."""
     head, named = head_of(path), path.name.lower().removesuffix(PACKED)
     head = head if head.startswith(_CAPTURE) else head.lstrip()
     for mark, name, suffix in _READ:
@@ -70,20 +79,13 @@ def likeness(path: Path) -> tuple[str, str]:
     return "", ""
 
 
-_LINES_TO_KNOW = 20
-LINES_AT_ONCE = 60
-LONGEST_LINE = 1 << 16  # characters, of what is packed: zeros would be one line of any length
-EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
-_SIZE_AT_END = 4  # bytes of a gzip file that say how long its content is
-
-
 class TextLogReader(LogReader):
-    """Reader of a log of text, in UTF-8 or what is left of another encoding; whether it is packed, its bytes say."""
+    """Reader of a log of text, in UTF-8 or what is left of another encoding; packed or not, by its first bytes."""
 
     kind: ClassVar[str]
-    """What its files are, with an article."""
+    """Kind of its files, with an article."""
     remedy: ClassVar[str] = ""
-    """Of a line that is none of such a log, if not the usual one."""
+    """Remedy for a line that is none of such a log, if not the usual one."""
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         for first, lines in self._blocks():
@@ -110,7 +112,7 @@ class TextLogReader(LogReader):
         return None
 
     def _blocks(self) -> Iterator[tuple[int, list[str]]]:
-        """All lines, some at once, with the number of the first, counted from 1.
+        """Blocks of all lines, some at once, with the number of the first, counted from 1.
 
         A last one without its end is left out, and reported: what is left of a frame may look like a shorter one.
         """
@@ -145,13 +147,9 @@ class TextLogReader(LogReader):
                     number += len(lines)
 
     def refuse_content(self, number: int, problem: str, remedy: str = "") -> NoReturn:
-        """As `refuse`, saying what the file looks like instead if nothing of it could be read so far."""
+        """Call `refuse`, with the likely kind of the file if nothing of it could be read so far."""
         looks, rename = likeness(self.path) if number <= _LINES_TO_KNOW else ("", "")
         self.refuse(number, f"{problem}{looks}", rename or remedy)
-
-
-SURE_OF_START = 30  # times that are the largest so far
-SURE_OF_LINES = 8  # times that differ from the one before
 
 
 class Rising:

@@ -28,7 +28,7 @@ MILLISECOND_DIGITS = 6  # ns in a ms, as a power of ten
 STANDARD_DIGITS = 4  # of an identifier; an extended one has more
 FD_TYPES = {"FD": (False, False), "FB": (True, False), "FE": (True, True), "BI": (False, True)}
 DIRECTIONS = {"Rx": False, "Tx": True}
-OLD_COLUMNS = {  # places of what later versions say themselves; the type of a data frame is its direction
+OLD_COLUMNS = {  # places of what later versions name themselves; the type of a data frame is its direction
     "1.0": {"O": 1, "I": 2, "l": 3, "D": 4},
     "1.1": {"O": 1, "T": 2, "I": 3, "l": 4, "D": 5},
     "1.2": {"O": 1, "B": 2, "T": 3, "I": 4, "l": 5, "D": 6},
@@ -100,7 +100,7 @@ class TrcLog(TextLogReader):
             self._version = "1.0"  # which has no version line, but this rule
 
     def _begin_rows(self, number: int) -> None:
-        """Refuse a heading that does not tell what stands in the rows."""
+        """Refuse a heading that does not name the columns."""
         self._has_rows = True
         if self._version == "1.0":
             self.remarks.append("its stamps are whole milliseconds")

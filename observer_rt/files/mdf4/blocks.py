@@ -1,4 +1,4 @@
-"""Blocks of MDF4 files, as far as they say where records lie, how long they are and how many there should be.
+"""Blocks of MDF4 files, as far as they state place, length and number of records.
 
 asammdf reads what is in the records, in a process of its own, for it trusts what stands in a file. What leads to them
 is read here, too, for asammdf passes over records that it cannot follow. Every link is followed once, every length is
@@ -21,16 +21,6 @@ from observer_rt.foundation.sandbox import WorkerError, run_apart
 
 READABLE = "give a complete MDF 4 measurement"
 
-
-def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
-    """As `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
-    try:
-        with file_errors(path):
-            yield from run_apart(module, function, path, *arguments)
-    except WorkerError as error:
-        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
-
-
 MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
 MAJOR_VERSION = b"4."
 ALIGNMENT = 8  # bytes to which blocks are filled up
@@ -52,9 +42,18 @@ MOST_DEFLATED = 1100  # bytes that one can stand for
 _AT_ONCE = 1 << 25  # bytes
 
 
+def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
+    """Call `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
+    try:
+        with file_errors(path):
+            yield from run_apart(module, function, path, *arguments)
+    except WorkerError as error:
+        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+
+
 @dataclass(frozen=True)
 class DataReference:
-    """A field of a record that says where its data begin, among those of the group, or in the blocks, at a place."""
+    """A field of a record that holds where its data begin, among those of the group, or in the blocks, at a place."""
 
     byte: int
     size: int
@@ -63,7 +62,7 @@ class DataReference:
 
 @dataclass(frozen=True)
 class ChannelGroup:
-    """Records of one kind. length: in bytes, without the id; None: each says its own."""
+    """Records of one kind. length: in bytes, without the id; None: each states its own."""
 
     place: int
     record_id: int
@@ -98,7 +97,7 @@ class DataGroup:
 
 
 class GroupCount(NamedTuple):
-    """Records of a channel group in the data, and those of them that are complete. stated: as its heading says; None:
+    """Records of a channel group in the data, and those of them that are complete. stated: by its heading; None:
     it does not."""
 
     found: int
@@ -106,7 +105,7 @@ class GroupCount(NamedTuple):
     stated: int | None
 
     def readable(self, cycles: int) -> int:
-        """How many can be read of `cycles` that asammdf has. Raises `ValueError` where it lost some."""
+        """Number of `cycles` of asammdf that can be read. Raises `ValueError` where it lost some."""
         if self.stated is None and cycles != self.found:
             raise ValueError(f"only {cycles} of {self.found} records can be put in order")
         return min(cycles, self.complete)
@@ -121,11 +120,11 @@ class CountedRecords:
     remarks: tuple[str, ...]
 
     def readable(self, place: int, cycles: int) -> int:
-        """As of the `GroupCount` at a place."""
+        """Number of cycles that can be read of the group at a place, as of its `GroupCount`."""
         return self.groups[place].readable(cycles) if place in self.groups else cycles
 
     def contradictions(self, places: Iterable[int], noun: str) -> tuple[str, ...]:
-        """What headings of some channel groups say wrongly, in sentences about `noun`."""
+        """Contradictions between headings of some channel groups and the data, in sentences about `noun`."""
         counts = [self.groups[place] for place in places if place in self.groups]
         stated = [(count.found, count.stated) for count in counts if count.stated is not None]
         uncounted = sum(max(0, found - said) for found, said in stated)
@@ -166,7 +165,7 @@ class Blocks:
         self._linked: set[int] = set()
         (flags,) = struct.unpack("<H", self._read(_FLAGS_PLACE, 2))
         self.has_cycles = not flags & _UPDATE_CYCLES
-        """Whether the headings say how many records there are."""
+        """Whether the headings state the number of records."""
         self.has_offsets = not flags & _UPDATE_OFFSETS
         """Whether references to data of variable length are right."""
         self.has_lists = not flags & _UPDATE_LAST_LIST
@@ -175,7 +174,7 @@ class Blocks:
         """Whether the last data go on to the end of the file: a logger writes them, or was stopped."""
 
     def data_groups(self) -> list[DataGroup]:
-        """All, with an open last piece up to its end."""
+        """Data groups of the file, with an open last piece up to its end."""
         groups = []
         place = self._block(_HEADER_PLACE, b"##HD").links[0]
         while place:
@@ -252,7 +251,7 @@ class Blocks:
         ]
 
     def _references(self, place: int) -> Iterator[DataReference]:
-        """To data of variable length, of the channels from a place on and those they are made of."""
+        """References to data of variable length, of the channels from a place on and those they are made of."""
         waiting = [place]
         while waiting:
             place = waiting.pop()
@@ -269,7 +268,7 @@ class Blocks:
             waiting += block.links[:2]
 
     def pieces(self, place: int) -> tuple[Piece, ...]:
-        """Of the data at a place, be it a block or a list of them."""
+        """Pieces of the data at a place, be it a block or a list of them."""
         return tuple(self._pieces(place))
 
     def _pieces(self, place: int) -> Iterator[Piece]:

@@ -60,7 +60,7 @@ RECORD = np.dtype(
 
 
 class Totals(NamedTuple):
-    """How many frames of each kind a log has, how many entries of other buses, and what is odd about their number."""
+    """Numbers of frames of each kind in a log, of entries of other buses, and remarks on these numbers."""
 
     data: int
     error: int
@@ -83,7 +83,7 @@ def is_log(path: Path) -> Iterator[bool]:
 
 
 def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np.void]]:
-    """How many frames a file has, then its data frames in arrays of dtype `RECORD`.
+    """Totals of a file, then its data frames in arrays of dtype `RECORD`.
 
     Frames of several groups are put in order of time; what steps back within one group stays as it is. counted: as
     they are in the file, whatever asammdf finds.
@@ -96,15 +96,11 @@ def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np
         }
         fields = {number: _Fields(file, number) for number in _groups(file, DATA) if counts[number]}
         odd = dict.fromkeys(remark for each in fields.values() for remark in each.oddities())
-        yield _totals(file, counted, counts, tuple(odd))
+        data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
+        places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
+        remarks = (*counted.remarks, *counted.contradictions(places, "frames"), *odd)
+        yield Totals(data, error, remote, sum(counts.values()) - data - error - remote, remarks)
         yield from in_order_of_time([each.records(counts[number]) for number, each in fields.items()])
-
-
-def _totals(file: MDF, counted: CountedRecords, counts: dict[int, int], odd: tuple[str, ...]) -> Totals:
-    data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
-    places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
-    remarks = (*counted.remarks, *counted.contradictions(places, "frames"), *odd)
-    return Totals(data, error, remote, sum(counts.values()) - data - error - remote, remarks)
 
 
 def _groups(file: MDF, kind: str) -> list[int]:
@@ -128,7 +124,7 @@ def _cycles(file: MDF, number: int) -> int:
 
 
 def start_of(file: MDF) -> int:
-    """In ns since 1970; where it is said to be local time, by the zone of this computer, as of logs of text."""
+    """Start in ns since 1970; local time, where that is stated, by the zone of this computer, as of logs of text."""
     start = int(file.header.abs_time)
     if not file.header.time_flags & LOCAL_TIME:
         return start
@@ -154,13 +150,13 @@ class _Fields:
             raise ValueError(f"its frames have no {(*missing, 'DataLength')[0]}")
 
     def records(self, count: int) -> Iterator[NDArray[np.void]]:
-        """So many records, some at once."""
+        """Records up to a number of them, some at once."""
         refuse_outside(self._file, self._group)
         for first in range(0, count, RECORDS_AT_ONCE):
             yield self._read(range(first, min(first + RECORDS_AT_ONCE, count)))
 
     def oddities(self) -> Iterator[str]:
-        """What is odd about its fields, when its frames begin and what its clock counts: a file has no checksum."""
+        """Oddities of its fields, of when its frames begin and what its clock counts: a file has no checksum."""
         channels = self._file.groups[self._group].channels
         names = {each.name for each in channels if each.channel_type not in MASTER_TYPES} - {DATA}
         unknown = sorted(names - {f"{DATA}.{field}" for field in KNOWN_FIELDS})

@@ -14,6 +14,22 @@ from observer_rt.files.mdf4.records import count_records
 
 RECORDS = "observer_rt.files.mdf4.bus_frames"
 
+DATA = "CAN_DataFrame"
+MAX_LENGTH = FD_LENGTHS[-1]
+_FIELDS = (
+    ("BusChannel", "<u1"),
+    ("ID", "<u4"),
+    ("IDE", "<u1"),
+    ("DLC", "<u1"),
+    ("DataLength", "<u1"),
+    ("DataBytes", f"({MAX_LENGTH},)u1"),
+    ("Dir", "<u1"),
+    ("EDL", "<u1"),
+    ("BRS", "<u1"),
+    ("ESI", "<u1"),
+)
+_RECORD = np.dtype([(f"{DATA}.{name}", kind) for name, kind in _FIELDS])
+
 
 def is_bus_log(path: Path) -> bool:
     """Whether an MDF4 file is a log of a bus. Raises `UserError` for a file that is damaged or none of MDF."""
@@ -53,23 +69,6 @@ def _entries_of(records: NDArray[np.void]) -> Iterator[LogFrame]:
         )
     )
     return log_frames(records["id"].tolist(), payloads, *before, *after)
-
-
-DATA = "CAN_DataFrame"
-MAX_LENGTH = FD_LENGTHS[-1]
-_FIELDS = (
-    ("BusChannel", "<u1"),
-    ("ID", "<u4"),
-    ("IDE", "<u1"),
-    ("DLC", "<u1"),
-    ("DataLength", "<u1"),
-    ("DataBytes", f"({MAX_LENGTH},)u1"),
-    ("Dir", "<u1"),
-    ("EDL", "<u1"),
-    ("BRS", "<u1"),
-    ("ESI", "<u1"),
-)
-_RECORD = np.dtype([(f"{DATA}.{name}", kind) for name, kind in _FIELDS])
 
 
 class Mdf4LogWriter(LogWriter):

@@ -56,7 +56,7 @@ def damage_told(path: Path) -> Iterator[None]:
 
 
 def add_history(file: MDF) -> None:
-    """Say what wrote the file, but not when: the same content gives the same bytes. For `seal`."""
+    """Name what wrote the file, but not when: the same content gives the same bytes. For `seal`."""
     file.start_time = NO_DATE
     history = FileHistory()
     history.time_stamp = NO_DATE

@@ -1,6 +1,6 @@
-"""How many records an MDF4 file holds: its data walked through from record to record.
+"""Number of records in an MDF4 file: its data walked through from record to record.
 
-asammdf, which reads them, stops at the first record that it cannot follow and says nothing: one bit, and half of a
+asammdf, which reads them, stops at the first record that it cannot follow, without an error: one bit, and half of a
 log is gone.
 """
 
@@ -53,7 +53,7 @@ def count_records(path: Path) -> CountedRecords:
                         counts, said = walked.counts(), walked.remarks
                     else:
                         counts, said = _of_one(blocks, group)
-                    groups |= {  # of which more is known than what the heading says
+                    groups |= {  # of which more is known than the heading states
                         place: count
                         for place, count in counts.items()
                         if not (count.found == count.complete == (count.stated or 0))
@@ -66,7 +66,7 @@ def count_records(path: Path) -> CountedRecords:
 
 
 class _RecordError(ValueError):
-    """Where no record can follow. byte: of the file, if what stands before it can be read alone."""
+    """Place where no record can follow. byte: of the file, if what stands before it can be read alone."""
 
     def __init__(self, problem: str, byte: int | None) -> None:
         super().__init__(problem)
@@ -104,17 +104,13 @@ class _Walk:
         self._fields = [_Field(each, reference) for each in self._kinds for reference in each.references]
         self._variable = {each.place: _VariableData() for each in self._kinds if each.length is None}
         for place in {each.reference.target for each in self._fields} - self._variable.keys():
-            self._variable[place] = self._apart(place)
+            records = ChannelGroup(place, 0, None, 0)  # of variable length, in blocks of their own
+            walk = _Walk(self._blocks, DataGroup(0, (records,), self._blocks.pieces(place)))
+            walk.run()
+            self._variable[place] = walk._variable[place]
         self._kind_of = np.empty(RECORDS_AT_ONCE, np.int64)
         self._place_of = np.empty(RECORDS_AT_ONCE, np.int64)
         self.remarks: list[str] = []
-
-    def _apart(self, place: int) -> "_VariableData":
-        """Those in the blocks at a place."""
-        records = ChannelGroup(place, 0, None, 0)
-        walk = _Walk(self._blocks, DataGroup(0, (records,), self._blocks.pieces(place)))
-        walk.run()
-        return walk._variable[place]
 
     def run(self) -> None:
         """Walk. Raises `ValueError` where no record can follow, `_RecordError` where that has a place."""
@@ -146,7 +142,7 @@ class _Walk:
             self._end(done, needed)
 
     def counts(self) -> dict[int, GroupCount]:
-        """What was found."""
+        """Counts of the records found, by group."""
         complete = dict(zip((each.place for each in self._kinds), self._found.tolist(), strict=True))
         for each in self._fields if self._blocks.has_offsets else ():
             place = each.group.place
@@ -208,7 +204,7 @@ class _Walk:
         return f"byte {byte}", byte if self._blocks.is_open else None
 
     def _with_data(self, led: "_Field") -> int:
-        """How many records lead to data that are there; the last ones may not where a file was cut."""
+        """Number of records that lead to data that are there; the last ones may not where a file was cut."""
         data = self._variable[led.reference.target]
         offsets = np.concatenate(led.offsets) if led.offsets else np.empty(0, np.uint64)
         lost = np.flatnonzero(~data.use(offsets))
@@ -240,7 +236,7 @@ class _Field:
 
 
 class _VariableData:
-    """Where data of variable length begin that are led to, counted as references count: with their lengths."""
+    """Places where data of variable length begin that are led to, counted as references count: with their lengths."""
 
     def __init__(self) -> None:
         self.end = 0
@@ -258,7 +254,7 @@ class _VariableData:
         self.longest = max(self.longest, int(lengths.max()))
 
     def use(self, offsets: NDArray[np.uint64]) -> NDArray[np.bool_]:
-        """Which of some references lead to where data begin."""
+        """Mark which references lead to where data begin, True or False, and count these data as used."""
         starts = np.concatenate(self._starts) if self._starts else np.empty(0, np.uint64)
         if self._used is None:
             self._used = np.zeros(starts.size, np.bool_)
@@ -270,5 +266,5 @@ class _VariableData:
 
     @property
     def unused(self) -> int:
-        """How many nothing led to."""
+        """Number of data that nothing led to."""
         return 0 if self._used is None else int(self._used.size - np.count_nonzero(self._used))

@@ -1,4 +1,4 @@
-"""A recording as the frames a measuring device would send, by the bench's bus map; what they cannot hold is said."""
+"""Frames of a recording, as a measuring device would send them by the bench's bus map; clamping is reported."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,6 +26,12 @@ WINDOW_AFTER = 4 * MILLISECOND  # after it, in which the line rings
 RATE_TOLERANCE = 1e-6  # relative, between recording and bench
 LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, of `SamplingConfig`
 OPEN_LIFT = 5 * MICROMETRE  # above any noise of the lift
+
+_SHOWN_UNIT = {
+    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
+    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
+    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
+}
 
 
 def bench_for(bench: Bench, recording: Sampled) -> Bench:
@@ -65,16 +71,16 @@ class TimedFrame(NamedTuple):
     is_fd: bool
     payload: bytes
     channel: str = ""
-    """Of the log it comes from; none for a frame made from a recording."""
+    """Channel of the log it comes from; none for a frame made from a recording."""
     bit_rate_switch: bool = True
-    """Of a CAN FD frame; as is the next."""
+    """Flag of a CAN FD frame, as the next one is."""
     error_state_indicator: bool = False
     bus: int = 0
     """Number of the bench's bus it is sent on."""
 
     @property
     def stamp_ns(self) -> int:
-        """When it was received by a receiver without delay, in whole nanoseconds."""
+        """Time of reception by a receiver without delay, in whole nanoseconds."""
         return round(self.time * 1e9)
 
 
@@ -97,7 +103,7 @@ def windows(recording: Recording) -> list[Span]:
 
 
 def windows_of(parts: Iterable[Recording]) -> list[Span]:
-    """The same of a recording in parts that follow one another."""
+    """Windows of a recording in parts that follow one another."""
     spans: list[Span] = []
     samples = 0
     for part in parts:
@@ -167,7 +173,7 @@ class Framer:
                 )
 
     def framed(self, recording: Recording, spans: Sequence[Span]) -> Iterator["Framed"]:
-        """The same in arrays, span by span."""
+        """Frames of some spans in arrays, span by span."""
         values = np.column_stack([getattr(recording, role.value) for role in ROLES])
         for span in spans:
             yield _merged([self._encode(number, values, span) for number in range(len(self._counters))])
@@ -235,15 +241,8 @@ def _merged(messages: Sequence[Framed]) -> Framed:
     return Framed(numbers[order], due[order], starts, data)
 
 
-_SHOWN_UNIT = {
-    Role.RAIL_PRESSURE: ("MPa", MEGAPASCAL),
-    Role.NEEDLE_LIFT: ("mm", MILLIMETRE),
-    Role.LINE_PRESSURE: ("MPa", MEGAPASCAL),
-}
-
-
 def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
-    """One line for every role with values that the bus cannot hold, which are clamped when sent."""
+    """Lines for the roles with values that the bus cannot hold, which are clamped when sent."""
     warnings = []
     for role in ROLES:
         found, limits = survey.signals[role.value], role_range(bus, role)

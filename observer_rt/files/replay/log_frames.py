@@ -42,7 +42,7 @@ def remapped(frames: Iterator[TimedFrame], identifiers: Mapping[int, int]) -> It
 
 
 def remapped_identifiers(known: Collection[Sent], identifiers: Mapping[int, int]) -> frozenset[Sent]:
-    """What will be sent.
+    """Kinds of frames that will be sent.
 
     Raises `UserError` for an old identifier that is not among the known ones, for a new one too long for the kind
     of frame, and for one under which two kinds of frames would be sent.
@@ -190,7 +190,7 @@ class LogPart:
 
 @dataclass
 class _Seen:
-    """What one reading of a log has met so far."""
+    """State of one reading of a log."""
 
     channels: set[str] = field(default_factory=set)
     until: float = 0.0

@@ -33,10 +33,18 @@ from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading meanwhile may delay a frame
 
+LATE = 1 * MILLISECOND  # beyond which a frame counts as late
+_SIGNIFICANT_BITS = 7  # a bin is at most 1/64 of its value wide
+_NANOSECOND = 1e-9  # s
+
+SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
+LONGEST_SLEEP = 100_000_000  # ns between two looks at the progress
+PROGRESS_PERIOD = 100_000_000  # ns
+
 
 @dataclass(frozen=True)
 class ReplaySource:
-    """What is to be sent: frames as they are in the file, how many, which kinds of frames, on which buses."""
+    """Source of what is sent: frames as they are in the file, how many, which kinds of frames, on which buses."""
 
     frames: Iterator[TimedFrame]
     extent: Extent
@@ -161,11 +169,6 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         )
 
 
-LATE = 1 * MILLISECOND  # beyond which a frame counts as late
-_SIGNIFICANT_BITS = 7  # a bin is at most 1/64 of its value wide
-_NANOSECOND = 1e-9  # s
-
-
 @dataclass(frozen=True)
 class ReplayLateness:
     """Median, 99th percentile and maximum [s], and the share of frames later than `LATE`; nan without frames."""
@@ -211,14 +214,9 @@ class LatenessCounter:
         raise AssertionError("the bins hold all frames")
 
 
-SLEEP_MARGIN = 1_000_000  # ns before a frame is due, from which on the sleep is exact and not interruptible
-LONGEST_SLEEP = 100_000_000  # ns between two looks at the progress
-PROGRESS_PERIOD = 100_000_000  # ns
-
-
 @dataclass(frozen=True)
 class PlayStatistics:
-    """What was sent: number of frames, duration [s], and how late they were (nan without a time grid).
+    """Statistics of what was sent: number of frames, duration [s], and how late they were (nan without a time grid).
 
     paused: for how long an interface was waited for [s].
     """
@@ -229,7 +227,7 @@ class PlayStatistics:
     paused: float = 0.0
 
     def as_text(self) -> str:
-        """One line for the screen."""
+        """Summary for the screen in one line."""
         sent = f"{self.frames} frames in {self.duration:.3f} s"
         if self.paused:
             sent += f", {self.paused:.1f} s of which without the interface"
@@ -243,7 +241,7 @@ class PlayStatistics:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """The same for a program; null where nothing was measured."""
+        """Statistics for a program; null where nothing was measured."""
 
         def known(value: float) -> float | None:
             return None if math.isnan(value) else value
@@ -272,7 +270,7 @@ def play(
 
     speed: > 0; math.inf sends as fast as the link takes, and lateness is not measured. `progress` is called with the
     time [s] reached in the recording, some ten times a second. `stop`: end early. `by_bus`: links for frames on
-    these buses, instead of `link`. While an interface is down or away all wait, which `tell` hears of, and go on as
+    these buses, instead of `link`. While an interface is down or away all wait, which `tell` is given, and go on as
     much later; no frame is left out.
 
     Raises:

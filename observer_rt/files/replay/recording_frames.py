@@ -27,10 +27,13 @@ from observer_rt.foundation.errors import RunError, UserError
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
 SAMPLE_TOLERANCE = 1e-6  # of a sample: a time the user gives names the sample printed with it
 
+NANOSECONDS = 1e9  # in a second
+PAUSE = 1.0  # s, between two recordings, and between two stretches of one
+
 
 @dataclass(frozen=True)
 class Extent:
-    """How much one pass of a replay is: its length [s] in the recording's own time, and its frames."""
+    """Extent of one pass of a replay: its length [s] in the recording's own time, and its frames."""
 
     duration: float
     frames: int
@@ -67,12 +70,12 @@ class RecordingPart:
 
     @property
     def samples(self) -> int:
-        """Of the part."""
+        """Number of samples of the part."""
         return self._last - self._first
 
     @property
     def extent(self) -> Extent:
-        """Of one loop."""
+        """Extent of one loop."""
         frames = sum(
             -(-(span.end - span.start) // grid_samples(self._bus, number))
             * int(self._bus.inputs.messages[number]["kind_count"])
@@ -159,7 +162,7 @@ def _of_whole_frames(spans: Sequence[Span], block: int, samples: int) -> list[Sp
 
 
 def _in_pieces(spans: Iterable[Span], block: int) -> Iterator[Span]:
-    """The same frames from spans short enough to be encoded between two frames."""
+    """Cuts spans into pieces short enough to be encoded between two frames."""
     piece = block * max(1, ENCODED_AT_ONCE // block)
     return (
         Span(start, min(start + piece, span.end))
@@ -194,10 +197,6 @@ def _described(stream: SignalStream) -> str:
     return f"{stream.path or 'the recording'}, which runs from {begin:.6g} to {end:.6g} s"
 
 
-NANOSECONDS = 1e9  # in a second
-PAUSE = 1.0  # s, between two recordings, and between two stretches of one
-
-
 class Device:
     """Sends stretches of recordings one after another; between two of them the sample index jumps."""
 
@@ -219,7 +218,7 @@ class Device:
         return self._framer.next_index
 
     def chunks(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        """The same samples, every chunk but the last of a stretch a whole number of blocks of frames."""
+        """Cuts samples anew, every chunk but the last of a stretch a whole number of blocks of frames."""
         held: Chunk | None = None
         for chunk in chunks:
             if held is not None and held.stretch != chunk.stretch:
@@ -234,7 +233,7 @@ class Device:
             yield held
 
     def frames(self, chunk: Chunk) -> Iterator[BusFrame]:
-        """Of a chunk of the stretch begun, as `chunks` gives them, stamped as received."""
+        """Frames of a chunk of the stretch begun, as `chunks` gives them, stamped as received."""
         for framed, stamps in self._stamped(chunk):
             for number, stamp, payload in zip(
                 framed.numbers.tolist(), stamps.tolist(), framed.payloads(), strict=True
@@ -244,7 +243,7 @@ class Device:
                 yield BusFrame(layout.bus, frame)
 
     def blocks(self, chunk: Chunk) -> Iterator[FrameBlock]:
-        """The same in arrays."""
+        """Frames of a chunk in arrays."""
         for framed, stamps in self._stamped(chunk):
             yield FrameBlock(self._keys[framed.numbers], stamps, framed.starts, framed.data)
 

@@ -37,12 +37,19 @@ LOOKED_AT = 200  # lines, among which the names and the first numbers must be
 OWN_MISSING = frozenset(("", "nan", "-nan"))
 _NAMES = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}
 
+LONGEST_HEADER = 1 << 20  # characters
+_TAIL = 1 << 14  # bytes, in which the last line is
+_NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
+NUMBERS = "write numbers; leave the cell empty where a value is not available"
+UNGROUPED = "write numbers without separators of thousands: 1000.153 or 1000,153"
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
+
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one file is written.
+    """Dialect in which one file is written.
 
-    names, units: of all columns, units as far as the file says them; mapped: places of columns by signal;
+    names, units: of all columns, units as far as the file states them; mapped: places of columns by signal;
     first_row: lines before the first numbers; header_line, unit_line: 1-based, 0: none; calendar: of the time, None:
     it is a number; missing: cells without a value, in lower case; comment: what begins one, empty: nothing does.
     """
@@ -61,14 +68,14 @@ class Dialect:
     missing: frozenset[str] = MISSING
 
     def as_text(self) -> str:
-        """In a few words."""
+        """Description of the dialect in a few words."""
         named = f"names in line {self.header_line}" if self.header_line else "without names"
         units = f", units in line {self.unit_line}" if self.unit_line else ""
         separator = _NAMES.get(self.separator, f"'{self.separator}'")
         return f"CSV, {named}{units}, separated by {separator}, decimal '{self.decimal}', {self.encoding}"
 
     def cells(self, line: str) -> list[str]:
-        """Of a line; none of a blank one or a comment."""
+        """Cells of a line; none of a blank one or a comment."""
         text = (line.split(self.comment)[0] if self.comment else line).strip("\r\n")
         return split_line(text, self.separator) if text.strip() else []
 
@@ -79,7 +86,7 @@ class Dialect:
 
 
 def encoding_of(path: Path) -> str:
-    """By its byte order mark, else UTF-8 unless it is none."""
+    """Encoding of a file by its byte order mark, else UTF-8 unless it is none."""
     with path.open("rb") as file:
         begin = file.read(1 << 16)
     if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -125,7 +132,7 @@ def own_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, Column
 
 
 def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, ColumnConfig]) -> Dialect:
-    """How a file with the columns `wanted`, by signal, is written. Raises `UserError` if it lacks one."""
+    """Dialect of a file with the columns `wanted`, by signal. Raises `UserError` if it lacks one."""
     encoding = encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
         lines = [line.rstrip("\r\n") for line in islice(file, LOOKED_AT)]
@@ -179,14 +186,6 @@ def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, Colum
     )
 
 
-LONGEST_HEADER = 1 << 20  # characters
-_TAIL = 1 << 14  # bytes, in which the last line is
-_NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
-NUMBERS = "write numbers; leave the cell empty where a value is not available"
-UNGROUPED = "write numbers without separators of thousands: 1000.153 or 1000,153"
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
-
-
 class CsvTable(Table):
     """Columns by their names, in one line of names; the lines from the first number on."""
 
@@ -212,7 +211,7 @@ class CsvTable(Table):
 
     @staticmethod
     def names(path: Path) -> Collection[str]:
-        """Of the columns, of a file in our own layout all."""
+        """Names of the columns, of a file in our own layout all."""
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             return [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
 
@@ -229,7 +228,7 @@ class CsvTable(Table):
                 before += SAMPLES_AT_ONCE
 
     def place(self, row: int, raster: int) -> str:
-        """By its line."""
+        """Place of a row in the file: its line."""
         with self._opened() as file:
             for number, _ in islice(self._rows(file, self._dialect.first_row), row, None):
                 return f"{self.path}, line {number}"
@@ -345,7 +344,7 @@ class CsvTable(Table):
         return time
 
     def _first_stamp(self, calendar: Calendar) -> int:
-        """In ns since 1970."""
+        """Time of the first stamp in ns since 1970."""
         at = self._dialect.mapped[TIME]
         with self._opened() as file:
             cells = (row[at] for _, row in self._rows(file, self._dialect.first_row) if at < len(row))

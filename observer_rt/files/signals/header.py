@@ -18,11 +18,20 @@ NO_NUMBER = ("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan")  # as Windows prints it
 MISSING = frozenset(
     ("", "nan", "-nan", "na", "n/a", "<na>", "#n/a", "#na", "null", "none", "-", "--", "---", *NO_NUMBER)
 )
-"""In lower case."""
+"""Marks of a missing value, in lower case."""
+
+_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+ISO_8601 = "ISO8601"  # as pandas calls it
+NANOSECONDS = 1e9  # a second
+
+_NONE = np.iinfo(np.int64).min  # as NumPy and pandas have it
+
+SEPARATORS = (";", "\t", ",", "|", " ")
+_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number with this decimal sign, or one of the ways to say that there is none."""
+    """Whether a cell is a number with this decimal sign, or a mark for a missing one."""
     text = cell.strip()
     if is_missing(text):
         return True
@@ -36,7 +45,7 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no value."""
+    """Whether a cell marks a missing value."""
     return cell.strip().lower() in MISSING
 
 
@@ -60,19 +69,14 @@ def decimal_of(rows: Sequence[Sequence[str]], places: Sequence[int]) -> str:
     return "," if with_comma > with_point else "."
 
 
-_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
-ISO_8601 = "ISO8601"  # as pandas calls it
-NANOSECONDS = 1e9  # a second
-
-
 @dataclass(frozen=True)
 class Calendar:
-    """How the stamps are written, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
+    """Format of the stamps, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
 
     form: str
 
     def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
-        """Of stamps (n,) since 1970; those that are none are below all others."""
+        """Nanoseconds since 1970 of stamps (n,); those that are none are below all others."""
         import pandas  # slow to import
 
         try:
@@ -87,30 +91,23 @@ class Calendar:
         return found
 
     def seconds(self, cells: Any, origin: int) -> NDArray[np.float64]:
-        """Of stamps (n,) since `origin` [ns]: exact, which seconds since 1970 are not. NaN of those that are none."""
+        """Seconds of stamps (n,) since `origin` [ns], exact as those since 1970 are not. NaN of no stamps."""
         found = self.nanoseconds(cells)
         return np.where(found == _NONE, np.nan, (found - origin) / NANOSECONDS)
 
     def as_text(self, origin: int) -> str:
-        """What is made of the stamps."""
+        """Description of how the stamps are read."""
         form = "ISO 8601" if self.form == ISO_8601 else f"'{self.form}'"
         return f"calendar stamps as {form}, counted from {np.datetime64(origin, 'ns')}"
 
 
-_NONE = np.iinfo(np.int64).min  # as NumPy and pandas have it
-
-
 def calendar_of(time: TimeConfig, cells: Iterable[str]) -> Calendar | None:
-    """That of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
+    """Calendar of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
     if time.format is not None:
         return Calendar(time.format)
     if time.unit is None and any(_ISO.match(cell) for cell in cells):
         return Calendar(ISO_8601)
     return None
-
-
-SEPARATORS = (";", "\t", ",", "|", " ")
-_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
 
 
 @dataclass(frozen=True)
@@ -163,7 +160,7 @@ def header_by_place(path: Path, lines: Sequence[str], config: RecordingConfig) -
 
 
 def bare_unit(unit: str) -> str:
-    """A unit as it is said in a row of units."""
+    """A unit as it stands in a row of units."""
     return unit.strip().strip("[]()").strip()
 
 

@@ -22,6 +22,13 @@ from observer_rt.foundation.units import MILLISECOND
 SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
 LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
 
+MOST_STRETCHES = 10_000
+SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
+SAME_RATE = 0.01  # relative, of a file and the grid
+MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
+_FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
+_SHOWN = 5  # places where a file is split
+
 
 @dataclass
 class RowRun:
@@ -40,7 +47,7 @@ class AxisSurvey:
     def __init__(self, rate: float, bridge: float) -> None:
         self._rate, self._bridge = rate, bridge
         self.period = 0.0
-        """Of the stamps [s], their median in the first part."""
+        """Period of the stamps [s], their median in the first part."""
         self.runs: list[RowRun] = []
         self.bridged = 0
         """Gaps that are closed by a straight line."""
@@ -119,14 +126,6 @@ class Cursor:
         return result
 
 
-MOST_STRETCHES = 10_000
-SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
-SAME_RATE = 0.01  # relative, of a file and the grid
-MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
-_FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
-_SHOWN = 5  # places where a file is split
-
-
 @dataclass
 class _Rows:
     """Rows of an axis that were read and are still needed. first: number of the first one."""
@@ -189,7 +188,7 @@ class MappedSignals(TableSignals):
         return tuple(lines)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Read anew, every axis beside the others."""
+        """Read all samples anew, every axis beside the others."""
         rows = [_Rows(self._parts(raster)) for raster in range(len(self._axes))]
         cursors = [Cursor(self.rate, axis.reach, axis.is_on_grid) for axis in self._axes]
         for number, (run, stretch) in enumerate(zip(self._runs, self.stretches, strict=True)):
@@ -309,7 +308,7 @@ class MappedSignals(TableSignals):
         return not axis.is_on_grid or abs(1.0 / axis.period / self.rate - 1.0) > SAME_RATE
 
     def _samples(self, run: RowRun) -> int:
-        """Of the grid within a run."""
+        """Number of samples of the grid within a run."""
         span = (run.end - run.begin) * self.rate
         is_on_grid = self._axes[self._main].is_on_grid
         return int(round(span) if is_on_grid else math.floor(span + 1e-6)) + 1

@@ -29,7 +29,7 @@ class FoundChannels(NamedTuple):
 
 
 def names(path: Path) -> Iterator[list[str]]:
-    """Of the channels."""
+    """Names of the channels."""
     with opened(path) as file:
         yield list(file.channels_db)
 
@@ -37,9 +37,9 @@ def names(path: Path) -> Iterator[list[str]]:
 def found_and_parts(
     path: Path, wanted: Mapping[str, ColumnConfig], is_own: bool, counted: CountedRecords, at_once: int
 ) -> Iterator[FoundChannels | TablePart]:
-    """What a file has of the channels wanted, then the parts of the first group with some of them.
+    """Channels of a file that are wanted, then the parts of the first group with some of them.
 
-    Raises `UserError` where a channel is missing or in doubt.
+    Raises `UserError` where a channel is missing or ambiguous.
     """
     with opened(path) as file:
         mapped = present(path, wanted, file.channels_db, is_own, "channel")
@@ -102,7 +102,7 @@ def _place(file: MDF, path: Path, column: ColumnConfig) -> Place:
 
 
 def _unit(file: MDF, group: int, index: int) -> str:
-    """Of a channel, or of its conversion."""
+    """Unit of a channel, or of its conversion."""
     channel = file.groups[group].channels[index]
     unit = channel.unit or (channel.conversion.unit if channel.conversion is not None else "")
     return str(unit or "").strip()

@@ -1,4 +1,4 @@
-"""One recording of an injector: its even time grid, three inputs, and the measured rate where there is one.
+"""Recording of an injector: its even time grid, three inputs, and the measured rate where there is one.
 
 The grid is checked, and the sample rate found behind printed time stamps.
 """
@@ -26,9 +26,19 @@ must not drift within a recording by as much as would move a sample into its nei
 MAX_SIGNIFICANT_DIGITS = 15
 _ROWS = 1024  # whose distances from the grid are remembered by their extremes
 
+TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
+EQUIDISTANT = (
+    "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
+    "of a bench file, which bridges and splits"
+)
+
+SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")
+Arrays = Mapping[str, NDArray[np.float64]]
+"""Time and signals by name, each (n,)."""
+
 
 class UnevenTime(NamedTuple):
-    """Where a time column leaves its even grid."""
+    """Place where a time column leaves its even grid."""
 
     row: int
     """Zero-based index of the first sample that is not where it should be."""
@@ -69,7 +79,7 @@ class TimeGrid:
         return None
 
     def end(self) -> UnevenTime | None:
-        """Where the clock drifted, if it did."""
+        """Place where the clock drifted, if it did."""
         row, distance = self._farthest()
         if distance <= GRID_TOLERANCE * self._period:
             return None
@@ -133,18 +143,6 @@ def _rounded(value: float, significant_digits: int) -> float:
     return float(f"{value:.{significant_digits - 1}e}")
 
 
-TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
-EQUIDISTANT = (
-    "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
-    "of a bench file, which bridges and splits"
-)
-
-
-SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")
-Arrays = Mapping[str, NDArray[np.float64]]
-"""Of time and signals, by name."""
-
-
 @dataclass(frozen=True, eq=False)
 class Recording:
     """Signals of one recording, SI units, every array float64 of shape (n,), n >= 2.
@@ -164,11 +162,11 @@ class Recording:
     injection_rate: NDArray[np.float64] | None = None
     """Measured [m3/s]; None where no rate was measured."""
     path: Path | None = None
-    """Where the recording was read from; None for one made in memory."""
+    """File of the recording; None for one made in memory."""
     meaning: Meaning | None = field(default=None, kw_only=True)
-    """What a sample is; None: as the bench file says, without one an instant."""
+    """Meaning of a sample; None: as the bench file states, without one an instant."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
-    """What its reader left out or found odd."""
+    """Notes on what its reader left out or found odd."""
 
     def __post_init__(self) -> None:
         name = str(self.path) if self.path is not None else "recording"
@@ -199,7 +197,7 @@ class Recording:
         return {"time": self.time, **self.signals}
 
     def with_arrays(self, arrays: Arrays) -> Self:
-        """The same with other values of these names."""
+        """Recording with other values of these names."""
         return replace(self, **arrays)  # type: ignore[arg-type]  # of no other field
 
     @property
@@ -209,7 +207,7 @@ class Recording:
 
     @cached_property
     def sample_rate(self) -> float:
-        """As of `TimeGrid` [Hz]."""
+        """Sample rate as of `TimeGrid` [Hz]."""
         grid = TimeGrid()
         grid.take(self.time)
         return grid.sample_rate
@@ -227,11 +225,11 @@ class Chunk(Recording):
     first: int = 0
 
     def __post_init__(self) -> None:
-        """Nothing: whoever reads a recording in parts has checked it."""
+        """Checks nothing: whoever reads a recording in parts has checked it."""
 
     @property
     def sample_rate(self) -> float:
-        """As of the recording."""
+        """Sample rate of the recording [Hz]."""
         return self.rate
 
 

@@ -33,6 +33,6 @@ class SignalFormat:
     suffixes: tuple[str, ...]
     description: str
     reader: Callable[[Path], Recording] | OwnLayout
-    """Of a file as a whole, and in one layout; or what says how it is read in parts."""
+    """Reader of a file as a whole, in one layout; or the layout by which it is read in parts."""
     writer: Callable[[Path, Recording], None] | None = None
     """Replaces an existing file; None where the format is only read."""

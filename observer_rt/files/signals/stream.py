@@ -20,7 +20,7 @@ LONGEST_HOLE = 1 << 24  # samples that may lie between two stretches put into on
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples of a file between which none is missing. start: time of the first one [s], as the file says it."""
+    """Samples of a file between which none is missing. start: time of the first one [s], as in the file."""
 
     start: float
     samples: int
@@ -37,15 +37,15 @@ class SignalStream(ABC):
         self.has_rate = False
         """Whether an injection rate was measured."""
         self.notes: tuple[str, ...] = ()
-        """What was made of the file that the user should know."""
+        """Notes for the user on how the file was read."""
         self.survey = Survey()
         """Ranges of the signals."""
         self.names: dict[str, str] = {}
-        """What signals are called in the file, where that is not as in a recording."""
+        """Names of signals in the file, where they are not as in a recording."""
         self.meaning: Meaning | None = None
-        """What a sample is; None: as the bench file says, without one an instant."""
+        """Meaning of a sample; None: as the bench file states, without one an instant."""
         self.details: tuple[str, ...] = ()
-        """How the file was read, for who looks at it."""
+        """Details of how the file was read, for who looks at it."""
 
     @property
     def path(self) -> Path | None:
@@ -54,25 +54,25 @@ class SignalStream(ABC):
 
     @property
     def sample_rate(self) -> float:
-        """Of every signal [Hz]."""
+        """Sample rate of every signal [Hz]."""
         return self.rate
 
     @property
     def samples(self) -> int:
-        """Of all stretches."""
+        """Number of samples of all stretches."""
         return sum(stretch.samples for stretch in self.stretches)
 
     @abstractmethod
     def chunks(self) -> Iterator[Chunk]:
-        """All samples in order, stretch by stretch."""
+        """Iterate over all samples in order, stretch by stretch."""
 
     @property
     def grid_samples(self) -> int:
-        """Of one grid under all stretches, those that lie between them included."""
+        """Number of samples of one grid under all stretches, those that lie between them included."""
         return self._places()[-1] + self.stretches[-1].samples
 
     def on_one_grid(self) -> Iterator[Chunk]:
-        """As `chunks`, in one stretch: between stretches the samples are NaN; a restart is a hole of one second."""
+        """Iterate over all samples in one stretch: NaN between stretches; a restart is a hole of one second."""
         if len(self.stretches) == 1:
             yield from self.chunks()
             return
@@ -87,7 +87,7 @@ class SignalStream(ABC):
             yield replace(part, time=self._grid(place, reached), stretch=0, first=place)
 
     def collected(self) -> Recording:
-        """All in memory, as `on_one_grid`."""
+        """Recording of all samples in memory, as `on_one_grid`."""
         return replace(joined(list(self.on_one_grid())), meaning=self.meaning, notes=self.notes)
 
     def _grid(self, first: int, end: int) -> NDArray[np.float64]:
@@ -95,7 +95,7 @@ class SignalStream(ABC):
         return self.stretches[0].start + np.arange(first, end) / self.rate
 
     def _places(self) -> list[int]:
-        """Of the first samples of the stretches on one grid."""
+        """Places of the first samples of the stretches on one grid."""
         places = [0]
         for before, after in zip(self.stretches, self.stretches[1:], strict=False):
             end = before.start + before.samples / self.rate
@@ -111,7 +111,7 @@ class SignalStream(ABC):
 
 
 Sampled: TypeAlias = Recording | SignalStream
-"""What was recorded at a sample rate, in memory or read in parts."""
+"""Recording at a sample rate, in memory or read in parts."""
 
 
 def joined(parts: Sequence[Recording]) -> Recording:
@@ -159,7 +159,7 @@ def cut(chunk: Chunk, start: int, end: int) -> Chunk:
 
 
 def copied(chunk: Chunk) -> Chunk:
-    """The same samples without the larger chunk that they were cut from."""
+    """Copy of the samples without the larger chunk that they were cut from."""
     return chunk.with_arrays({name: values.copy() for name, values in chunk.arrays.items()})
 
 

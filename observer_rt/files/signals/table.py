@@ -21,6 +21,15 @@ TIME = "time"
 OPTIONAL = "injection_rate"  # which a file in our own layout may have or not
 Values = NDArray[np.float64]
 
+FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
+
+INSTALL = "pip install 'observer-rt[parquet]'"
+READABLE = "give a complete Parquet file"
+
+# Of Thrift's compact protocol: type of a field, number of the checksum's in a page header.
+_FIRST_PAGE = 4  # bytes: the magic number
+_I32, _CHECKSUM = 5, 4  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
+
 
 @dataclass(frozen=True, eq=False)
 class TablePart:
@@ -46,15 +55,15 @@ class Table(ABC):
         self.config = config
         self.is_own = is_own
         self.is_text = False
-        """Whether numbers are decimal, to be converted to what their printed digits say."""
+        """Whether numbers are decimal, to be converted to the value of their printed digits."""
         self.layout = ""
-        """How the file is written, in a few words."""
+        """Layout of the file in a few words."""
         self.columns: Mapping[str, str] = {}
         """Units, empty where there is none, by the names of all columns."""
         self.mapped: dict[str, ColumnConfig] = {}
-        """Those of the file that are mapped, by signal and `time`."""
+        """Columns of the file that are mapped, by signal and `time`."""
         self.units: dict[str, str] = {}
-        """As the file says them, of the mapped columns; left out where it does not."""
+        """Units of the mapped columns in the file; left out where it states none."""
         self.rasters: tuple[tuple[str, ...], ...] = ()
         """Names of the mapped signals by time axis."""
         self.notes: list[str] = []
@@ -62,7 +71,7 @@ class Table(ABC):
     @staticmethod
     @abstractmethod
     def names(path: Path) -> Collection[str]:
-        """Of the columns, of a file in our own layout all."""
+        """Names of the columns, of a file in our own layout all."""
 
     @abstractmethod
     def parts(self, raster: int) -> Iterator[TablePart]:
@@ -73,7 +82,7 @@ class Table(ABC):
         """A zero-based row, as a user finds it."""
 
     def _wanted(self) -> dict[str, ColumnConfig]:
-        """What is mapped of a file whose time is a column."""
+        """Columns that are mapped of a file whose time is a column."""
         if self.config.time is None:
             raise UserError(
                 f"{self.path}: time",
@@ -106,9 +115,6 @@ def present(
     return found
 
 
-FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
-
-
 class Mdf4Table(Table):
     """Channels by their names; time is that of their groups, in seconds."""
 
@@ -137,12 +143,12 @@ class Mdf4Table(Table):
 
     @staticmethod
     def names(path: Path) -> Collection[str]:
-        """Of the channels."""
+        """Names of the channels."""
         (names,) = mdf4_apart(FILE, "names", path)
         return list(names)
 
     def parts(self, raster: int) -> Iterator[TablePart]:
-        """Of a group; those of the first one are already on their way when they are asked for first."""
+        """Parts of a group; those of the first one are already on their way when they are asked for first."""
         begun = self._begun
         if raster == 0 and begun is not None:
             self._begun = None
@@ -151,12 +157,8 @@ class Mdf4Table(Table):
         return mdf4_apart(FILE, "parts", self.path, group, self._places, self._counted, SAMPLES_AT_ONCE)
 
     def place(self, row: int, raster: int) -> str:
-        """By its number in the group."""
+        """Place of a row: its number in the group."""
         return f"{self.path}, group {self._groups[raster]}, sample {row}"
-
-
-INSTALL = "pip install 'observer-rt[parquet]'"
-READABLE = "give a complete Parquet file"
 
 
 class ParquetTable(Table):
@@ -186,7 +188,7 @@ class ParquetTable(Table):
 
     @staticmethod
     def names(path: Path) -> Collection[str]:
-        """Of the columns."""
+        """Names of the columns."""
         with _opened(path) as file:
             return list(file.schema_arrow.names)
 
@@ -203,7 +205,7 @@ class ParquetTable(Table):
                 yield TablePart(signals.pop(TIME), signals)
 
     def place(self, row: int, raster: int) -> str:
-        """By its number."""
+        """Place of a row in the file: its number."""
         return f"{self.path}, row {row}"
 
 
@@ -246,10 +248,6 @@ def _opened(path: Path) -> Iterator[Any]:
             yield file
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
-
-
-_FIRST_PAGE = 4  # bytes: the magic number
-_I32, _CHECKSUM = 5, 4  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
 
 
 def _has_page_checksums(path: Path, metadata: Any) -> bool:

@@ -39,7 +39,7 @@ STEPS_PER_UNIT = 1e9  # of decimal text: a value on this grid becomes the double
 
 
 class _Scale(NamedTuple):
-    """From a column to SI. is_decimal: `100.005 * 1e6` alone need not be the double nearest to 100005000."""
+    """Conversion of a column to SI. is_decimal: `100.005 * 1e6` alone need not be the double nearest to 100005000."""
 
     factor: float
     offset: float
@@ -83,7 +83,7 @@ class TableSignals(SignalStream):
             self.survey.take(name, values)
 
     def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
-        """Unit of a column, and who says so. Raises `UserError` for none and for an unknown one."""
+        """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""
         found = (self._table.units.get(name, ""), "as the file says")
         unit, said = found if column.unit is None else (column.unit, "as the bench file says")
         if unit not in UNITS[name]:
@@ -125,14 +125,14 @@ class EvenSignals(TableSignals):
             deque(parts, 0)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Read anew, or in the one go."""
+        """Read all samples anew, or in the one go."""
         first = 0
         for part in self._coming if self._in_one_go else self._filled_parts():
             yield self._chunk(part.time, part.signals, 0, first)
             first += part.time.size
 
     def _checked_parts(self, grid: TimeGrid) -> Iterator[TablePart]:
-        """All parts, each checked before it is given."""
+        """Iterate over all parts, each checked before it is given."""
         start = 0.0
         for part in self._filled_parts():
             if not grid.samples:
@@ -150,7 +150,7 @@ class EvenSignals(TableSignals):
             raise OtherRateError
 
     def _filled_parts(self) -> Iterator[TablePart]:
-        """All parts, joined so that none but the last is a single sample, which has no rate."""
+        """Iterate over all parts, joined so that none but the last is a single sample, which has no rate."""
         waiting: TablePart | None = None
         for part in self._all_columns():
             if waiting is not None:

@@ -18,14 +18,14 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
 WRITE_FORMAT = "%.12g"
 ROWS_PER_WRITE = 100_000
-_ROW_GROUP = 1 << 17  # rows of Parquet, of which whoever reads them holds all of a column, packed
+_ROW_GROUP = 1 << 17  # rows of Parquet, of which a reader holds all of a column, packed
 
 
 @dataclass(frozen=True)
 class WrittenColumn:
     """A column: its name in text and Parquet, as a channel of MDF4 with its unit, and how it is printed.
 
-    words: of the numbers 0, 1, ... where the column says words; factor: SI value of one unit.
+    words: of the numbers 0, 1, ... where the column shows words; factor: SI value of one unit.
     """
 
     header: str

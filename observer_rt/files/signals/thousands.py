@@ -1,4 +1,4 @@
-"""Whole numbers with a separator of thousands, told from numbers with three decimals.
+"""Whole numbers with a separator of thousands, distinguished from numbers with three decimals.
 
 `999` and `1.002` in one column are 999 and 1002, or 999 and 1.002. A writer of decimals leaves out zeros at their end
 in one cell of ten, or writes all three everywhere; and it begins numbers below one with a zero.

@@ -36,7 +36,7 @@ def add_to_vocabulary(effects: Iterable[Effect], digests: Iterable[str]) -> None
 
 
 def added_digests() -> tuple[str, ...]:
-    """SHA-256 of the files whose effects were added: what is kept of a fit is good for these only."""
+    """SHA-256 of the files whose effects were added: a stored fit is good for these only."""
     return _digests
 
 

@@ -1,4 +1,4 @@
-"""What a model of the feed line is to Python: the class of its coefficients. Its laws are in core.model, by kind.
+"""Interface of a model of the feed line: the class of its coefficients. Its laws are in core.model, by kind.
 
 The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's further states], normalised by (24).
 """
@@ -79,10 +79,10 @@ class Line(Protocol):
         """Steps of the sac in a sample interval [s]; of_sac: those that RK4 would need for it."""
 
     def strain(self, interval: float) -> float:
-        """What must stay below 1 for the line's own steps in an interval [s] to be stable."""
+        """Number that must stay below 1 for the line's own steps in an interval [s] to be stable."""
 
     def stepping(self, interval: float) -> str:
-        """How the line's own steps resolve it, for an engineer to read; empty of one that RK4 steps."""
+        """Description of the resolution of the line's own steps, for an engineer; empty of one that RK4 steps."""
 
     def with_friction(self, k: float) -> "Line":
         """Loss factor times 1 + k."""
@@ -97,7 +97,7 @@ class Line(Protocol):
         """K g / p_0 of 1/K_eff = 1/K + g/p added."""
 
     def with_mean(self) -> "Line":
-        """The same line, averaged: for samples that are means."""
+        """Line averaged over the sample period, for samples that are means."""
 
 
 _LINES: dict[str, type[Line]] = {}

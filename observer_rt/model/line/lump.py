@@ -66,12 +66,12 @@ class LumpLine(_LumpCoefficients):
 
     @property
     def mode(self) -> float:
-        """The only one there is."""
+        """Angular frequency [rad/s] of the lump's only motion."""
         return math.sqrt(self.a1 * self.a3)
 
     @property
     def fastest(self) -> float:
-        """The same: of inertance against compliance."""
+        """Angular frequency [rad/s] of inertance against compliance, the mode's."""
         return self.mode
 
     @property
@@ -87,7 +87,7 @@ class LumpLine(_LumpCoefficients):
         return result
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """There are none."""
+        """Empty, for the lump has no further states that ring."""
         return np.zeros(self.further)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -100,15 +100,15 @@ class LumpLine(_LumpCoefficients):
         )
 
     def substeps(self, of_sac: int, interval: float) -> int:
-        """Those: RK4 steps both."""
+        """Steps of the sac, with which RK4 steps the line, too."""
         return of_sac
 
     def strain(self, interval: float) -> float:
-        """It has no steps of its own."""
+        """Zero, for the lump has no steps of its own."""
         return 0.0
 
     def stepping(self, interval: float) -> str:
-        """It has no steps of its own."""
+        """Empty, for the lump has no steps of its own."""
         return ""
 
     def with_friction(self, k: float) -> "LumpLine":
@@ -133,7 +133,7 @@ class LumpLine(_LumpCoefficients):
 
 
 class MeanLumpLine(LumpLine):
-    """The same with the integral of p_L [s] as its last state."""
+    """Lump line with the integral of p_L [s] as its last state."""
 
     __slots__ = ()
     further = 1

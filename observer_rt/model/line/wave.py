@@ -34,8 +34,8 @@ RESOLVED = 50e-6  # s over which means are those of a pipe: cells carry shorter 
 MOST_OF_A_STEP = 8  # implicit steps of the sac in one of the line's
 STABLE = 0.98  # of what a step may be: crossed^2 + 2 damping step < 1
 FEWEST_CELLS, MOST_CELLS = 4, 64
-HALF_WAY = 0.5  # of the length, where two parts meet whose file does not say
-DAMPING = 0.5  # m2/s, of a line whose file does not say
+HALF_WAY = 0.5  # of the length, where two parts meet whose file does not state it
+DAMPING = 0.5  # m2/s, of a line whose file does not state it
 FASTER = 3.3e-3  # s^1/2, the integral of what that leaves below .01 ms: it adds to the inertance
 
 
@@ -95,7 +95,7 @@ class WaveLine(_WaveCoefficients):
 
     @property
     def further(self) -> int:
-        """All but p_n and q_n."""
+        """Number of states besides p_n and q_n."""
         return 2 * int(self.cells) - 1 + MEMORIES
 
     @classmethod
@@ -149,7 +149,7 @@ class WaveLine(_WaveCoefficients):
 
     @property
     def fastest(self) -> float:
-        """None that RK4 must follow."""
+        """Zero, for RK4 need not follow the line."""
         return 0.0
 
     @property
@@ -190,7 +190,7 @@ class WaveLine(_WaveCoefficients):
         return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + MEMORIES)])
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of the steps themselves, without friction."""
+        """Transition by the steps themselves, without friction."""
         steps = steps_in(interval)
         moved = np.linalg.matrix_power(self.one_step(interval / steps), steps)
         return moved[:-1, :-1], moved[:-1, -1]
@@ -267,14 +267,14 @@ class WaveLine(_WaveCoefficients):
 
 
 class MeanWaveLine(WaveLine):
-    """The same with the integral of p_L [s] as its last state: of p_L in the middle of every step."""
+    """Wave line with the integral of p_L [s] as its last state: of p_L in the middle of every step."""
 
     __slots__ = ()
     averaged = True
 
     @property
     def further(self) -> int:
-        """One more."""
+        """Number of states besides p_n and q_n, with the integral."""
         return super().further + 1
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
@@ -282,7 +282,7 @@ class MeanWaveLine(WaveLine):
         return np.append(super().further_variance(flow), 0.0)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of the steps themselves, without friction, of an integral that begins anew."""
+        """Transition by the steps themselves, without friction, of an integral that begins anew."""
         steps = steps_in(interval)
         step = interval / steps
         one = self.one_step(step)

@@ -41,7 +41,7 @@ _RANGES |= {
 
 @dataclass(frozen=True)
 class TermDomain:
-    """Where a term must be sound; in the units of `variable`.
+    """Domain in which a term must be sound; in the units of `variable`.
 
     friction: the line's own loss rises by friction * abs(line_flow) with the line_flow.
     in_cells: the line is a line of cells, whose observer a resonance of the sensor would make unstable.

@@ -4,8 +4,6 @@ A bare number takes whatever unit makes the law right, and so does what it is mu
 a variable and `c` have one.
 """
 
-from collections.abc import Sequence
-
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.terms.law import (
     Applied,
@@ -45,8 +43,8 @@ class _Check:
     def unit_of(self, law: Law) -> Unit | None:
         """The unit of a law; refuses what does not fit in it."""
         match law:
-            case Number(_, unit):
-                found = unit_named(unit)
+            case Number(_, name):
+                found = unit_named(name)
                 return None if found is None else found[1]
             case Coefficient():
                 return self.coefficient or Unit(c=1.0)
@@ -58,7 +56,10 @@ class _Check:
                 place = self.unit_of(argument)
                 for point in points:
                     self.alike(place, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}")
-                return self._of_values(law, values)
+                unit = self.unit_of(values[0])
+                for value in values[1:]:
+                    unit = self.alike(unit, self.unit_of(value), f"in '{law}', {values[0]}", f"{value}")
+                return unit
             case Applied(operation, arguments):
                 return self._of_operation(law, operation, arguments)
         raise TypeError(f"no law: {law!r}")
@@ -78,13 +79,6 @@ class _Check:
                 "give a number the missing unit, such as 100[MPa], or correct the law",
             )
         return one
-
-    def _of_values(self, law: Law, values: Sequence[Law]) -> Unit | None:
-        """The one unit of a table's values."""
-        unit = self.unit_of(values[0])
-        for value in values[1:]:
-            unit = self.alike(unit, self.unit_of(value), f"in '{law}', {values[0]}", f"{value}")
-        return unit
 
     def _known(self, unit: Unit) -> Unit:
         """The unit with that of `c` put in."""

@@ -19,11 +19,16 @@ from observer_rt.model.terms.variable import Variable, unit_named
 
 Values = NDArray[np.float64]
 Memory = Callable[["Lagged | Ringing", Values], Values]
-"""What a law that remembers makes of the values of its argument."""
+"""Values of a law that remembers, by the law and the values of its argument."""
+
+LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
+
+# how tightly text binds: a part that binds less than its place asks for stands in parentheses
+_COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
 
 
 class Operation(IntEnum):
-    """What a law does with one or two arguments; the numbers are those of compiled programs."""
+    """Operation of a law on one or two arguments; the numbers are those of compiled programs."""
 
     ADD = 0
     SUBTRACT = 1
@@ -55,7 +60,6 @@ SIGNS = {
 }
 FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}
 PAIRS = (Operation.MIN, Operation.MAX)  # the functions of two arguments
-LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
 
 
 class Law:
@@ -63,7 +67,7 @@ class Law:
 
     @property
     def parts(self) -> tuple[Law, ...]:
-        """What it is made of."""
+        """Parts of the law, one level down."""
         return ()
 
     def __str__(self) -> str:
@@ -72,14 +76,14 @@ class Law:
 
     @property
     def all_parts(self) -> Iterator[Law]:
-        """Itself, its parts and theirs."""
+        """The law itself, its parts and theirs."""
         yield self
         for part in self.parts:
             yield from part.all_parts
 
     @property
     def variables(self) -> frozenset[Variable]:
-        """What it depends on."""
+        """Variables on which the law depends."""
         return frozenset(part.variable for part in self.all_parts if isinstance(part, Quantity))
 
     @property
@@ -93,7 +97,7 @@ class Law:
         return any(isinstance(part, _Remembering) for part in self.all_parts)
 
     def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Values:
-        """Its values (n,) at those of its variables, by name, each (n,) or a number.
+        """Values (n,) of the law at those of its variables, by name, each (n,) or a number.
 
         Raises ValueError for one that remembers, without `memory`.
         """
@@ -101,7 +105,7 @@ class Law:
             return np.asarray(self._at(values, c, memory), dtype=np.float64)
 
     def slope(self, variable: str) -> Law:
-        """Its derivative by a variable, those of gates, comparisons and what remembers taken as 0."""
+        """Derivative by a variable, those of gates, comparisons and what remembers taken as 0."""
         return ZERO
 
     def settled(self) -> Law:
@@ -114,14 +118,14 @@ class Law:
 
 @dataclass(frozen=True)
 class Number(Law):
-    """As written, in its unit; without one it takes whatever unit makes the law right."""
+    """Number as written, in its unit; without one it takes whatever unit makes the law right."""
 
     value: float
     unit: str = ""
 
     @property
     def reckoned(self) -> float:
-        """In the units of `variable`."""
+        """Value in the units of `variable`."""
         found = unit_named(self.unit)
         return self.value if found is None else self.value * found[0]
 
@@ -176,7 +180,7 @@ class Applied(Law):
 
 @dataclass(frozen=True)
 class _Remembering(Law):
-    """What depends on earlier values of its argument, and was settled at the first."""
+    """Law that depends on earlier values of its argument, and was settled at the first."""
 
     argument: Law
 
@@ -193,7 +197,7 @@ class _Remembering(Law):
 
 @dataclass(frozen=True)
 class Lagged(_Remembering):
-    """Its argument behind a first-order lag."""
+    """Argument behind a first-order lag."""
 
     milliseconds: float
 
@@ -203,7 +207,7 @@ class Lagged(_Remembering):
 
 @dataclass(frozen=True)
 class Ringing(_Remembering):
-    """What a resonance of this frequency and damping, below 1, adds to its argument behind it."""
+    """Addition of a resonance of this frequency and damping, below 1, to its argument behind it."""
 
     kilohertz: float
     damping: float
@@ -226,7 +230,7 @@ class Tabulated(Law):
 
     @property
     def spelled(self) -> Law:
-        """The same as a sum of lines that begin and end."""
+        """Table as a sum of lines that begin and end."""
         law: Law = Number(self.values[0].reckoned)
         knots = [
             (point.reckoned, value.reckoned) for point, value in zip(self.points, self.values, strict=True)
@@ -360,8 +364,6 @@ _SLOPES: Mapping[Operation, Callable[[Sequence[Law], Sequence[Law]], Law]] = {
     Operation.MAX: _of_choice(Operation.GREATER),
 }
 
-# how tightly text binds: a part that binds less than its place asks for stands in parentheses
-_COMPARISON, _ADDITION, _FACTOR, _MINUS, _RAISED, _WHOLE = range(6)
 _BINDING = {
     Operation.GREATER: _COMPARISON,
     Operation.LESS: _COMPARISON,

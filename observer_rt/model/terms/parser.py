@@ -75,7 +75,7 @@ class _Parser:
         raise UserError(f"column {self.token.column}", f"{found}, expected {expected}", "correct the law")
 
     def comparison(self) -> Law:
-        """And all that binds tighter."""
+        """Parse a comparison and all that binds tighter. Raises `UserError` for one nested too deep or no law."""
         self._depth += 1
         if self._depth > DEEPEST:
             raise UserError(

@@ -1,4 +1,4 @@
-"""What a term is: a correction of one equation of the model by a law, and how large it may be."""
+"""Terms: corrections of one equation of the model by a law, and bounds of their size."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -9,7 +9,7 @@ from observer_rt.model.terms.variable import FLOW, LIFT, PRESSURE, PURE, Unit
 
 
 class TermEquation(StrEnum):
-    """What a term corrects; unit and meaning of its law, lowest and highest value it is held between."""
+    """Equation that a term corrects; unit and meaning of its law, lowest and highest value it is held between."""
 
     LINE_FLOW = "line_flow", PRESSURE, "pressure lost along the line", -30.0, 30.0
     LINE_PRESSURE = "line_pressure", FLOW, "outflow from the line's closed end", -15.0, 15.0
@@ -36,7 +36,7 @@ class TermEquation(StrEnum):
 
     @property
     def number(self) -> int:
-        """Its place in the totals of a program."""
+        """Place in the totals of a program."""
         return list(TermEquation).index(self)
 
     @property

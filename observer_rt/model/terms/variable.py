@@ -1,4 +1,4 @@
-"""What a law may depend on, and the units its numbers may have."""
+"""Variables of laws, and units of their numbers."""
 
 import re
 from collections.abc import Mapping
@@ -6,6 +6,8 @@ from enum import IntEnum
 from typing import NamedTuple, Self
 
 SYMBOLS = ("mm", "ms", "s", "MPa")
+
+_FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
 
 
 class Unit(NamedTuple):
@@ -59,11 +61,10 @@ _KNOWN = {  # a unit as users write it: how many of ours, and which
     "Hz": (1.0, Unit(s=-1.0)),
 }
 UNIT_NAMES = tuple(_KNOWN)
-_FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
 
 
 def unit_named(text: str) -> tuple[float, Unit] | None:
-    """How many of which unit laws are reckoned in `text` is, such as `mm3/ms/MPa^0.5`; None if it is none."""
+    """Factor and unit of `text`, such as `mm3/ms/MPa^0.5`, in the units of laws; None if it is none."""
     scale, unit, place, text = 1.0, PURE, 0, text.replace(" ", "")
     while place < len(text):
         found = _FACTOR.match(text, place)
@@ -79,7 +80,7 @@ PRESSURE, FLOW, LIFT, DURATION = Unit(MPa=1.0), Unit(mm=3.0, ms=-1.0), Unit(mm=1
 
 
 class Variable(IntEnum):
-    """What a law may name, with its unit, in the order of the array that a program reads; pressures are absolute."""
+    """Variable of a law, with its unit, in the order of the array that a program reads; pressures are absolute."""
 
     RAIL_PRESSURE = 0, PRESSURE
     LINE_PRESSURE = 1, PRESSURE
@@ -111,7 +112,7 @@ class Variable(IntEnum):
 
     @property
     def word(self) -> str:
-        """Its name in a law."""
+        """Name of the variable in a law."""
         return self.name.lower()
 
 

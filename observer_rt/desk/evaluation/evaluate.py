@@ -14,8 +14,8 @@ from pathlib import Path
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.passage import Passage, Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.desk.evaluation.run import ObserverRun, Progress
+from observer_rt.desk.evaluation.segment import Segment, Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import InjectionReport
@@ -83,12 +83,12 @@ class Evaluation:
         """For the trace, and curves of the line."""
         return self.writer is not None or self._traces is not None or self._curves_of is not None
 
-    def take_report(self, passage: Passage, report: InjectionReport) -> None:
-        """An injection, whose samples the passage remembers."""
+    def take_report(self, segment: Segment, report: InjectionReport) -> None:
+        """An injection, whose samples the segment remembers."""
         self.finish()
-        self._held = injection_result(replace(report, rate_sigma=None), passage, self.sample_rate)
+        self._held = injection_result(replace(report, rate_sigma=None), segment, self.sample_rate)
         if self._curves_of is not None:
-            self.curves.append(rate_curves(report, passage, self._curves_of))
+            self.curves.append(rate_curves(report, segment, self._curves_of))
 
     def take_measured(self, measured: MeasuredMass) -> None:
         """Of the injection reported last; a measured rate goes before it."""
@@ -106,11 +106,11 @@ class Evaluation:
     def observe(self, run: ObserverRun) -> None:
         """Give all its frames to an observer."""
         if isinstance(self.source, LoggedSignals):
-            passages = _passages(self.source, self)
-            run.take_frames(self.source.frames, passages)
+            segments = _segments(self.source, self)
+            run.take_frames(self.source.frames, segments)
         else:
-            passages = run.take(self.source, self)
-        self.first_index = passages[0].first_index
+            segments = run.take(self.source, self)
+        self.first_index = segments[0].first_index
 
     def finish(self) -> None:
         """No measured mass will come for the injection reported last."""
@@ -210,12 +210,12 @@ def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
     return benches[0]
 
 
-def _passages(log: LoggedSignals, evaluation: Evaluation) -> list[Passage]:
+def _segments(log: LoggedSignals, evaluation: Evaluation) -> list[Segment]:
     """Of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
-    passages, offset = [], 0
+    segments, offset = [], 0
     for stretch in log.logged:
         bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]
         for first, end in pairwise(bounds):
-            passages.append(Passage(evaluation, first, end - first, log.rate, offset))
+            segments.append(Segment(evaluation, first, end - first, log.rate, offset))
             offset += end - first
-    return passages
+    return segments

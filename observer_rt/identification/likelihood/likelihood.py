@@ -18,6 +18,7 @@ from observer_rt.identification.likelihood.healthy_shape import expected_of
 from observer_rt.identification.likelihood.lift_noise import LiftNoise
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
+from observer_rt.identification.likelihood.rail_pressure import rail_on_time, smoothing_of
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,
@@ -25,10 +26,8 @@ from observer_rt.identification.likelihood.windows import (
     followed,
     latest,
     phases,
-    rail_on_time,
     rate_as_recorded,
     setting_of,
-    smoothing_of,
 )
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms

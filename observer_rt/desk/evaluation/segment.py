@@ -91,17 +91,17 @@ _UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
 _NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
-class Passage:
+class Segment:
     """One stretch of a recording or a log on its way through the observer."""
 
     def __init__(
-        self, hearer: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
+        self, sink: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
     ) -> None:
-        """hearer: to be called with the result; first_index: that its first sample is sent with; samples: at least.
+        """sink: to be called with the result; first_index: that its first sample is sent with; samples: at least.
 
         rate [Hz]; offset: number of its first sample where nobody gives times.
         """
-        self.hearer = hearer
+        self.sink = sink
         self.first_index = first_index
         self.samples = samples
         self.begin: int | None = None
@@ -169,7 +169,7 @@ class Passage:
         kept, states = self._remembered, self._states[self._begin : self._end]
         if 2 * (len(kept) + samples) > len(self._rows):
             self._rows = np.empty(3 * (len(kept) + samples), HELD)
-            if self.hearer.wants_states:
+            if self.sink.wants_states:
                 self._states = np.empty(len(self._rows), STATES)
         self._rows[: len(kept)] = kept
         self._states[: len(states)] = states
@@ -197,7 +197,7 @@ class Passage:
         if not done:
             return
         end = self._begin + done
-        self.hearer.take_passed(self._rows["time"][self._begin : end], self._trace_of(self._begin, end))
+        self.sink.take_passed(self._rows["time"][self._begin : end], self._trace_of(self._begin, end))
         self.first += done
         self._begin += done
 
@@ -243,7 +243,7 @@ class Passage:
             start = report.start_index - self.first_index - self.first
             sigma = self.trace.injection_rate_sigma[max(0, start) : max(0, start + len(report.rate_sigma))]
             sigma[:] = report.rate_sigma[max(0, -start) :][: len(sigma)]
-        self.hearer.take_report(self, report)
+        self.sink.take_report(self, report)
 
     def _reach(self, samples: int) -> None:
         """Go on to a sample of a log, whose times nobody gives: those of its sample index."""
@@ -255,7 +255,7 @@ class Passage:
     def _trace_of(self, begin: int, end: int) -> Trace:
         """Of these rows."""
         rows, states = self._rows[begin:end], self._states[begin:end]
-        if self.hearer.wants_states:
+        if self.sink.wants_states:
             x, phi = states["x"], states["phi"]
         else:
             x = phi = _NO_STATES[: end - begin]

@@ -41,6 +41,14 @@ from observer_rt.model.plausibility import wrong_entry
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
 
+_SHOWN = 10  # stretches
+_UNITS = {
+    "rail_pressure": ("MPa", MEGAPASCAL),
+    "needle_lift": ("um", MICROMETRE),
+    "line_pressure": ("MPa", MEGAPASCAL),
+    "injection_rate": ("mm3/ms", MM3_PER_MS),
+}
+
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     """Findings about files, buses, observers and machine. What a file's error keeps from being looked at is left out.
@@ -164,15 +172,6 @@ def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
         yield False, one.words, cause or "is it in SI units?"
     if not odd:
         yield "every parameter is one an injector can have"
-
-
-_SHOWN = 10  # stretches
-_UNITS = {
-    "rail_pressure": ("MPa", MEGAPASCAL),
-    "needle_lift": ("um", MICROMETRE),
-    "line_pressure": ("MPa", MEGAPASCAL),
-    "injection_rate": ("mm3/ms", MM3_PER_MS),
-}
 
 
 @ruled("recording")

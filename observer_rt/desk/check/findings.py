@@ -13,6 +13,7 @@ from observer_rt.foundation.errors import UserError
 
 SCHEMA = 1
 P = ParamSpec("P")
+_WIDEST = 100  # characters: to be read, and passed on
 
 
 class Level(StrEnum):
@@ -86,9 +87,6 @@ def failed(topic: str, error: UserError) -> Finding:
 
 def _said(error: UserError) -> str:
     return f"{error.problem}; {error.remedy}" if error.remedy else error.problem
-
-
-_WIDEST = 100  # characters: to be read, and passed on
 
 
 def as_table(findings: Sequence[Finding]) -> Table:

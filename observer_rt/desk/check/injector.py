@@ -48,6 +48,22 @@ from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 
 SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
+HIGHEST_PRESSURE = 200 * MEGAPASCAL
+PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
+CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
+_NUMBERED = {
+    Numbering.INDEX: "by its sample index",
+    Numbering.COUNTER: "counted by its counter and receive stamps",
+    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
+    Numbering.STAMPS: "counted by receive stamps",
+}
+SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
+LARGEST_DEAD_BAND = 0.1  # of the full lift
+_LEVEL = {
+    "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
+    "measured_rate": "absolute level by the measured rate",
+    "measured_mass": "absolute level by measured masses",
+}
 
 
 @ruled("mapping")
@@ -112,17 +128,6 @@ def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
             "then count as without a command; send it faster, on change, or as a duration"
         )
         yield graded("time", False, text)
-
-
-HIGHEST_PRESSURE = 200 * MEGAPASCAL
-PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
-CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
-_NUMBERED = {
-    Numbering.INDEX: "by its sample index",
-    Numbering.COUNTER: "counted by its counter and receive stamps",
-    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
-    Numbering.STAMPS: "counted by receive stamps",
-}
 
 
 def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
@@ -266,15 +271,6 @@ def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
         slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
         if delay or slow:
             yield f"{role}: {', '.join(filter(None, (delay, slow)))}, undone"
-
-
-SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
-LARGEST_DEAD_BAND = 0.1  # of the full lift
-_LEVEL = {
-    "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
-    "measured_rate": "absolute level by the measured rate",
-    "measured_mass": "absolute level by measured masses",
-}
 
 
 def observer_findings(fitted: BenchInjector) -> list[Finding]:

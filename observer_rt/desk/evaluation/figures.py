@@ -26,6 +26,8 @@ ANNOTATED = 24  # injections whose masses are bars with numbers; more are lines
 WEAR = {NOZZLE: ("nozzle flow, v_H", "#d62728", "-"), SEAT: ("seat flow, v_S", "#9467bd", ":")}
 """What is learned of an injector: name, colour and line where one recording is drawn."""
 PERCENT = 100.0
+COLUMNS = 4  # of curves side by side
+_LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
 @dataclass(frozen=True)
@@ -153,10 +155,6 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
     )
     axes.set(xlabel="injection", ylabel="learned change,\n95 % interval [%]")
     axes.grid(alpha=0.3)
-
-
-COLUMNS = 4  # of curves side by side
-_LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:

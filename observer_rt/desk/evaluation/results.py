@@ -26,6 +26,35 @@ from observer_rt.model.effective import Coefficients
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
 _NO_INJECTIONS = '"injections": []'  # a string of the document cannot hold it: its quotes would be escaped
+MOST_ROWS = 50  # injections beyond which only means of several are shown
+SUMMARY_ROWS = 20
+NOTEWORTHY = 4.0  # standard deviations from nothing
+_FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
+_NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
+_ERROR = Field[InjectionResult](
+    "error",
+    float,
+    lambda r, _: 100 * (r.report.mass / r.measured_mass - 1) if r.measured_mass else None,
+    "error\n%",
+    ".2f",
+)
+_WEAR = [SHOWN[each.value.name] for each in WEAR]
+_UNFIT = {
+    Reason.MODEL_INADEQUATE: (
+        "the measured line pressure contradicts the model in",
+        "check units and injector file; `observer-rt fit` calibrates it to recordings of the healthy injector",
+    ),
+    Reason.LIFT_SENSOR_LAG: (
+        "a needle lift recorded late would explain",
+        "`observer-rt discover` tells it from a changed nozzle; if it names needle_lift_sensor_lag, state lag_us of "
+        "[signals.needle_lift] in the bench file",
+    ),
+}
+"""Why the results of many injections are worth nothing, and what to do about it."""
+_CHANGED = (
+    "the model fits the healthy injector, so that this one has changed in a way it does not know: "
+    "`observer-rt discover` looks for it; or a sensor has"
+)
 
 
 @dataclass(frozen=True)
@@ -118,40 +147,6 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
             "opening_delay_sigma_us": float(np.std(known)) if known else None,
         }
     }
-
-
-MOST_ROWS = 50  # injections beyond which only means of several are shown
-SUMMARY_ROWS = 20
-NOTEWORTHY = 4.0  # standard deviations from nothing
-
-_FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
-_NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
-_ERROR = Field[InjectionResult](
-    "error",
-    float,
-    lambda r, _: 100 * (r.report.mass / r.measured_mass - 1) if r.measured_mass else None,
-    "error\n%",
-    ".2f",
-)
-_WEAR = [SHOWN[each.value.name] for each in WEAR]
-
-
-_UNFIT = {
-    Reason.MODEL_INADEQUATE: (
-        "the measured line pressure contradicts the model in",
-        "check units and injector file; `observer-rt fit` calibrates it to recordings of the healthy injector",
-    ),
-    Reason.LIFT_SENSOR_LAG: (
-        "a needle lift recorded late would explain",
-        "`observer-rt discover` tells it from a changed nozzle; if it names needle_lift_sensor_lag, state lag_us of "
-        "[signals.needle_lift] in the bench file",
-    ),
-}
-"""Why the results of many injections are worth nothing, and what to do about it."""
-_CHANGED = (
-    "the model fits the healthy injector, so that this one has changed in a way it does not know: "
-    "`observer-rt discover` looks for it; or a sensor has"
-)
 
 
 def print_evaluation(

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from observer_rt.desk.evaluation.evaluate import Evaluation
 
 Thing = TypeVar("Thing")
+Progress = Callable[[int], None]  # samples done
 
 
 def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
@@ -77,9 +78,6 @@ class NominalModel:
             rates[from_row:stop] = self._follower.along(rows[from_row:stop])
         self._injections = int(openings[-1])
         return np.where(np.isnan(rows["injection_rate"]), np.nan, rates)[first - before :]
-
-
-Progress = Callable[[int], None]  # samples done
 
 
 class _Reading:

@@ -20,6 +20,35 @@ if TYPE_CHECKING:
     from observer_rt.desk.evaluation.evaluate import Evaluation
 
 Signal = NDArray[np.float64]
+SUFFIXES = tuple(TABLE_WRITERS)
+TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
+NUMBER = "%.9g"
+_COLUMNS = (
+    WrittenColumn("time_s", "time", "s", NUMBER),
+    WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
+    WrittenColumn("valid", "valid", "", "%d"),
+    WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
+    *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
+    *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
+)
+HELD = np.dtype(
+    [
+        ("time", np.float64),
+        ("line_pressure", np.float64),
+        ("measured_rate", np.float64),
+        ("injection_rate", np.float64),
+        ("injection_rate_sigma", np.float64),
+        ("nominal_rate", np.float64),
+        ("valid", np.bool_),
+        ("state", np.int8),
+    ],
+    align=True,
+)
+"""What is remembered of a sample."""
+STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
+"""And this, for whoever wants it: as much again."""
+_UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
+_NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
 @dataclass(frozen=True)
@@ -45,19 +74,6 @@ def joined(traces: Sequence[Trace]) -> Trace:
     return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))
 
 
-SUFFIXES = tuple(TABLE_WRITERS)
-TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
-NUMBER = "%.9g"
-_COLUMNS = (
-    WrittenColumn("time_s", "time", "s", NUMBER),
-    WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
-    WrittenColumn("valid", "valid", "", "%d"),
-    WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
-    *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
-    *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
-)
-
-
 def open_trace(path: Path) -> TableWriter:
     """A trace to be written, in the format of its suffix, one of SUFFIXES."""
     return TABLE_WRITERS[path.suffix.lower()](path, _COLUMNS)
@@ -69,26 +85,6 @@ def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
     x = (trace.x[:, i] for i in range(3))
     phi = (trace.phi[:, i] for i in range(3))
     return [time, rate, trace.valid, trace.state, *x, *phi]
-
-
-HELD = np.dtype(
-    [
-        ("time", np.float64),
-        ("line_pressure", np.float64),
-        ("measured_rate", np.float64),
-        ("injection_rate", np.float64),
-        ("injection_rate_sigma", np.float64),
-        ("nominal_rate", np.float64),
-        ("valid", np.bool_),
-        ("state", np.int8),
-    ],
-    align=True,
-)
-"""What is remembered of a sample."""
-STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
-"""And this, for whoever wants it: as much again."""
-_UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
-_NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
 class Segment:

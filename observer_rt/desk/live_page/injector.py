@@ -36,6 +36,8 @@ _OF_INPUTS = (
 _NO_DAEMON = "start `observer-rt run` for this bench, or see to its bus"
 SILENT_AFTER = 1.0  # s without a status, after which nothing of the observer is of now
 _PERIODS = 3  # of its status, if they are longer
+KEPT = 1000  # injections
+HISTORY = np.dtype([(name, np.float64) for name in (*SummaryValues._fields, "nominal_mass")])
 
 
 @dataclass(frozen=True)
@@ -106,10 +108,6 @@ class FaultWatch:
         words = REASONS[reason] if reason is not Reason.NONE else STATES[state]
         name = reason.name if reason is not Reason.NONE else state.name
         return [Fault(f"{name}: {words.what}", self._since, words.remedy)]
-
-
-KEPT = 1000  # injections
-HISTORY = np.dtype([(name, np.float64) for name in (*SummaryValues._fields, "nominal_mass")])
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,14 @@ from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import constant_network
 
+Payload: TypeAlias = NDArray[np.uint8]
+Signal = NDArray[np.float32]
+_INDEX = 0xFFFFFFFF  # bits of a sample index as it is sent
+SLOWEST = 5e-3  # s from a sample to its rate, of the promptest frames
+_FRAMES = 100  # of rates, one of which was prompt
+_ALIKE = 0.9  # share of the squares of a published rate that the model has at its place, but for a factor
+_HALF, _WHOLE = 0x80000000, 0x100000000  # indices are sent in 32 bits
+
 
 @dataclass(frozen=True, eq=False)
 class Rates:
@@ -42,7 +50,6 @@ class Rates:
 
 
 Result: TypeAlias = Rates | SummaryValues | StatusValues
-Payload: TypeAlias = NDArray[np.uint8]
 
 
 class ResultReader:
@@ -110,9 +117,6 @@ def _values_of(
     return read
 
 
-Signal = NDArray[np.float32]
-
-
 class SampleCurves(NamedTuple):
     """The samples of an injection, (n,): time since the first [ms]; nan where nothing came.
 
@@ -142,9 +146,6 @@ class SeenInjection:
     moment: int
     curves: SampleCurves | None = None
     nominal_mass: float = np.nan
-
-
-_INDEX = 0xFFFFFFFF  # bits of a sample index as it is sent
 
 
 class InputSamples:
@@ -210,12 +211,6 @@ class PublishedRates:
         sent = index & _INDEX
         place = sent % RING
         return np.where(self._index[place] == sent, self._rate[place], np.nan)
-
-
-SLOWEST = 5e-3  # s from a sample to its rate, of the promptest frames
-_FRAMES = 100  # of rates, one of which was prompt
-_ALIKE = 0.9  # share of the squares of a published rate that the model has at its place, but for a factor
-_HALF, _WHOLE = 0x80000000, 0x100000000  # indices are sent in 32 bits
 
 
 class CountShift:

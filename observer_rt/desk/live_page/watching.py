@@ -30,6 +30,7 @@ from observer_rt.foundation.files import file_errors
 Taker = Callable[[BusFrame, int], None]
 """Takes a frame that came at a time [ns since 1970]."""
 _WAIT = 0.05  # s that the listener is deaf to its end
+OVER = 1_000_000_000  # ns
 
 
 class FrameSource(ABC):
@@ -182,9 +183,6 @@ class LogSource(FrameSource):
             take(BusFrame(bus, entry.frame), stamp)
         if first is None:
             raise UserError(str(self._path), "holds no data frame", "record it while frames are on the bus")
-
-
-OVER = 1_000_000_000  # ns
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,16 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.network import constant_network
 
 SHUT = 1 * MICROMETRE  # lift up to which the needle counts as shut
+RAIL_PRESSURES = tuple(p * MEGAPASCAL for p in (60.0, 100.0, 140.0))  # Pa, of Fig. 3
+RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5
+ENERGIZING_TIME = 1.9 * MILLISECOND
+NOZZLE_WEAR = 0.3  # v_H of Fig. 4
+SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
+TRAININGS = 10  # of "trained on"
+PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
+LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
+GAINS = (1e4, 3e4, LARGEST_GAIN)
+Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -110,19 +120,6 @@ def learning_window(
         opening=injection.opening - first,
     )
     return window, first
-
-
-RAIL_PRESSURES = tuple(p * MEGAPASCAL for p in (60.0, 100.0, 140.0))  # Pa, of Fig. 3
-RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5
-ENERGIZING_TIME = 1.9 * MILLISECOND
-NOZZLE_WEAR = 0.3  # v_H of Fig. 4
-SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
-TRAININGS = 10  # of "trained on"
-PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
-LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
-GAINS = (1e4, 3e4, LARGEST_GAIN)
-
-Progress = Callable[[float], None]
 
 
 def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:

@@ -35,6 +35,11 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
 
 HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
+MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
+MAX_SAMPLE_RATE = 1e6  # Hz
+SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
+LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
+OPTION = "--effect"
 
 
 class Quantisation(NamedTuple):
@@ -70,13 +75,6 @@ class SimulatedNoise:
     """[m3/s]"""
     injection_rate_gain: float = 0.005
     """Of the measured rate's gain, once a recording [-]."""
-
-
-MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
-MAX_SAMPLE_RATE = 1e6  # Hz
-
-SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
-LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +175,6 @@ def shown_slowly(values: NDArray[np.float64], interval: float, lag: float) -> ND
     shown = np.empty_like(values)
     show_slowly(values, interval, lag, shown)
     return shown
-
-
-OPTION = "--effect"
 
 
 def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:

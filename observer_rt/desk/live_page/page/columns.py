@@ -15,6 +15,7 @@ Columns: TypeAlias = Mapping[str, NDArray[np.floating]]
 SURE = 1.96  # standard deviations of a 95 % interval
 _OVERLAID = 8  # injections, the one shown included
 _POINTS = 300  # of a curve, at the most: a screen shows no more
+Panels: TypeAlias = Mapping[str, Callable[[Seen], Columns]]
 
 
 def rate_columns(seen: Seen) -> Columns:
@@ -86,7 +87,6 @@ def _overlaid(overlaid: Sequence[str], shown: Sequence[str], seen: Seen) -> Colu
     return {"time": time, **columns}
 
 
-Panels: TypeAlias = Mapping[str, Callable[[Seen], Columns]]
 DETAILS: Panels = {
     "line_pressure": partial(_overlaid, ("line_pressure",), ()),
     "rail_pressure": partial(_overlaid, ("rail_pressure",), ()),

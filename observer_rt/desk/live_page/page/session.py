@@ -22,6 +22,10 @@ from observer_rt.foundation.files import file_errors
 _AHEAD = 2  # messages: one is on its way while the last one is drawn
 # what nobody follows injection by injection: rates and masses come with every one, and must not wait for much else
 _LETTERS_EVERY, _DETAILS_EVERY, _HISTORY_EVERY = 0.4, 0.45, 1.0  # s
+_HEADER = (
+    "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa,"
+    "published_rate_mm3_per_ms,nominal_rate_mm3_per_ms,phi1,phi2,phi3"
+)
 
 
 def pressed(message: str | bytes) -> tuple[str, int] | None:
@@ -201,12 +205,6 @@ def packed(said: Mapping[str, Any], columns: Mapping[str, Columns]) -> bytes:
     text += b" " * (-len(text) % 4)  # values stand at multiples of their width
     values = [each.astype("<f4").tobytes() for drawn in columns.values() for each in drawn.values()]
     return b"".join([len(text).to_bytes(4, "little"), text, *values])
-
-
-_HEADER = (
-    "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa,"
-    "published_rate_mm3_per_ms,nominal_rate_mm3_per_ms,phi1,phi2,phi3"
-)
 
 
 def save_injection(seen: SeenInjection, folder: Path, name: str) -> Path:

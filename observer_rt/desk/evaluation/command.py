@@ -76,7 +76,7 @@ class EvaluateOptions:
 
     @property
     def written(self) -> dict[str, Path]:
-        """What is to be written, by option."""
+        """Paths to be written, by option."""
         named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
         return {option: path for option, path in named.items() if path is not None}
 

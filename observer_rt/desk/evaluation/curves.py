@@ -97,7 +97,7 @@ def _window(report: InjectionReport, segment: Segment) -> slice:
 
 
 def rate_curves(report: InjectionReport, segment: Segment, c: Coefficients) -> RateCurves:
-    """Of an injection, as far as the segment remembers its samples."""
+    """Curves of an injection, as far as the segment remembers its samples."""
     window, trace, measured = _window(report, segment), segment.trace, segment.measured_rate
     line_pressure, modelled = (
         values[window] * c.pressure_scale + c.chamber_pressure
@@ -149,7 +149,7 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
         outputs=Output.JSON,
     ),
 )
-"""What is said of an injection, the fields of its report first."""
+"""Fields of an evaluated injection, those of its report first."""
 SHOWN = {each.name: each for each in (*RESULT_FIELDS, _of_report(MASS_BOUND))}
 """All that is shown of one on the screen."""
 
@@ -161,7 +161,7 @@ def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficient
 
 
 def injection_result(report: InjectionReport, segment: Segment, sample_rate: float) -> InjectionResult:
-    """Over the window an injection was detected in; nan where the segment does not remember all of it."""
+    """Result over the window an injection was detected in; nan where the segment does not remember all of it."""
     window, trace = _window(report, segment), segment.trace
     is_known = report.start_index - segment.first_index >= segment.first
     measured = None if segment.measured_rate is None or not is_known else segment.measured_rate[window]

@@ -1,7 +1,7 @@
 """Recordings and CAN logs through the same core as the daemon, part by part.
 
 Memory does not depend on their length: results are spooled to a temporary file; samples pass by, unless they are
-kept as a trace.
+stored as a trace.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,14 +37,14 @@ _IN_MEMORY = 512  # injections, some KB each
 
 
 class Evaluation:
-    """One file evaluated: its injections, in a temporary file; its samples pass by, or are kept as a trace."""
+    """One file evaluated: its injections, in a temporary file; its samples pass by, or are stored as a trace."""
 
     first_index: int
     """The sample index its first sample was sent with."""
     counters: Counters
     standstill: Standstill
     has_energizing: bool
-    """Whether the bench has this input, so that reports and counters tell of commands."""
+    """Whether the bench has this input, so that reports and counters include commands."""
 
     def __init__(
         self, source: SignalStream, curves_of: Coefficients | None = None, keeps_trace: bool = False
@@ -55,49 +55,49 @@ class Evaluation:
         self.has_rate = source.has_rate
         self.injections: Spool[InjectionResult] = Spool(_IN_MEMORY)
         self.curves: Spool[RateCurves] = Spool()
-        """As many as injections, where they are kept."""
+        """Curves of every injection, in their order, where any are drawn."""
         self.source = source
         self._curves_of = curves_of
         self._held: InjectionResult | None = None  # until no measured mass can come for it
         self.writer: TableWriter | None = None
-        """Of the trace."""
+        """Writes the trace, where it goes to a file."""
         self._traces: list[Trace] | None = [] if keeps_trace else None
 
     @property
     def samples(self) -> int:
-        """How many there are."""
+        """Number of samples of the recording."""
         return self.source.samples
 
     @cached_property
     def trace(self) -> Trace:
-        """Of all samples, where it is kept."""
+        """Trace of all n samples, empty where it is not kept."""
         return joined(self._traces or [])
 
     @cached_property
     def reports(self) -> tuple[InjectionReport, ...]:
-        """Of all injections, without the course of their sigma."""
+        """Reports of all injections, without the course of their sigma."""
         return tuple(injection.report for injection in self.injections)
 
     @property
     def wants_states(self) -> bool:
-        """For the trace, and curves of the line."""
+        """Whether x and phi are needed: for the trace, and curves of the line."""
         return self.writer is not None or self._traces is not None or self._curves_of is not None
 
     def take_report(self, segment: Segment, report: InjectionReport) -> None:
-        """An injection, whose samples the segment remembers."""
+        """Take the report of an injection, whose samples the segment remembers."""
         self.finish()
         self._held = injection_result(replace(report, rate_sigma=None), segment, self.sample_rate)
         if self._curves_of is not None:
             self.curves.append(rate_curves(report, segment, self._curves_of))
 
     def take_measured(self, measured: MeasuredMass) -> None:
-        """Of the injection reported last; a measured rate goes before it."""
+        """Take the measured mass of the injection reported last; a measured rate goes before it."""
         held = self._held
         if held is not None and held.report.number == measured.report.number and not self.has_rate:
             self._held = replace(held, measured_mass=measured.mass)
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Into the trace."""
+        """Append samples (n,), times [s], to the trace."""
         if self.writer is not None:
             self.writer.write(trace_arrays(time.copy(), joined([trace])))
         if self._traces is not None:
@@ -211,7 +211,7 @@ def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
 
 
 def _segments(log: LoggedSignals, evaluation: Evaluation) -> list[Segment]:
-    """Of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
+    """Segments of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
     segments, offset = [], 0
     for stretch in log.logged:
         bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]

@@ -48,7 +48,7 @@ class _HealthyEvent:
     covariance: NDArray[np.float64]
 
     def cost(self, shape: HealthyShape | None = None) -> EventCost:
-        """Its cost, the shape taken out."""
+        """Cost of the event, the shape taken out."""
         interval = self.setting.interval
         expected = Healthy(shape=shape).expected(self.window, self.setting.coefficients, interval)
         return EventCost(self.window, self.setting, self.sigma, round(BURN_IN / interval), expected=expected)
@@ -80,7 +80,7 @@ class _Listener(Learner):
 def observer_remainder(
     injector: InjectorParameters, baseline: Baseline, recordings: Sequence[Recording]
 ) -> HealthyRemainder | None:
-    """What the observer leaves of healthy recordings of an injector; None where it judged no event of them.
+    """Remainder that the observer leaves of healthy recordings; None where it judged no event of them.
 
     baseline: what else its fit states. Recordings at another sample rate than the first one's are left out. Raises
     `UserError` as `evaluate`.

@@ -40,7 +40,7 @@ Progress = Callable[[int], None]  # samples done
 
 
 def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
-    """The same, none of them None, in the same order; while one is used the next is made in a thread beside.
+    """Yields things, none of them None, in their order; while one is used the next is made in a thread beside.
 
     Raises what making one raises, when its turn has come.
     """
@@ -81,7 +81,7 @@ class NominalModel:
 
 
 class _Reading:
-    """What of a core's samples was read, and in which segment they lie."""
+    """Samples of a core read so far, and the segment in which the last one lies."""
 
     def __init__(self, core: Core) -> None:
         self.core = core
@@ -91,7 +91,7 @@ class _Reading:
         self._last_index = -1
 
     def parts(self, segments: list[Segment]) -> Iterator[tuple[Segment, int, NDArray[np.int64]]]:
-        """What was processed since the last reading, by segment: position of the first sample, and all indices."""
+        """Yields samples processed since the last reading, by segment: position of the first, and all indices."""
         processed = self.core.processed
         position = max(self._seen, processed - RING)
         ring = self.core.compiled.observer.ring["index"]
@@ -107,7 +107,7 @@ class _Reading:
     def _by_segment(
         self, segments: list[Segment], position: int, index: NDArray[np.int64]
     ) -> Iterator[tuple[Segment, int, NDArray[np.int64]]]:
-        """Of an index that rises."""
+        """Splits the samples of a rising index by segment."""
         while len(index):
             self.segment = min(self.segment, len(segments) - 1)
             after = segments[self.segment + 1 :][:1]
@@ -123,7 +123,7 @@ class _Reading:
 
 
 class ObserverRun:
-    """One observer, learning in lockstep, and what it says of the recordings it is given."""
+    """One observer, learning in lockstep, whose results go to the segments of the recordings it is given."""
 
     def __init__(
         self,
@@ -138,7 +138,7 @@ class ObserverRun:
     ) -> None:
         """keeps_frames: those that were sent; reads_ahead: recordings, in a thread beside."""
         self.frames: list[OutputFrame] = []
-        """Sent, where they are kept."""
+        """Frames that were sent, with `keeps_frames`."""
         self._news: list[News] = []
         bus: BusMap = map_bus(bench)
         if not keeps_frames:
@@ -185,7 +185,7 @@ class ObserverRun:
         self._observe(blocks_of(frames))
 
     def finish(self) -> None:
-        """No recording will come: judge every event."""
+        """Judge every event: no recording will come."""
         self._sent(self.core.finish())
         self._read()
         for segment in self._segments[self._finished :]:
@@ -202,7 +202,7 @@ class ObserverRun:
             self.frames += frames
 
     def _read(self) -> None:
-        """Note what was processed since the last look, then what was said of injections."""
+        """Note the samples processed since the last call, then the results of injections."""
         observer = self.core.compiled.observer
         for segment, position, index in self._reading.parts(self._segments):
             nominal = self._nominal.rates(observer, position, position + len(index))
@@ -224,7 +224,7 @@ class ObserverRun:
         )
 
     def _forget(self) -> None:
-        """Hand over, in order, what no injection will need."""
+        """Hand over, in order, samples that no injection will need."""
         processed = self.core.processed
         for number in range(self._finished, self._reading.segment + 1):
             segment = self._segments[number]

@@ -1,4 +1,4 @@
-"""A stretch of samples while it is evaluated: what was said of the last ones, and the trace of all as a table."""
+"""A stretch of samples while it is evaluated: results of the last ones, and the trace of all as a table."""
 
 import math
 from collections.abc import Sequence
@@ -44,9 +44,9 @@ HELD = np.dtype(
     ],
     align=True,
 )
-"""What is remembered of a sample."""
+"""Remembered values of a sample."""
 STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
-"""And this, for whoever wants it: as much again."""
+"""States of a sample, for a sink that wants them: as much memory again."""
 _UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
 _NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
@@ -70,7 +70,7 @@ class Trace:
 
 
 def joined(traces: Sequence[Trace]) -> Trace:
-    """One after another, in memory of its own."""
+    """Traces one after another, in memory of their own."""
     return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))
 
 
@@ -80,7 +80,7 @@ def open_trace(path: Path) -> TableWriter:
 
 
 def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
-    """What is written of some samples."""
+    """Columns of a written trace, in the order of the table. time (n,) [s]."""
     rate = trace.injection_rate / MM3_PER_MS
     x = (trace.x[:, i] for i in range(3))
     phi = (trace.phi[:, i] for i in range(3))
@@ -93,7 +93,7 @@ class Segment:
     def __init__(
         self, sink: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
     ) -> None:
-        """sink: to be called with the result; first_index: that its first sample is sent with; samples: at least.
+        """sink: takes the results; first_index: that its first sample is sent with; samples: at least.
 
         rate [Hz]; offset: number of its first sample where nobody gives times.
         """
@@ -118,26 +118,26 @@ class Segment:
 
     @property
     def time(self) -> Signal:
-        """[s], of the samples remembered."""
+        """Times of the samples remembered [s] (n,)."""
         return self._remembered["time"]
 
     @property
     def trace(self) -> Trace:
-        """Of these."""
+        """Trace of the samples remembered."""
         return self._trace_of(self._begin, self._end)
 
     @property
     def line_pressure(self) -> Signal:
-        """Of these, normalised, as the observer was given it."""
+        """Line pressure of the samples remembered (n,), normalised, as the observer was given it."""
         return self._remembered["line_pressure"]
 
     @property
     def measured_rate(self) -> Signal | None:
-        """Of these [m3/s], as measured."""
+        """Measured rate of the samples remembered [m3/s] (n,); None without one."""
         return self._remembered["measured_rate"] if self._is_measured else None
 
     def give(self, time: Signal, measured_rate: Signal | None) -> None:
-        """Further samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
+        """Append samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
         if self.first == 0 and self._begin == self._end and time.size:
             self._start = float(time[0])
         if self._end + time.size > len(self._rows):
@@ -154,14 +154,14 @@ class Segment:
         self.samples = max(self.samples, self.first + end - self._begin)
 
     def time_at(self, index: int) -> float:
-        """[s], of the sample that was sent with an index, be it remembered or not."""
+        """Time [s] of the sample that was sent with an index, be it remembered or not."""
         number = index - self.first_index
         if self.first <= number < self.first + self.time.size:
             return float(self.time[number - self.first])
         return self._start + number / self._rate
 
     def _make_room(self, samples: int) -> None:
-        """For so many further ones, and seldom."""
+        """Make room for so many further samples, and seldom."""
         kept, states = self._remembered, self._states[self._begin : self._end]
         if 2 * (len(kept) + samples) > len(self._rows):
             self._rows = np.empty(3 * (len(kept) + samples), HELD)
@@ -179,7 +179,7 @@ class Segment:
         self._hand_over(kept - self.first)
 
     def finish(self) -> None:
-        """Nothing more will be said of it."""
+        """Hand over all samples: no further results of them will come."""
         self._hand_over(self.time.size)
         while self.first < self.samples:
             self._reach(self.first + 1)
@@ -198,9 +198,9 @@ class Segment:
         self._begin += done
 
     def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Signal) -> None:
-        """What the observer said of some samples, the first of them at a position of its stream.
+        """Take the observer's results of some samples, the first of them at a position of its stream.
 
-        index (n,) of the samples, rising; nominal [m3/s] (n,): what the nominal model says.
+        index (n,) of the samples, rising; nominal [m3/s] (n,): rate of the nominal model.
         """
         if self.begin is None:
             self.begin = position
@@ -219,7 +219,7 @@ class Segment:
     def _note_samples(
         self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal
     ) -> None:
-        """What the observer says in some rows (k,) of its ring, of samples that stand at such places."""
+        """Copy some rows (k,) of the observer's ring to the places (k,) of their samples."""
         ring, held = observer.ring, self._remembered
         held["line_pressure"][place] = np.where(
             ring["interpolated"][rows], np.nan, ring["line_pressure"][rows]
@@ -234,7 +234,7 @@ class Segment:
             states["phi"][place[is_known]] = ring["phi"][rows[is_known]]
 
     def note_report(self, report: InjectionReport) -> None:
-        """Tell an injection and how sure its rate is."""
+        """Pass on the report of an injection, and note the standard deviation of its rate."""
         if report.rate_sigma is not None:
             start = report.start_index - self.first_index - self.first
             sigma = self.trace.injection_rate_sigma[max(0, start) : max(0, start + len(report.rate_sigma))]
@@ -249,7 +249,7 @@ class Segment:
             self.give((self._offset + numbers) / self._rate, None)
 
     def _trace_of(self, begin: int, end: int) -> Trace:
-        """Of these rows."""
+        """Trace of the rows [begin, end)."""
         rows, states = self._rows[begin:end], self._states[begin:end]
         if self.sink.wants_states:
             x, phi = states["x"], states["phi"]

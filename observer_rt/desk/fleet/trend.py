@@ -77,7 +77,7 @@ class InjectorTrend:
 
 
 def trends(rows: pa.Table) -> list[InjectorTrend]:
-    """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
+    """Trends of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
 
     Raises `UserError` for recordings of one injector at the same time, as copied files seem to be.
     """

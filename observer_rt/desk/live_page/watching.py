@@ -200,7 +200,7 @@ class Watching:
     def __init__(self, bench: Bench, source: FrameSource) -> None:
         self.source = source
         self.failure: Exception | None = None
-        """Why it hears nothing any more."""
+        """Error that ended listening, if one did."""
         used, links = used_buses(bench), bench.config.buses
         self._labels = {bus: link.label for bus, link in enumerate(links) if bus in used}
         self._loads = [BusLoadMeter(link.config) for link in links]

@@ -123,7 +123,7 @@ def learning_window(
 
 
 def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
-    """Simulate, train and evaluate everything; `progress` hears the share done.
+    """Simulate, train and evaluate everything; `progress` takes the share done.
 
     Raises `UserError` for a sample rate [Hz] at which the paper's scheme cannot identify anything.
     """
@@ -177,7 +177,7 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
 def _ours(
     bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow
 ) -> EstimatorCurves:
-    """What our observer, having learned from one recording, says of an injection of another, or the same."""
+    """Curves of our observer, having learned from one recording, for an injection of another, or the same."""
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span

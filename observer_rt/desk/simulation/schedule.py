@@ -1,4 +1,4 @@
-"""What is injected when: events of shots, the rail pressure, and how the needle lifts upon energizing.
+"""Schedules of injections: events of shots, the rail pressure, and how the needle lifts upon energizing.
 
 It lifts late, at speeds that grow with rail pressure, in short shots ballistically. A stroke is piecewise linear: up
 at the opening speed, at the stop (if it gets there), down at the closing speed. Its corners are rounded by the mean

@@ -74,7 +74,7 @@ class SimulatedNoise:
     injection_rate: float = 0.5e-6
     """[m3/s]"""
     injection_rate_gain: float = 0.005
-    """Of the measured rate's gain, once a recording [-]."""
+    """Standard deviation of the measured rate's gain, once a recording [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def simulate(
 
 
 def truth_path(recording: Path) -> Path:
-    """Where the truth of a recording goes: `FILE.truth.csv`."""
+    """Path of the truth of a recording: `FILE.truth.csv`."""
     return recording.with_name(recording.name + TRUTH_SUFFIX)
 
 

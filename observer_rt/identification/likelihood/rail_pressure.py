@@ -17,7 +17,7 @@ MOVING = 0.5  # of the noise: by so much the rail moves in events where its dela
 
 
 def smoothing_of(interval: float) -> float:
-    """Width of the kernel [s] at a sample interval [s]: a sample at least, so that noise does not tell the delay."""
+    """Width of the kernel [s] at a sample interval [s]: at least a sample, so that noise does not fix the delay."""
     return max(WIDTH, interval)
 
 

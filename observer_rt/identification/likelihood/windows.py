@@ -76,7 +76,7 @@ def in_mass_window(
 
 
 class Rows:
-    """Where the samples of a recording lie in its batch."""
+    """Rows of a batch that hold the samples of a recording."""
 
     def __init__(self, measurement: Measurement) -> None:
         events = measurement.events
@@ -214,7 +214,7 @@ def batch_of(
 def setting_of(
     measurement: Measurement, model: EffectiveModel, late: int, substeps: int, gain: NDArray[np.float64]
 ) -> Setting:
-    """How a model follows the windows when the line pressure is recorded `late` whole samples late."""
+    """Setting of a model for the windows when the line pressure is recorded `late` whole samples late."""
     c, sensor = measurement.coefficients_of(model), model.sensor
     share, offset = sensor.delay / measurement.interval - late, sensor.offset / c.pressure_scale
     return Setting(measurement.interval, substeps, c, gain.copy(), share, sensor.lag, offset, model.program)
@@ -253,5 +253,5 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
 
 
 def latest(measurement: Measurement) -> int:
-    """By how many samples the line pressure may be late."""
+    """Number of samples by which the line pressure may be late."""
     return round(MARGIN / measurement.interval)

@@ -1,4 +1,4 @@
-"""What the panels of the page draw of an injector: columns by name."""
+"""Columns by name that the panels of the page draw of an injector."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -55,7 +55,7 @@ def wear_columns(seen: Seen) -> Columns:
 
 
 def _in_order(seen: Seen) -> NDArray[np.void]:
-    """What is kept, by numbers that rise: an observer that was started anew counts from 1 again."""
+    """History by rising numbers: an observer that was started anew counts from 1 again."""
     numbered = seen.history[np.isfinite(seen.history["injection_number"])]
     order = np.argsort(numbered["injection_number"], kind="stable")
     return np.take(numbered, order)
@@ -93,6 +93,6 @@ DETAILS: Panels = {
     "needle_lift": partial(_overlaid, ("needle_lift",), ()),
     "phi": partial(_overlaid, (), ("phi_1", "phi_2", "phi_3")),
 }
-"""What lies behind the rate, by panel: pressures [MPa], lift [um], phi [1/s]."""
+"""Details of an injection, by panel: pressures [MPa], lift [um], phi [1/s]."""
 HISTORY: Panels = {"mass": mass_columns, "wear": wear_columns}
-"""What became of an injector, by panel."""
+"""History of an injector, by panel."""

@@ -319,7 +319,7 @@ def report(findings: Findings, sources: Sources) -> str:
 
 @dataclass(frozen=True)
 class ShownCell:
-    """A cell: its number, colours of ground and text, and what is told of it besides."""
+    """A cell: its number, colours of ground and text, and its tool tip."""
 
     text: str
     colour: str

@@ -94,7 +94,7 @@ class Worst:
 
 
 def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
-    """Where the model is least adequate; what lies within SIGNIFICANT of noise counts as explained."""
+    """Signal and phase at which the model is least adequate; within SIGNIFICANT of noise counts as explained."""
     ranked = []
     for signal, statistics in pool.items():
         for phase in Phase:

@@ -47,7 +47,7 @@ _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 
 
 _BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
-"""Where fuel may leave, or seem to, while the needle is shut."""
+"""Places at which fuel may leave, or seem to, while the needle is shut."""
 RANKED = 8  # candidates listed
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.

@@ -122,10 +122,10 @@ def openings_without_lag(
         found = find_openings(
             without_lag(lift, sample_rate, near), noise * noise_gain(near * sample_rate), ramp
         )
-        kept = [one for one in found if any(_overlap(one, other) for other in recorded)]
+        kept = [
+            one
+            for one in found
+            if any(one.first <= each.last and each.first <= one.last for each in recorded)
+        ]
         result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))
     return result
-
-
-def _overlap(one: Opening, other: Opening) -> bool:
-    return one.first <= other.last and other.first <= one.last

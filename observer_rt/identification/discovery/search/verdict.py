@@ -220,7 +220,9 @@ class _Verdict:
             effects=self._effects() if named else (),
             rivals=self._rivals if named else (),
             ranking=self._ranking(),
-            samples=float(self._samples()),
+            samples=float(
+                sum(each.phases.size + each.rate_phases.size for each in self._likelihood.recordings)
+            ),
             gain=found.nominal.statistic - found.winner.statistic,
             threshold=found.threshold,
             confidence=confidence,
@@ -238,19 +240,13 @@ class _Verdict:
                 )
             ),
             rate_noise=self._rate_noise(),
-            smallest_visible=self._smallest_visible(),
+            smallest_visible=tuple(
+                SmallestVisible(
+                    one.effect.id, one.effect.parameters[0].name, self._fitter.smallest_visible(one)
+                )
+                for one in self._fitter.signatures
+            ),
             proposals=self._proposals,
-        )
-
-    def _smallest_visible(self) -> tuple[SmallestVisible, ...]:
-        return tuple(
-            SmallestVisible(one.effect.id, one.effect.parameters[0].name, self._fitter.smallest_visible(one))
-            for one in self._fitter.signatures
-        )
-
-    def _samples(self) -> int:
-        return sum(
-            recorded.phases.size + recorded.rate_phases.size for recorded in self._likelihood.recordings
         )
 
     def _rate_noise(self) -> float | None:

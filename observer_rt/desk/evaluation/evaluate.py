@@ -49,7 +49,7 @@ class Evaluation:
     def __init__(
         self, source: SignalStream, curves_of: Coefficients | None = None, keeps_trace: bool = False
     ) -> None:
-        """curves_of: the nominal model, where curves of every injection are to be drawn."""
+        """curves_of: the nominal model, where curves of all injections are drawn; keeps_trace: samples stay in memory."""
         self.path = source.path
         self.sample_rate = source.sample_rate
         self.has_rate = source.has_rate
@@ -97,7 +97,7 @@ class Evaluation:
             self._held = replace(held, measured_mass=measured.mass)
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Append samples (n,), times [s], to the trace."""
+        """Append n samples to the trace; time (n,) [s]."""
         if self.writer is not None:
             self.writer.write(trace_arrays(time.copy(), joined([trace])))
         if self._traces is not None:
@@ -141,6 +141,9 @@ def evaluate(
     Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit;
     the frames of a log, as `LoggedSignals`, go in as they are. Between two recordings the sample index jumps, as
     between two windows of a windowed source; that of a log must go on beyond that of the one before.
+
+    knowledge: learned before; learning: whether the recordings are learned from; progress: takes the number of
+    samples processed; learner_of: makes the learner of the bench's injector.
     Raises `UserError` for a recording whose sample rate is not the bench's.
     """
     sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)

@@ -56,8 +56,8 @@ class Trace:
     """The observer at every sample of a recording (n samples); nan where not available.
 
     injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
-    were learned from; state: `State`; x normalised (n, 3); phi [1/s] (n, 3); nominal_rate [m3/s]: the model
-    with phi = 0 on the same frames.
+    were learned from; valid: whether the rate is to be used; state: `State`; x normalised (n, 3); phi [1/s] (n, 3);
+    nominal_rate [m3/s]: the model with phi = 0 on the same frames. All others (n,).
     """
 
     injection_rate: Signal

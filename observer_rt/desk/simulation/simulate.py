@@ -97,7 +97,8 @@ def simulate(
 ) -> Simulation:
     """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
-    Without `noise` the recording has neither noise nor quantisation. The same arguments give the same bits;
+    Without `noise` the recording has neither noise nor quantisation. measured_rate: whether it has the injection rate
+    [m3/s], too; seed: of the noise; progress: takes the share simulated. The same arguments give the same bits;
     every signal has its own random stream, so that one signal more or less leaves the others as they are.
     Raises `UserError` for a sample rate out of range and strokes that overlap.
     """

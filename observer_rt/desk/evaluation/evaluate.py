@@ -49,7 +49,7 @@ class Evaluation:
     def __init__(
         self, source: SignalStream, curves_of: Coefficients | None = None, keeps_trace: bool = False
     ) -> None:
-        """curves_of: the nominal model, where curves of all injections are drawn; keeps_trace: samples stay in memory."""
+        """curves_of: the nominal model, where curves of all injections are drawn; keeps_trace: in memory."""
         self.path = source.path
         self.sample_rate = source.sample_rate
         self.has_rate = source.has_rate

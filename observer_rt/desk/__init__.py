@@ -1,1 +1,1 @@
-"""What a person sits in front of: commands, checks, evaluated recordings, figures, fleets, the live page."""
+"""The user's side: commands, checks, evaluated recordings, figures, fleets, the live page."""

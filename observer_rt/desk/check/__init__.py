@@ -1,1 +1,1 @@
-"""What `observer-rt check` says of a bench, without touching its bus."""
+"""Findings of `observer-rt check` about a bench, without touching its bus."""

@@ -48,7 +48,7 @@ def _links(bench: Bench) -> Iterator[Said]:
 
 @ruled("buses")
 def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
-    """What comes in and goes out on each bus, where there are several, and inputs whose stamps are too rough."""
+    """Lists inputs and results of each bus, where there are several; warns of inputs with too rough stamps."""
     links = bench.config.buses
     if len(links) == 1:
         return
@@ -79,7 +79,7 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 @ruled("outputs")
 def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
-    """What results cannot have in common: their messages and, of several injectors, what distinguishes them."""
+    """Refuses results that share a message or, of several injectors, what distinguishes them."""
     for what, names in in_common(bench, mapped):
         is_of_one = len(set(names)) == 1
         owners = f"{len(names)} results" if is_of_one else " and ".join(names)
@@ -173,7 +173,7 @@ class BusLoad:
 
 @ruled("bus load")
 def _load(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
-    """How full every bus will be."""
+    """Expected load of every bus."""
     links = bench.config.buses
     for number, named in enumerate(links):
         load, link = expected_load(bench, mapped, number), named.config

@@ -1,4 +1,4 @@
-"""Everything that can be said of a bench, or of a recording, before it runs, without touching anything."""
+"""All findings about a bench, or a recording, before it runs, without touching anything."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -41,6 +41,14 @@ from observer_rt.model.plausibility import wrong_entry
 
 __all__ = ["Finding", "Level", "as_json_document", "as_table", "checkup", "of_each"]
 
+_SHOWN = 10  # stretches
+_UNITS = {
+    "rail_pressure": ("MPa", MEGAPASCAL),
+    "needle_lift": ("um", MICROMETRE),
+    "line_pressure": ("MPa", MEGAPASCAL),
+    "injection_rate": ("mm3/ms", MM3_PER_MS),
+}
+
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     """Findings about files, buses, observers and machine. What a file's error keeps from being looked at is left out.
@@ -70,7 +78,7 @@ def refuse_errors(bench: Bench, state: Path | None = None, journal: Path | None 
 
 
 def bench_findings(bench: Bench, state: Path | None = None, journal: Path | None = None) -> list[Finding]:
-    """The same of all but the machine. journal: instead of that of the bench file, as the state."""
+    """All findings about a bench but those of the machine. state, journal: instead of those of the bench file."""
     alone = None if state is None and journal is None else bench.injector
     findings = _files(bench)
     findings += _each(
@@ -90,7 +98,7 @@ def bench_findings(bench: Bench, state: Path | None = None, journal: Path | None
 
 
 def of_each(bench: Bench, found: Callable[[Bench], list[Finding]]) -> list[Finding]:
-    """What is found of every injector, with its name where there are several."""
+    """Findings about every injector, with its name where there are several."""
     return [
         replace(finding, text=f"{alone.injector.name}: {finding.text}") if alone.injector.name else finding
         for alone in bench.each
@@ -124,7 +132,7 @@ def _injector_file(fitted: BenchInjector) -> Iterator[Said]:
 
 @ruled("learned state")
 def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Said]:
-    """What `run` would make of a learned state, and whether it can keep it, and a journal."""
+    """Findings about the learned state and the journal, as `run` would take them."""
     path = kept_files(fitted, state, journal).state
     if path is None:
         return
@@ -164,15 +172,6 @@ def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
         yield False, one.words, cause or "is it in SI units?"
     if not odd:
         yield "every parameter is one an injector can have"
-
-
-_SHOWN = 10  # stretches
-_UNITS = {
-    "rail_pressure": ("MPa", MEGAPASCAL),
-    "needle_lift": ("um", MICROMETRE),
-    "line_pressure": ("MPa", MEGAPASCAL),
-    "injection_rate": ("mm3/ms", MM3_PER_MS),
-}
 
 
 @ruled("recording")

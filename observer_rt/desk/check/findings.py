@@ -1,4 +1,4 @@
-"""What a check found, for the screen and for programs."""
+"""Findings of a check, for the screen and for programs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -13,10 +13,11 @@ from observer_rt.foundation.errors import UserError
 
 SCHEMA = 1
 P = ParamSpec("P")
+_WIDEST = 100  # characters: to be read, and passed on
 
 
 class Level(StrEnum):
-    """How a finding counts."""
+    """Severity of a finding."""
 
     OK = "ok"
     WARNING = "warning"
@@ -34,11 +35,11 @@ class Finding:
     level: Level
     text: str
     error: UserError | None = field(default=None, compare=False)
-    """What a command raises that does not go on with it."""
+    """Error for a command that does not go on with this finding."""
 
 
 Said = str | tuple[bool, str, str] | UserError | Finding
-"""What a rule says: that all is well; whether it is, with a text and a remedy; an error; or a finding as it is."""
+"""Result of a rule: all is well; whether it is, with a text and a remedy; an error; or a finding as it is."""
 
 
 def ruled(topic: str) -> Callable[[Callable[P, Iterator[Said]]], Callable[P, list[Finding]]]:
@@ -86,9 +87,6 @@ def failed(topic: str, error: UserError) -> Finding:
 
 def _said(error: UserError) -> str:
     return f"{error.problem}; {error.remedy}" if error.remedy else error.problem
-
-
-_WIDEST = 100  # characters: to be read, and passed on
 
 
 def as_table(findings: Sequence[Finding]) -> Table:

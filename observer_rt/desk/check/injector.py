@@ -48,6 +48,22 @@ from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
 
 SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
+HIGHEST_PRESSURE = 200 * MEGAPASCAL
+PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
+CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
+_NUMBERED = {
+    Numbering.INDEX: "by its sample index",
+    Numbering.COUNTER: "counted by its counter and receive stamps",
+    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
+    Numbering.STAMPS: "counted by receive stamps",
+}
+SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
+LARGEST_DEAD_BAND = 0.1  # of the full lift
+_LEVEL = {
+    "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
+    "measured_rate": "absolute level by the measured rate",
+    "measured_mass": "absolute level by measured masses",
+}
 
 
 @ruled("mapping")
@@ -63,7 +79,7 @@ def optional_findings(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
 
 @ruled("fuel")
 def fuel_findings(fitted: BenchInjector) -> Iterator[Said]:
-    """How the fuel changes with its temperature, where a bench measures that."""
+    """Density and bulk modulus of the fuel over its temperature, where a bench measures that."""
     if fitted.config.signals.fuel_temperature is None:
         return
     fluids = {at: at_temperature(fitted.parameters, at + ZERO_CELSIUS).fluid for at in SHOWN_TEMPERATURES}
@@ -87,7 +103,7 @@ def _optional(name: str, signal: SlowSignal) -> Said:
 
 
 def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
-    """Its mapping, and how well opening delays will be known; sample: from one to the next [s]."""
+    """Mapping of the energizing signal, and accuracy of opening delays; sample: interval from one to the next [s]."""
     layout, names = energizing.layout, energizing.names
     signals = names[0] if len(names) == 1 else f"{len(names)} samples a frame, {names[0]} to {names[-1]}"
     kind = "energized while it is not 0" if energizing.is_level else "energizing time"
@@ -114,17 +130,6 @@ def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
         yield graded("time", False, text)
 
 
-HIGHEST_PRESSURE = 200 * MEGAPASCAL
-PERIOD_TOLERANCE = 1.0  # ns, what rounding to whole nanoseconds may take
-CYCLE_TOLERANCE = 0.5e6  # ns, what rounding to whole milliseconds may take
-_NUMBERED = {
-    Numbering.INDEX: "by its sample index",
-    Numbering.COUNTER: "counted by its counter and receive stamps",
-    Numbering.E2E_COUNTER: "counted by its E2E counter and receive stamps",
-    Numbering.STAMPS: "counted by receive stamps",
-}
-
-
 def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; known: the messages of all databases."""
     findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(fitted, bus)
@@ -133,7 +138,7 @@ def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMe
 
 @ruled("protection")
 def _protection(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
-    """Which inputs are protected end to end, and which are not."""
+    """Lists the inputs with and without end-to-end protection."""
     limits = fitted.config.e2e
     protected = [layout for layout in bus.received if layout.e2e_profile is not None]
     bare = [bus.name_of(layout) for layout in bus.received if layout.e2e_profile is None]
@@ -205,7 +210,7 @@ def _is_another(period: int | None, expected: float) -> bool:
 def _periods(
     layout: MessageLayout, samples: int, frames: int, expected: float
 ) -> Iterator[tuple[bool, str, str]]:
-    """What the database says of the time between samples [ns], which `expected` is by the bench file.
+    """Compares the time between samples [ns] in the database with `expected`, that of the bench file.
 
     samples: of every role that `frames` frames together carry.
     """
@@ -268,15 +273,6 @@ def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
             yield f"{role}: {', '.join(filter(None, (delay, slow)))}, undone"
 
 
-SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
-LARGEST_DEAD_BAND = 0.1  # of the full lift
-_LEVEL = {
-    "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
-    "measured_rate": "absolute level by the measured rate",
-    "measured_mass": "absolute level by measured masses",
-}
-
-
 def observer_findings(fitted: BenchInjector) -> list[Finding]:
     """All findings about the observer of an injector; there is none with too many cells to be stable."""
     integration = _integration(fitted)
@@ -289,7 +285,7 @@ def observer_findings(fitted: BenchInjector) -> list[Finding]:
 
 @ruled("integration")
 def _integration(fitted: BenchInjector) -> Iterator[Said]:
-    """How a sample is integrated, and how near the limits that is."""
+    """Steps that integrate a sample, and how near the limits they are."""
     substeps = bench_constants(fitted).substeps
     model, rate = effective_model(fitted.parameters), fitted.config.sampling.rate_hz
     if stepping := model.coefficients.line.stepping(1.0 / rate):
@@ -303,7 +299,7 @@ def _integration(fitted: BenchInjector) -> Iterator[Said]:
 
 @ruled("fitted model")
 def _fitted_model(fitted: BenchInjector) -> Iterator[Said]:
-    """What the injector's file remembers of being fitted; nothing where it was not."""
+    """Findings about the fit that the injector file states; none where it was not fitted."""
     baseline = fitted.parameters.baseline
     if baseline is None:
         return
@@ -368,7 +364,7 @@ def _event_timing(fitted: BenchInjector) -> Iterator[Said]:
 
 @ruled("training")
 def _paper_training(fitted: BenchInjector) -> Iterator[Said]:
-    """What is to be said of `training = "paper"`, nothing where it is not used."""
+    """Findings about `training = "paper"`; none where it is not used."""
     gain = fitted.config.learning.identification_gain
     if gain is None:
         return

@@ -25,7 +25,7 @@ _SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
 
 @dataclass(frozen=True)
 class Host:
-    """What the machine grants this process."""
+    """Rights and resources that the machine grants this process."""
 
     rights: Rights
     swap_in_use: bool
@@ -64,7 +64,7 @@ def real_time_findings(host: Host) -> Iterator[Said]:
 
 @dataclass(frozen=True)
 class BitTiming:
-    """Of one phase of a frame: bit/s, and where in a bit it is sampled (0..1), where known."""
+    """Bit timing of one phase of a frame: bit/s, and where in a bit it is sampled (0..1), where known."""
 
     bit_rate: int
     sample_point: float | None
@@ -72,7 +72,7 @@ class BitTiming:
 
 @dataclass(frozen=True)
 class Controller:
-    """How a CAN controller is set up; None or empty what the kernel does not tell."""
+    """Setup of a CAN controller; None or empty what the kernel does not report."""
 
     state: str
     arbitration: BitTiming | None
@@ -82,7 +82,7 @@ class Controller:
 
 
 def read_controller(channel: str) -> Controller | None:
-    """What iproute2 reports of an interface's controller; None without iproute2, interface or controller."""
+    """Reads an interface's controller from iproute2; None without iproute2, interface or controller."""
     command = ["ip", "-json", "-details", "link", "show", "dev", channel]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_IP_TIMEOUT, check=False)
@@ -130,7 +130,7 @@ def socketcan_findings() -> Iterator[Said]:
 def interface_findings(
     link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, place: str = "link"
 ) -> Iterator[Said]:
-    """What is to be said of the interface with its folder below `network` and, where there is one, a controller.
+    """Findings about the interface with its folder below `network` and, where there is one, a controller.
 
     place: the section of the bench file.
     """

@@ -17,8 +17,8 @@ from observer_rt.daemon.persistence.state_file import model_hash, restored_knowl
 from observer_rt.desk.evaluation.curves import numbers_shown, refuse_beyond
 from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate_stream
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
-from observer_rt.desk.evaluation.passage import SUFFIXES, TRACE_SUFFIX
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
+from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.constants import injector_at
 from observer_rt.engine.service.learners import doubt_about_fit, refuse_state
@@ -76,7 +76,7 @@ class EvaluateOptions:
 
     @property
     def written(self) -> dict[str, Path]:
-        """What is to be written, by option."""
+        """Paths to be written, by option."""
         named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
         return {option: path for option, path in named.items() if path is not None}
 

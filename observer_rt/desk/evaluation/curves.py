@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.passage import Passage, Signal
+from observer_rt.desk.evaluation.segment import Segment, Signal
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -88,24 +88,24 @@ def refuse_beyond(chosen: Sequence[int], most: int) -> None:
         )
 
 
-def _window(report: InjectionReport, passage: Passage) -> slice:
-    """An injection among the samples that its passage remembers; what is longer than any is forgotten in part."""
+def _window(report: InjectionReport, segment: Segment) -> slice:
+    """An injection among the samples that its segment remembers; what is longer than any is forgotten in part."""
     first, end = (
-        index - passage.first_index - passage.first for index in (report.start_index, report.end_index + 1)
+        index - segment.first_index - segment.first for index in (report.start_index, report.end_index + 1)
     )
-    return slice(max(first, 0), max(min(end, passage.time.size), 0))
+    return slice(max(first, 0), max(min(end, segment.time.size), 0))
 
 
-def rate_curves(report: InjectionReport, passage: Passage, c: Coefficients) -> RateCurves:
-    """Of an injection, as far as the passage remembers its samples."""
-    window, trace, measured = _window(report, passage), passage.trace, passage.measured_rate
+def rate_curves(report: InjectionReport, segment: Segment, c: Coefficients) -> RateCurves:
+    """Curves of an injection, as far as the segment remembers its samples."""
+    window, trace, measured = _window(report, segment), segment.trace, segment.measured_rate
     line_pressure, modelled = (
         values[window] * c.pressure_scale + c.chamber_pressure
-        for values in (passage.line_pressure, trace.x[:, 0])
+        for values in (segment.line_pressure, trace.x[:, 0])
     )
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-        passage.time[window] - passage.time_at(report.start_index),
+        segment.time[window] - segment.time_at(report.start_index),
         trace.injection_rate[window].copy(),
         trace.nominal_rate[window].copy(),
         None if measured is None else measured[window].copy(),
@@ -149,7 +149,7 @@ RESULT_FIELDS: tuple[Field[InjectionResult], ...] = (
         outputs=Output.JSON,
     ),
 )
-"""What is said of an injection, the fields of its report first."""
+"""Fields of an evaluated injection, those of its report first."""
 SHOWN = {each.name: each for each in (*RESULT_FIELDS, _of_report(MASS_BOUND))}
 """All that is shown of one on the screen."""
 
@@ -160,11 +160,11 @@ def injection_json(result: InjectionResult, has_energizing: bool, c: Coefficient
     return {**injection_record(result.report, c, has_energizing), **compared}
 
 
-def injection_result(report: InjectionReport, passage: Passage, sample_rate: float) -> InjectionResult:
-    """Over the window an injection was detected in; nan where the passage does not remember all of it."""
-    window, trace = _window(report, passage), passage.trace
-    is_known = report.start_index - passage.first_index >= passage.first
-    measured = None if passage.measured_rate is None or not is_known else passage.measured_rate[window]
+def injection_result(report: InjectionReport, segment: Segment, sample_rate: float) -> InjectionResult:
+    """Result over the window an injection was detected in; nan where the segment does not remember all of it."""
+    window, trace = _window(report, segment), segment.trace
+    is_known = report.start_index - segment.first_index >= segment.first
+    measured = None if segment.measured_rate is None or not is_known else segment.measured_rate[window]
     nominal, rate = trace.nominal_rate[window], trace.injection_rate[window]
 
     def mass(rate: NDArray[np.float64]) -> float:
@@ -176,8 +176,8 @@ def injection_result(report: InjectionReport, passage: Passage, sample_rate: flo
     flowing = trace.injection_rate_sigma[window][rate != 0.0]
     return InjectionResult(
         report=report,
-        start=passage.time_at(report.start_index),
-        end=passage.time_at(report.end_index),
+        start=segment.time_at(report.start_index),
+        end=segment.time_at(report.end_index),
         nominal_mass=mass(nominal) if is_known else math.nan,
         measured_mass=math.nan if measured is None else mass(measured),
         rate_rmse=rmse(rate),

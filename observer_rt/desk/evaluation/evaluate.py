@@ -1,7 +1,7 @@
 """Recordings and CAN logs through the same core as the daemon, part by part.
 
 Memory does not depend on their length: results are spooled to a temporary file; samples pass by, unless they are
-kept as a trace.
+stored as a trace.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,8 +14,8 @@ from pathlib import Path
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.passage import Passage, Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.desk.evaluation.run import ObserverRun, Progress
+from observer_rt.desk.evaluation.segment import Segment, Signal, Trace, joined, open_trace, trace_arrays
 from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import InjectionReport
@@ -37,67 +37,67 @@ _IN_MEMORY = 512  # injections, some KB each
 
 
 class Evaluation:
-    """One file evaluated: its injections, in a temporary file; its samples pass by, or are kept as a trace."""
+    """One file evaluated: its injections, in a temporary file; its samples pass by, or are stored as a trace."""
 
     first_index: int
     """The sample index its first sample was sent with."""
     counters: Counters
     standstill: Standstill
     has_energizing: bool
-    """Whether the bench has this input, so that reports and counters tell of commands."""
+    """Whether the bench has this input, so that reports and counters include commands."""
 
     def __init__(
         self, source: SignalStream, curves_of: Coefficients | None = None, keeps_trace: bool = False
     ) -> None:
-        """curves_of: the nominal model, where curves of every injection are to be drawn."""
+        """curves_of: the nominal model, where curves of all injections are drawn; keeps_trace: in memory."""
         self.path = source.path
         self.sample_rate = source.sample_rate
         self.has_rate = source.has_rate
         self.injections: Spool[InjectionResult] = Spool(_IN_MEMORY)
         self.curves: Spool[RateCurves] = Spool()
-        """As many as injections, where they are kept."""
+        """Curves of every injection, in their order, where any are drawn."""
         self.source = source
         self._curves_of = curves_of
         self._held: InjectionResult | None = None  # until no measured mass can come for it
         self.writer: TableWriter | None = None
-        """Of the trace."""
+        """Writes the trace, where it goes to a file."""
         self._traces: list[Trace] | None = [] if keeps_trace else None
 
     @property
     def samples(self) -> int:
-        """How many there are."""
+        """Number of samples of the recording."""
         return self.source.samples
 
     @cached_property
     def trace(self) -> Trace:
-        """Of all samples, where it is kept."""
+        """Trace of all n samples, empty where it is not kept."""
         return joined(self._traces or [])
 
     @cached_property
     def reports(self) -> tuple[InjectionReport, ...]:
-        """Of all injections, without the course of their sigma."""
+        """Reports of all injections, without the course of their sigma."""
         return tuple(injection.report for injection in self.injections)
 
     @property
     def wants_states(self) -> bool:
-        """For the trace, and curves of the line."""
+        """Whether x and phi are needed: for the trace, and curves of the line."""
         return self.writer is not None or self._traces is not None or self._curves_of is not None
 
-    def take_report(self, passage: Passage, report: InjectionReport) -> None:
-        """An injection, whose samples the passage remembers."""
+    def take_report(self, segment: Segment, report: InjectionReport) -> None:
+        """Take the report of an injection, whose samples the segment remembers."""
         self.finish()
-        self._held = injection_result(replace(report, rate_sigma=None), passage, self.sample_rate)
+        self._held = injection_result(replace(report, rate_sigma=None), segment, self.sample_rate)
         if self._curves_of is not None:
-            self.curves.append(rate_curves(report, passage, self._curves_of))
+            self.curves.append(rate_curves(report, segment, self._curves_of))
 
     def take_measured(self, measured: MeasuredMass) -> None:
-        """Of the injection reported last; a measured rate goes before it."""
+        """Take the measured mass of the injection reported last; a measured rate goes before it."""
         held = self._held
         if held is not None and held.report.number == measured.report.number and not self.has_rate:
             self._held = replace(held, measured_mass=measured.mass)
 
     def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Into the trace."""
+        """Append n samples to the trace; time (n,) [s]."""
         if self.writer is not None:
             self.writer.write(trace_arrays(time.copy(), joined([trace])))
         if self._traces is not None:
@@ -106,11 +106,11 @@ class Evaluation:
     def observe(self, run: ObserverRun) -> None:
         """Give all its frames to an observer."""
         if isinstance(self.source, LoggedSignals):
-            passages = _passages(self.source, self)
-            run.take_frames(self.source.frames, passages)
+            segments = _segments(self.source, self)
+            run.take_frames(self.source.frames, segments)
         else:
-            passages = run.take(self.source, self)
-        self.first_index = passages[0].first_index
+            segments = run.take(self.source, self)
+        self.first_index = segments[0].first_index
 
     def finish(self) -> None:
         """No measured mass will come for the injection reported last."""
@@ -141,6 +141,9 @@ def evaluate(
     Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit;
     the frames of a log, as `LoggedSignals`, go in as they are. Between two recordings the sample index jumps, as
     between two windows of a windowed source; that of a log must go on beyond that of the one before.
+
+    knowledge: learned before; learning: whether the recordings are learned from; progress: takes the number of
+    samples processed; learner_of: makes the learner of the bench's injector.
     Raises `UserError` for a recording whose sample rate is not the bench's.
     """
     sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)
@@ -210,12 +213,12 @@ def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
     return benches[0]
 
 
-def _passages(log: LoggedSignals, evaluation: Evaluation) -> list[Passage]:
-    """Of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
-    passages, offset = [], 0
+def _segments(log: LoggedSignals, evaluation: Evaluation) -> list[Segment]:
+    """Segments of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
+    segments, offset = [], 0
     for stretch in log.logged:
         bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]
         for first, end in pairwise(bounds):
-            passages.append(Passage(evaluation, first, end - first, log.rate, offset))
+            segments.append(Segment(evaluation, first, end - first, log.rate, offset))
             offset += end - first
-    return passages
+    return segments

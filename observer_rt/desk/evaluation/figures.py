@@ -24,8 +24,10 @@ ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 RECORDINGS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
 ANNOTATED = 24  # injections whose masses are bars with numbers; more are lines
 WEAR = {NOZZLE: ("nozzle flow, v_H", "#d62728", "-"), SEAT: ("seat flow, v_S", "#9467bd", ":")}
-"""What is learned of an injector: name, colour and line where one recording is drawn."""
+"""Learned quantities of an injector: name, colour and line where one recording is drawn."""
 PERCENT = 100.0
+COLUMNS = 4  # of curves side by side
+_LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class MassRow:
 
 @dataclass(frozen=True)
 class Picture:
-    """What is drawn of one recording: curves of some injections by number, masses and wear of all."""
+    """Drawn data of one recording: curves of some injections by number, masses and wear of all."""
 
     title: str
     curves: Mapping[int, RateCurves]
@@ -82,7 +84,7 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
 def _table(masses: Sequence[MassRow], against: bool) -> pd.DataFrame:
     """Masses and their intervals, an injection a row [%]: against the reference, else the nominal model.
 
-    said: what stands at the bar: the error, else the mass [mg].
+    said: number at the bar: the error, else the mass [mg].
     """
     unknown = np.nan, np.nan
     table = pd.DataFrame(
@@ -155,10 +157,6 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
     axes.grid(alpha=0.3)
 
 
-COLUMNS = 4  # of curves side by side
-_LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
-
-
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
     """Write a figure (format by suffix): curves above, masses and wear of all injections below.
 
@@ -197,7 +195,7 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
 
 
 def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture], reference: str) -> None:
-    """Of the recordings where there are several, the title above it, else of the first injection's lines."""
+    """Legend of the recordings where there are several, the title above it, else of the first injection's lines."""
     handles: Sequence[Artist] = axes[0].get_legend_handles_labels()[0]
     if len(recordings) > 1:
         title = f"{len(recordings)} recordings; pale: {reference}, dashed: nominal model"

@@ -48,7 +48,7 @@ class _HealthyEvent:
     covariance: NDArray[np.float64]
 
     def cost(self, shape: HealthyShape | None = None) -> EventCost:
-        """Its cost, the shape taken out."""
+        """Cost of the event, the shape taken out."""
         interval = self.setting.interval
         expected = Healthy(shape=shape).expected(self.window, self.setting.coefficients, interval)
         return EventCost(self.window, self.setting, self.sigma, round(BURN_IN / interval), expected=expected)
@@ -58,10 +58,10 @@ class _Listener(Learner):
     """A learner that keeps what it is given."""
 
     def __init__(
-        self, heard: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge
+        self, collected: list[_HealthyEvent], _: BenchInjector, constants: Constants, start: Knowledge
     ) -> None:
         super().__init__(constants, start)
-        self._heard = heard
+        self._collected = collected
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
@@ -73,21 +73,21 @@ class _Listener(Learner):
         outcome = super().learn(window, standstill, in_force, constants)
         setting = setting_of(constants or self._constants, outcome.schedule)
         sigma = outcome.schedule.innovation_sigma
-        self._heard.append(_HealthyEvent(window, setting, sigma, theta, covariance))
+        self._collected.append(_HealthyEvent(window, setting, sigma, theta, covariance))
         return outcome
 
 
 def observer_remainder(
     injector: InjectorParameters, baseline: Baseline, recordings: Sequence[Recording]
 ) -> HealthyRemainder | None:
-    """What the observer leaves of healthy recordings of an injector; None where it judged no event of them.
+    """Remainder that the observer leaves of healthy recordings; None where it judged no event of them.
 
     baseline: what else its fit states. Recordings at another sample rate than the first one's are left out. Raises
     `UserError` as `evaluate`.
     """
     rate = recordings[0].sample_rate
     fitted = injector.model_copy(update={"baseline": baseline})
-    bench, heard = _bench_of(fitted, recordings[0]), list[list[_HealthyEvent]]()
+    bench, collected = _bench_of(fitted, recordings[0]), list[list[_HealthyEvent]]()
     knowledge: Knowledge | None = None
     for recording in recordings:
         if recording.sample_rate != rate:
@@ -96,8 +96,8 @@ def observer_remainder(
         history = evaluate(bench, [recording], knowledge, learner_of=partial(_Listener, events))
         knowledge = history.knowledge
         if events:
-            heard.append(events)
-    return _remainder(heard) if heard else None
+            collected.append(events)
+    return _remainder(collected) if collected else None
 
 
 def _bench_of(injector: InjectorParameters, recording: Recording) -> Bench:
@@ -108,13 +108,13 @@ def _bench_of(injector: InjectorParameters, recording: Recording) -> Bench:
     return bench.with_sections(sampling=sampling, learning=learning)
 
 
-def _remainder(heard: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder:
-    seen = [[_innovations(event) for event in events] for events in heard]
-    first = heard[0][0]
+def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder:
+    seen = [[_innovations(event) for event in events] for events in collected]
+    first = collected[0][0]
     fit = ShapeFit(seen, first.sigma * first.setting.coefficients.pressure_scale)
-    several = len(heard) > 1
+    several = len(collected) > 1
     statistics, tempered = [], []
-    for number, events in enumerate(heard):
+    for number, events in enumerate(collected):
         shape = fit.shape(number if several else None)
         total = no_statistics()
         for event in events:

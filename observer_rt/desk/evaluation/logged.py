@@ -1,4 +1,4 @@
-"""What a user names as recordings: files of signals, and CAN logs, which go through the daemon's own path."""
+"""Recordings as a user names them: files of signals, and CAN logs, which go through the daemon's own path."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -79,7 +79,7 @@ class LoggedSignals(SignalStream):
         needed = {layout.bus for layout in self._bus.input_layouts}
         channels = chosen_channels(path, bench.config.buses, needed, from_channels)
         self.frames = InputFrames(path, self._bus, channels)
-        """As they are in the log."""
+        """Frames as they are in the log."""
         self.rate = bench.injector.config.sampling.rate_hz
         self.logged = self._look_through(path, progress)
         """Apart where the sample index begins anew."""
@@ -122,7 +122,7 @@ class LoggedSignals(SignalStream):
         )
         self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
         self.slow_noise = core.slow_noise
-        """What is not white in the noise of the last samples at rest."""
+        """Part that is not white of the noise of the last samples at rest."""
         return tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:
@@ -148,7 +148,7 @@ class LoggedSignals(SignalStream):
     def _rows(
         self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None
     ) -> Iterator[NDArray[np.void]]:
-        """What the observer was given, some samples at a time."""
+        """Samples as the observer was given them, some at a time."""
         seen = 0
         for frames in self._together(core, watch):
             core.handle_many(block_of(frames))
@@ -273,7 +273,7 @@ class _Stamps:
 def open_source(
     path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, in_one_go: bool = False
 ) -> SignalStream:
-    """Look through a file; what is odd about it is said. from_channels: of a log, as `--from-channel` names them.
+    """Look through a file, and warn of odd values in it. from_channels: of a log, as `--from-channel` names them.
 
     in_one_go: as of `open_recording`; `refuse_implausible` is then for whoever has read it.
 

@@ -1,4 +1,4 @@
-"""What is said of an evaluated recording: a table of at most 80 columns and 50 rows, or one JSON document."""
+"""Output of an evaluated recording: a table of at most 80 columns and 50 rows, or one JSON document."""
 
 import json
 import math
@@ -26,6 +26,35 @@ from observer_rt.model.effective import Coefficients
 SCHEMA = 1
 PLAUSIBLE_OFFSET = 2 * MEGAPASCAL  # between line and rail pressure at standstill
 _NO_INJECTIONS = '"injections": []'  # a string of the document cannot hold it: its quotes would be escaped
+MOST_ROWS = 50  # injections beyond which only means of several are shown
+SUMMARY_ROWS = 20
+NOTEWORTHY = 4.0  # standard deviations from nothing
+_FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
+_NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
+_ERROR = Field[InjectionResult](
+    "error",
+    float,
+    lambda r, _: 100 * (r.report.mass / r.measured_mass - 1) if r.measured_mass else None,
+    "error\n%",
+    ".2f",
+)
+_WEAR = [SHOWN[each.value.name] for each in WEAR]
+_UNFIT = {
+    Reason.MODEL_INADEQUATE: (
+        "the measured line pressure contradicts the model in",
+        "check units and injector file; `observer-rt fit` calibrates it to recordings of the healthy injector",
+    ),
+    Reason.LIFT_SENSOR_LAG: (
+        "a needle lift recorded late would explain",
+        "`observer-rt discover` tells it from a changed nozzle; if it names needle_lift_sensor_lag, state lag_us of "
+        "[signals.needle_lift] in the bench file",
+    ),
+}
+"""Problem and remedy by the reason that makes the results of many injections worthless."""
+_CHANGED = (
+    "the model fits the healthy injector, so that this one has changed in a way it does not know: "
+    "`observer-rt discover` looks for it; or a sensor has"
+)
 
 
 @dataclass(frozen=True)
@@ -102,7 +131,7 @@ def _without_injections(evaluation: Evaluation, c: Coefficients) -> dict[str, An
 
 
 def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
-    """Of the recording as a whole."""
+    """Energizing section of a recording as a whole; empty without this input."""
     if not evaluation.has_energizing:
         return {}
     delays = [
@@ -118,40 +147,6 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
             "opening_delay_sigma_us": float(np.std(known)) if known else None,
         }
     }
-
-
-MOST_ROWS = 50  # injections beyond which only means of several are shown
-SUMMARY_ROWS = 20
-NOTEWORTHY = 4.0  # standard deviations from nothing
-
-_FIRST = [SHOWN[name] for name in ("number", "event", "start_s", "rail_pressure_MPa", "mass_mg")]
-_NOMINAL, _MEASURED = SHOWN["nominal_mass_mg"], SHOWN["measured_mass_mg"]
-_ERROR = Field[InjectionResult](
-    "error",
-    float,
-    lambda r, _: 100 * (r.report.mass / r.measured_mass - 1) if r.measured_mass else None,
-    "error\n%",
-    ".2f",
-)
-_WEAR = [SHOWN[each.value.name] for each in WEAR]
-
-
-_UNFIT = {
-    Reason.MODEL_INADEQUATE: (
-        "the measured line pressure contradicts the model in",
-        "check units and injector file; `observer-rt fit` calibrates it to recordings of the healthy injector",
-    ),
-    Reason.LIFT_SENSOR_LAG: (
-        "a needle lift recorded late would explain",
-        "`observer-rt discover` tells it from a changed nozzle; if it names needle_lift_sensor_lag, state lag_us of "
-        "[signals.needle_lift] in the bench file",
-    ),
-}
-"""Why the results of many injections are worth nothing, and what to do about it."""
-_CHANGED = (
-    "the model fits the healthy injector, so that this one has changed in a way it does not know: "
-    "`observer-rt discover` looks for it; or a sensor has"
-)
 
 
 def print_evaluation(
@@ -210,7 +205,7 @@ def print_evaluation(
 
 
 def _table(injections: Sequence[InjectionResult], measured: bool, c: Coefficients) -> Table:
-    """Beside a measurement its error stands where otherwise the interval does: both do not fit."""
+    """Table of injections. Beside a measurement its error replaces the interval: both do not fit."""
     compared = [_NOMINAL, _MEASURED, _ERROR, SHOWN["rate_rmse_mm3_per_ms"]]
     fields = [*_FIRST, *(compared if measured else [SHOWN["mass_bound_mg"], _NOMINAL]), *_WEAR]
     table = _headed(*(each.heading for each in fields))
@@ -245,7 +240,7 @@ def _summary_table(injections: Sequence[InjectionResult], measured: bool, c: Coe
 
 
 def _mean(field: Field[InjectionResult], run: Sequence[InjectionResult], c: Coefficients) -> str:
-    """Of those that are known."""
+    """Mean of the known values of a field, as text."""
     known = [value for one in run if (value := field.of(one, c)) is not None]
     return field.text(fmean(known) if known else None)
 
@@ -278,7 +273,7 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
-    """What was found beside the nozzle and the seat at the last injection, none of it part of the rate."""
+    """Indicators beside nozzle and seat at the last injection, none of them part of the rate."""
     found = last.report.indicators
     result = []
     for _, shown in SCALARS.shown():

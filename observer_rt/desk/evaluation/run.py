@@ -16,7 +16,7 @@ from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.core.stream.stream import RING
-from observer_rt.desk.evaluation.passage import Passage, Signal
+from observer_rt.desk.evaluation.segment import Segment, Signal
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.observer import remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     from observer_rt.desk.evaluation.evaluate import Evaluation
 
 Thing = TypeVar("Thing")
+Progress = Callable[[int], None]  # samples done
 
 
 def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
-    """The same, none of them None, in the same order; while one is used the next is made in a thread beside.
+    """Yields things, none of them None, in their order; while one is used the next is made in a thread beside.
 
     Raises what making one raises, when its turn has come.
     """
@@ -79,21 +80,18 @@ class NominalModel:
         return np.where(np.isnan(rows["injection_rate"]), np.nan, rates)[first - before :]
 
 
-Progress = Callable[[int], None]  # samples done
-
-
 class _Reading:
-    """What of a core's samples was read, and in which passage they lie."""
+    """Samples of a core read so far, and the segment in which the last one lies."""
 
     def __init__(self, core: Core) -> None:
         self.core = core
         self._seen = 0
-        self.passage = 0
+        self.segment = 0
         """Number of that of the last sample read."""
         self._last_index = -1
 
-    def parts(self, passages: list[Passage]) -> Iterator[tuple[Passage, int, NDArray[np.int64]]]:
-        """What was processed since the last reading, by passage: position of the first sample, and all indices."""
+    def parts(self, segments: list[Segment]) -> Iterator[tuple[Segment, int, NDArray[np.int64]]]:
+        """Yields samples processed since the last reading, by segment: position of the first, and all indices."""
         processed = self.core.processed
         position = max(self._seen, processed - RING)
         ring = self.core.compiled.observer.ring["index"]
@@ -102,30 +100,30 @@ class _Reading:
         begins_anew = np.flatnonzero(np.diff(index, prepend=self._last_index) <= 0).tolist()
         for first, end in pairwise([0, *(row for row in begins_anew if row), len(index)]):
             if first in begins_anew:
-                self.passage += 1
-            yield from self._by_passage(passages, position + first, index[first:end])
+                self.segment += 1
+            yield from self._by_segment(segments, position + first, index[first:end])
         self._last_index = int(index[-1]) if len(index) else self._last_index
 
-    def _by_passage(
-        self, passages: list[Passage], position: int, index: NDArray[np.int64]
-    ) -> Iterator[tuple[Passage, int, NDArray[np.int64]]]:
-        """Of an index that rises."""
+    def _by_segment(
+        self, segments: list[Segment], position: int, index: NDArray[np.int64]
+    ) -> Iterator[tuple[Segment, int, NDArray[np.int64]]]:
+        """Splits the samples of a rising index by segment."""
         while len(index):
-            self.passage = min(self.passage, len(passages) - 1)
-            after = passages[self.passage + 1 :][:1]
+            self.segment = min(self.segment, len(segments) - 1)
+            after = segments[self.segment + 1 :][:1]
             end = np.searchsorted(index, after[0].first_index) if after else len(index)
-            here = passages[self.passage]
+            here = segments[self.segment]
             if after and after[0].first_index < here.first_index + here.samples:  # begins anew, not yet
                 end = len(index)
             if end:
                 yield here, position, index[:end]
             if end < len(index):
-                self.passage += 1
+                self.segment += 1
             index, position = index[end:], position + int(end)
 
 
 class ObserverRun:
-    """One observer, learning in lockstep, and what it says of the recordings it is given."""
+    """One observer, learning in lockstep, whose results go to the segments of the recordings it is given."""
 
     def __init__(
         self,
@@ -140,7 +138,7 @@ class ObserverRun:
     ) -> None:
         """keeps_frames: those that were sent; reads_ahead: recordings, in a thread beside."""
         self.frames: list[OutputFrame] = []
-        """Sent, where they are kept."""
+        """Frames that were sent, with `keeps_frames`."""
         self._news: list[News] = []
         bus: BusMap = map_bus(bench)
         if not keeps_frames:
@@ -161,19 +159,19 @@ class ObserverRun:
         self._progress = progress or (lambda _: None)
         self._keeps_frames = keeps_frames
         self._reads_ahead = reads_ahead
-        self._passages: list[Passage] = []
-        self._finished = 0  # passages
+        self._segments: list[Segment] = []
+        self._finished = 0  # segments
 
-    def take(self, stream: SignalStream, hearer: "Evaluation") -> list[Passage]:
+    def take(self, stream: SignalStream, sink: "Evaluation") -> list[Segment]:
         """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
-        rate, before = stream.sample_rate, len(self._passages)
+        rate, before = stream.sample_rate, len(self._segments)
         framed = self._framed(stream)
         for chunk, begun, blocks in ahead(framed) if self._reads_ahead else framed:
             if begun is not None:
-                self._passages.append(Passage(hearer, begun, 0, rate))
-            self._passages[-1].give(chunk.time, chunk.injection_rate)
+                self._segments.append(Segment(sink, begun, 0, rate))
+            self._segments[-1].give(chunk.time, chunk.injection_rate)
             self._observe(blocks)
-        return self._passages[before:]
+        return self._segments[before:]
 
     def _framed(self, stream: SignalStream) -> Iterator[tuple[Chunk, int | None, list[FrameBlock]]]:
         """Chunks and their frames, with the sample index of those that begin a stretch."""
@@ -181,17 +179,17 @@ class ObserverRun:
             begun = self._device.begin(stream.sample_rate) if chunk.first == 0 else None
             yield chunk, begun, list(self._device.blocks(chunk))
 
-    def take_frames(self, frames: Iterable[BusFrame], passages: Iterable[Passage]) -> None:
-        """Observe frames as they are, which carry the samples of passages in their order."""
-        self._passages += passages
+    def take_frames(self, frames: Iterable[BusFrame], segments: Iterable[Segment]) -> None:
+        """Observe frames as they are, which carry the samples of segments in their order."""
+        self._segments += segments
         self._observe(blocks_of(frames))
 
     def finish(self) -> None:
-        """No recording will come: judge every event."""
+        """Judge every event: no recording will come."""
         self._sent(self.core.finish())
         self._read()
-        for passage in self._passages[self._finished :]:
-            passage.finish()
+        for segment in self._segments[self._finished :]:
+            segment.finish()
 
     def _observe(self, blocks: Iterable[FrameBlock]) -> None:
         for block in blocks:
@@ -204,34 +202,34 @@ class ObserverRun:
             self.frames += frames
 
     def _read(self) -> None:
-        """Note what was processed since the last look, then what was said of injections."""
+        """Note the samples processed since the last call, then the results of injections."""
         observer = self.core.compiled.observer
-        for passage, position, index in self._reading.parts(self._passages):
+        for segment, position, index in self._reading.parts(self._segments):
             nominal = self._nominal.rates(observer, position, position + len(index))
-            passage.note(observer, position, index, nominal)
+            segment.note(observer, position, index, nominal)
         for each in self._news:
             match each:
                 case InjectionReport():
-                    self._passage_of(each).note_report(each)
+                    self._segment_of(each).note_report(each)
                 case MeasuredMass(report):
-                    self._passage_of(report).hearer.take_measured(each)
+                    self._segment_of(report).sink.take_measured(each)
         self._news.clear()
         self._progress(self.core.processed)
 
-    def _passage_of(self, report: InjectionReport) -> Passage:
-        begun = [passage for passage in self._passages if passage.begin is not None]
+    def _segment_of(self, report: InjectionReport) -> Segment:
+        begun = [segment for segment in self._segments if segment.begin is not None]
         return next(
             (each for each in reversed(begun) if each.begin is not None and each.begin <= report.start),
             begun[0],
         )
 
     def _forget(self) -> None:
-        """Hand over, in order, what no injection will need."""
+        """Hand over, in order, samples that no injection will need."""
         processed = self.core.processed
-        for number in range(self._finished, self._reading.passage + 1):
-            passage = self._passages[number]
-            if number == self._reading.passage or passage.end > processed - RING:
-                passage.pass_on(processed)
+        for number in range(self._finished, self._reading.segment + 1):
+            segment = self._segments[number]
+            if number == self._reading.segment or segment.end > processed - RING:
+                segment.pass_on(processed)
                 return
-            passage.finish()
+            segment.finish()
             self._finished = number + 1

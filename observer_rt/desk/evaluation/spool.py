@@ -13,7 +13,7 @@ class Spool(Sequence[T], Generic[T]):
     """Things appended one after another and read back as often as wanted; gone with the process."""
 
     def __init__(self, in_memory: int = 1) -> None:
-        """in_memory: how many are kept there before they go to the file together, and when they come back from it."""
+        """in_memory: number of items held there before they go to the file together, and after they come back."""
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the spool
         self._starts = array("q")  # of blocks of so many
         self._size = in_memory

@@ -1,4 +1,4 @@
-"""Answers of `batch --discover`: kept by injector, and as a table of rows, the most affected injector first."""
+"""Answers of `batch --discover`: stored by injector, and as a table of rows, the most affected injector first."""
 
 import math
 from collections.abc import Sequence
@@ -60,7 +60,7 @@ class DiscoveredRow(DocumentPart):
 
     @property
     def beyond_noise(self) -> float:
-        """How far the line pressure is from the model beyond its noise [MPa]: whatever is missing shows there."""
+        """Distance of line pressure and model beyond noise [MPa]: whatever is missing shows there."""
         if self.line_pressure_before_MPa is None:
             return -1.0 if self.verdict is None else math.inf
         noise = self.line_pressure_noise_floor_MPa or 0.0
@@ -96,15 +96,17 @@ SCHEMA = pa.schema(
 
 @dataclass(frozen=True)
 class Ended:
-    """How the discovery of an injector ended. left_out: recordings that could not be taken; problem: why there is no
-    answer, else empty."""
+    """Outcome of the discovery of an injector.
+
+    left_out: recordings that could not be taken; problem: why there is no answer, else empty.
+    """
 
     left_out: tuple[FailedFile, ...] = ()
     problem: str = ""
 
 
 class _Note(DocumentPart):
-    """Kept of a group beside its answer; key: of the group; problem: why there is no answer, if there is none."""
+    """Record of a group beside its answer; key: of the group; problem: why there is no answer, if there is none."""
 
     injector: str
     key: str

@@ -166,7 +166,7 @@ def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.T
 
 @dataclass
 class Evaluated:
-    """How many files there were, of what kind; paths: of those that did not fail, by SHA-256."""
+    """Numbers of files by outcome; paths: of those that did not fail, by SHA-256."""
 
     done: int = 0
     skipped: int = 0
@@ -191,7 +191,7 @@ def evaluate_all(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset
 
 
 def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Dataset) -> Iterator[_Outcome]:
-    """What becomes of each file, as it becomes known; only as many are at work as keep the workers busy."""
+    """Outcome of each file, as it becomes known; only as many are at work as keep the workers busy."""
     jobs: Jobs[tuple[Path, str]] = Jobs(work.cluster.client)
     remaining = iter(paths)
     begun: set[str] = set()
@@ -230,7 +230,7 @@ def _take(
 def settings_of(
     bench: Bench, state: Path | None, learning: bool, pattern: str | None, effects: OwnEffects
 ) -> dict[str, Any]:
-    """What rows depend on beside the files."""
+    """Settings that rows depend on beside the files."""
     in_force = {effect.id for each in bench.injectors for effect in each.parameters.effects}
     return {
         "software": __version__,
@@ -246,7 +246,7 @@ def settings_of(
 def tell(
     dataset: Dataset, counts: Evaluated, found: "FoundAnswers | None", as_json: bool, console: Console
 ) -> None:
-    """What came of it: files, and answers if asked for, in words or JSON; those that failed."""
+    """Print the outcome: files, and answers if asked for, in words or JSON; those that failed."""
     for failed in dataset.failed:
         say(console, f"left out: {failed.problem}")
     if as_json:

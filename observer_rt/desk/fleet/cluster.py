@@ -32,7 +32,7 @@ _Name = TypeVar("_Name")
 
 @dataclass(frozen=True)
 class Broken:
-    """How a job ended that gave nothing, not even an error its function foresees."""
+    """Failure of a job that returned nothing, not even an error its function foresees."""
 
     problem: str
     remedy: str
@@ -54,7 +54,7 @@ class Jobs(Generic[_Name]):
 
     @property
     def places(self) -> int:
-        """How many jobs the workers do at the same time."""
+        """Number of jobs the workers do at the same time."""
         threads: list[int] = list(self._client.ncores().values())
         return max(1, sum(threads))
 
@@ -63,7 +63,7 @@ class Jobs(Generic[_Name]):
         self._running[self._submit(function, *arguments)] = name
 
     def ended(self) -> Iterator[tuple[_Name, Any]]:
-        """What came of jobs that are over, waiting a moment for the next one: what the function gave, or `Broken`."""
+        """Results of jobs that are over, waiting a moment for the next one: the function's, or `Broken`."""
         from distributed import wait
 
         try:
@@ -74,7 +74,7 @@ class Jobs(Generic[_Name]):
             yield self._running.pop(future), _result(future)
 
     def outcomes(self, stop: threading.Event, begin_more: Callable[[], None]) -> Iterator[tuple[_Name, Any]]:
-        """What comes of all jobs, as it becomes known; begin_more begins as many as keep the workers busy.
+        """Results of all jobs, as they become known; begin_more begins as many as keep the workers busy.
 
         Gives up what is not over when the user wants no more.
         """

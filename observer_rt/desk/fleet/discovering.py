@@ -48,13 +48,13 @@ from observer_rt.identification.likelihood.reading import (
 )
 
 SAMPLES = 4 * MOST_SAMPLES
-"""Of all recordings of an injector together: a search takes memory and time by samples."""
+"""Most samples of all recordings of an injector together: a search takes memory and time by samples."""
 _WAITING = 2  # groups at a worker, so that it need not wait for the next
 
 
 @dataclass(frozen=True)
 class Inquiry:
-    """What is the same for all groups.
+    """Settings shared by all groups.
 
     folder: where relative paths begin; out: of all answers; healthy: recordings the model is judged against; threads:
     of each search.
@@ -122,7 +122,7 @@ def _look(inquiry: Inquiry, group: Group, left_out: list[FailedFile]) -> None:
 
 @dataclass(frozen=True)
 class Discovering:
-    """What is asked of every injector. healthy: recordings the model is judged against, by path, with SHA-256."""
+    """Request for every injector. healthy: recordings the model is judged against, by path, with SHA-256."""
 
     kinds: tuple[ModelGroup, ...]
     healthy: Mapping[Path, str]
@@ -172,7 +172,7 @@ class Discovering:
 
 @dataclass
 class FoundAnswers:
-    """How many injectors have an answer, from this run or an earlier one, or none; answers: all there are."""
+    """Numbers of injectors with an answer, from this run or an earlier one, or none; answers: all there are."""
 
     answers: tuple[DiscoveredRow, ...] = ()
     done: int = 0
@@ -198,7 +198,7 @@ class FoundAnswers:
 def _outcomes(
     work: Work, asked: Discovering, place: Path, groups: Sequence[Group]
 ) -> Iterator[tuple[Group, Ended]]:
-    """What becomes of each group, as it becomes known."""
+    """Outcome of each group, as it becomes known."""
     jobs: Jobs[Group] = Jobs(work.cluster.client)
     threads = jobs.places // max(1, len(groups)) if work.cluster.local else 1
     inquiry = Inquiry(Path.cwd(), place.absolute(), tuple(asked.healthy), asked.effects, max(1, threads))

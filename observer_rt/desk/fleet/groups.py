@@ -85,7 +85,7 @@ class _PathPattern:
 
 
 class InjectorNames(_PathPattern):
-    """Which injector a recording is of, and its name in tables; without a pattern that of the bench's injector."""
+    """Injector of a recording, and its name in tables; without a pattern that of the bench's injector."""
 
     OPTION = "--injector-from"
     EXAMPLE = r"injector_(\w+)"
@@ -100,7 +100,7 @@ class InjectorNames(_PathPattern):
 
 
 def doubt_of_one(paths: Sequence[Path], pattern: str | None, bench: Bench) -> str:
-    """What is to be said where recordings count as those of one injector only because nothing names it; or empty.
+    """Warning that recordings count as those of one injector only because nothing names it; or empty.
 
     pattern: of `--injector-from`.
     """
@@ -116,7 +116,7 @@ def doubt_of_one(paths: Sequence[Path], pattern: str | None, bench: Bench) -> st
 
 
 class RecordingTimes(_PathPattern):
-    """When recordings were begun, by their paths; without a pattern they say nothing."""
+    """Begin of recordings by their paths; without a pattern these state none."""
 
     OPTION = "--time-from"
     EXAMPLE = r"_(\d{8}_\d{6})"

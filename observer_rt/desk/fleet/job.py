@@ -51,7 +51,7 @@ OLD_NAMES = {
         if column != each.name
     },
 }
-"""What columns were called before they had the journal's names."""
+"""Names of columns before they had the journal's."""
 
 
 NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
@@ -61,7 +61,7 @@ _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since
 
 @dataclass(frozen=True)
 class Task:
-    """What is the same for all files. knowledge: learned before, to start each file with.
+    """Settings shared by all files. knowledge: learned before, to start each file with.
 
     folder: where relative paths begin; pattern: as of `InjectorNames`; time_pattern: as of `RecordingTimes`.
     """
@@ -77,7 +77,7 @@ class Task:
 
 @dataclass(frozen=True)
 class FailedFile:
-    """Why a file has no rows, or no part in the discovery of an injector; sha256: empty where it could not be read.
+    """Failure of a file, or of the discovery of an injector; sha256: empty where the file could not be read.
 
     file: None where it is the discovery that failed.
     """
@@ -119,7 +119,7 @@ def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:
 
 
 def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
-    """Of one injector."""
+    """Rows of one injector of a file."""
     name = InjectorNames(task.pattern).of(path, alone)
     place = task.folder / path
     try:
@@ -156,7 +156,7 @@ def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> Evalu
 
 
 def _zero(path: Path, source: SignalStream) -> datetime:
-    """When the time of a file is 0: by its frames or its header; else it ended when it was last written."""
+    """Moment of time 0 in a file: by its frames or its header; else it ended when it was last written."""
     start, end = source.stretches[0].start, source.stretches[-1]
     if is_log(path):
         begin = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start

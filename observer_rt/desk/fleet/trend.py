@@ -33,6 +33,7 @@ NEEDED = ("injector", "sha256", "time", "number", "valid", *chain.from_iterable(
 """Columns of a batch's rows that a trend is made of."""
 _COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
 _SIDE_BY_SIDE = 3
+_PAGES = templates_of(__package__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ class InjectorTrend:
 
 
 def trends(rows: pa.Table) -> list[InjectorTrend]:
-    """Of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
+    """Trends of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
 
     Raises `UserError` for recordings of one injector at the same time, as copied files seem to be.
     """
@@ -211,9 +212,6 @@ def doubts(found: Sequence[InjectorTrend]) -> Iterator[str]:
                     "  remedy: if they are of several, name them: observer-rt batch --injector-from PATTERN, into a "
                     "new folder"
                 )
-
-
-_PAGES = templates_of(__package__)
 
 
 def write_page(path: Path, found: Sequence[InjectorTrend], source: Path) -> None:

@@ -36,6 +36,8 @@ _OF_INPUTS = (
 _NO_DAEMON = "start `observer-rt run` for this bench, or see to its bus"
 SILENT_AFTER = 1.0  # s without a status, after which nothing of the observer is of now
 _PERIODS = 3  # of its status, if they are longer
+KEPT = 1000  # injections
+HISTORY = np.dtype([(name, np.float64) for name in (*SummaryValues._fields, "nominal_mass")])
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class FaultWatch:
         return [Fault(f"{text}: no frame for {(now - since) / SECOND:.0f} s", since, _NO_DAEMON)]
 
     def _said(self, now: int, status: StatusValues | None) -> list[Fault]:
-        """What the observer says of itself."""
+        """Faults that the observer's status reports."""
         if status is None:
             return []
         state, reason = State(int(status.state)), Reason(int(status.reason))
@@ -108,18 +110,14 @@ class FaultWatch:
         return [Fault(f"{name}: {words.what}", self._since, words.remedy)]
 
 
-KEPT = 1000  # injections
-HISTORY = np.dtype([(name, np.float64) for name in (*SummaryValues._fields, "nominal_mass")])
-
-
 @dataclass(frozen=True)
 class Seen:
-    """What is known of an injector at a moment: of its last injections the newest last."""
+    """Snapshot of an injector: its last injections, the newest last, its status and faults."""
 
     name: str
     injections: tuple[SeenInjection, ...]
     history: NDArray[np.void]
-    """Of all that are kept (n,), dtype `HISTORY`: their summaries, and the mass by the model as given [mg]."""
+    """Remembered injections (n,), dtype `HISTORY`: their summaries, and the mass by the model as given [mg]."""
     status: StatusValues | None
     faults: tuple[Fault, ...]
     lost: int
@@ -137,7 +135,7 @@ class WatchedInjector:
         self.bus: BusMap = map_bus(alone)
         self.name = fitted.name
         self.keys = frozenset(each.key for each in (*self.bus.received, *self.bus.sent))
-        """Of the frames that are to be taken, as by `frame_key`."""
+        """Keys of the frames that are to be taken, as by `frame_key`."""
         self._rate_hz = fitted.config.sampling.rate_hz
         self._results = ResultReader(self.bus)
         self._samples = InputSamples(fitted, self.bus)
@@ -184,7 +182,7 @@ class WatchedInjector:
         return Seen(self.name, injections, self._history, status, faults, lost, silent_since)
 
     def _seen(self, summary: SummaryValues, now: int) -> SeenInjection:
-        """An injection with the samples that belong to it, where these were heard."""
+        """An injection with the samples that belong to it, where these were received."""
         ahead = self._ahead(summary)
         if ahead is None:
             return SeenInjection(summary, now)
@@ -230,6 +228,6 @@ class WatchedInjector:
 
 
 def _wear(summary: SummaryValues) -> tuple[float, float]:
-    """Of nozzle and seat; none where it is not known."""
+    """Wear of nozzle and seat; none where it is not known."""
     nozzle, seat = np.nan_to_num([summary.nozzle_wear, summary.seat_wear]).tolist()
     return nozzle, seat

@@ -2,7 +2,7 @@
 
 Inputs without an index are counted by both, each since it began to listen. What the observer publishes gives the
 difference: a rate cannot come before its samples, which bounds it to some milliseconds, and within these the rate
-that the model makes of the samples heard here fits the published one at one place only.
+that the model makes of the samples received here fits the published one at one place only.
 """
 
 from collections import deque
@@ -32,6 +32,14 @@ from observer_rt.foundation.units import MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import constant_network
 
+Payload: TypeAlias = NDArray[np.uint8]
+Signal = NDArray[np.float32]
+_INDEX = 0xFFFFFFFF  # bits of a sample index as it is sent
+SLOWEST = 5e-3  # s from a sample to its rate, of the promptest frames
+_FRAMES = 100  # of rates, one of which was prompt
+_ALIKE = 0.9  # share of the squares of a published rate that the model has at its place, but for a factor
+_HALF, _WHOLE = 0x80000000, 0x100000000  # indices are sent in 32 bits
+
 
 @dataclass(frozen=True, eq=False)
 class Rates:
@@ -42,7 +50,6 @@ class Rates:
 
 
 Result: TypeAlias = Rates | SummaryValues | StatusValues
-Payload: TypeAlias = NDArray[np.uint8]
 
 
 class ResultReader:
@@ -58,7 +65,7 @@ class ResultReader:
             self._messages[message.layout.key] = message.layout, _values_of(message, kind)
 
     def read(self, came: BusFrame) -> Result | None:
-        """What a frame says; None where it is none of these, is refused, or more pages are to come.
+        """Decodes a result frame; None where it is none of these, is refused, or more pages are to come.
 
         All numbers of summary and status are floats, nan where they are not available.
         """
@@ -110,9 +117,6 @@ def _values_of(
     return read
 
 
-Signal = NDArray[np.float32]
-
-
 class SampleCurves(NamedTuple):
     """The samples of an injection, (n,): time since the first [ms]; nan where nothing came.
 
@@ -144,9 +148,6 @@ class SeenInjection:
     nominal_mass: float = np.nan
 
 
-_INDEX = 0xFFFFFFFF  # bits of a sample index as it is sent
-
-
 class InputSamples:
     """The last samples of one injector, checked, decoded and joined as the daemon does it, but not observed."""
 
@@ -159,7 +160,7 @@ class InputSamples:
         self._keys = set(bus.inputs.messages["key"][: len(bus.input_layouts)].tolist())
 
     def take(self, came: BusFrame) -> bool:
-        """A frame; one that brings no samples is passed over: False."""
+        """Take a frame; one that brings no samples is passed over: False."""
         key = frame_key(came.frame.frame_id, came.frame.is_extended, came.bus)
         if key not in self._keys:
             return False
@@ -168,12 +169,12 @@ class InputSamples:
 
     @property
     def received(self) -> int:
-        """Samples so far."""
+        """Number of samples received so far."""
         return int(self._compiled.observer.memory[0]["positions"]["received"])
 
     @property
     def newest(self) -> int:
-        """Index of the last one."""
+        """Index of the last sample received."""
         return int(self._compiled.observer.ring["index"][(self.received - 1) % RING])
 
     @property
@@ -182,7 +183,7 @@ class InputSamples:
         return int(self._compiled.observer.constants.timing.lookahead)
 
     def between(self, start: int, end: int) -> NDArray[np.void]:
-        """Those with an index as sent in [start, end], dtype `sample_dtype`; only the newest are remembered."""
+        """Samples with an index as sent in [start, end], dtype `sample_dtype`; only the newest are remembered."""
         received, ring = self.received, self._compiled.observer.ring
         index = ring["index"] & _INDEX
         place = np.flatnonzero((index >= start) & (index <= end))
@@ -200,22 +201,16 @@ class PublishedRates:
         self._rate = np.full(RING, np.nan)
 
     def take(self, rates: Rates) -> None:
-        """A frame's."""
+        """Take the rates of a frame."""
         index = (rates.index + np.arange(rates.rates.size)) & _INDEX
         self._index[index % RING] = index
         self._rate[index % RING] = rates.rates
 
     def at(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """At sample indices (n,); nan: not published, or long ago."""
+        """Rates [mm3/ms] at sample indices (n,); nan: not published, or long ago."""
         sent = index & _INDEX
         place = sent % RING
         return np.where(self._index[place] == sent, self._rate[place], np.nan)
-
-
-SLOWEST = 5e-3  # s from a sample to its rate, of the promptest frames
-_FRAMES = 100  # of rates, one of which was prompt
-_ALIKE = 0.9  # share of the squares of a published rate that the model has at its place, but for a factor
-_HALF, _WHOLE = 0x80000000, 0x100000000  # indices are sent in 32 bits
 
 
 class CountShift:
@@ -238,7 +233,7 @@ class CountShift:
 
 
 def best_place(published: NDArray[np.float64], modelled: NDArray[np.float64]) -> int | None:
-    """Where in modelled rates (n,) a stretch of published ones (m,) lies, m <= n, nan where none were published.
+    """Place in modelled rates (n,) of a stretch of published ones (m,), m <= n, nan where none were published.
 
     Wear is a factor. None where nothing was injected, or no place is like it.
     """
@@ -255,7 +250,7 @@ def best_place(published: NDArray[np.float64], modelled: NDArray[np.float64]) ->
 
 
 class Modelled(NamedTuple):
-    """Of n samples: rate [mm3/ms] (n,) and phi [1/s] (3, n), 0 with the needle shut."""
+    """Modelled rate [mm3/ms] (n,) and phi [1/s] (3, n) of n samples, 0 with the needle shut."""
 
     rate: NDArray[np.float64]
     phi: NDArray[np.float64]

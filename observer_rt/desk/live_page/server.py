@@ -29,7 +29,7 @@ from observer_rt.foundation.errors import RunError
 
 _FILES = Path(__file__).parent / "page" / "static"
 _COOKIE = "observer_rt"
-_ALIVE_EVERY = 0.5  # s after which a browser is told at least that nothing is new
+_ALIVE_EVERY = 0.5  # s after which a browser gets at least an empty message
 _LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
 _PATIENCE = 5.0  # s for the headers of a request, and until the next one
 _LONGEST = 1000  # bytes of what a browser says
@@ -104,7 +104,7 @@ class _PageServer(HTTPServer):
     """
 
     def limit(self, console: Console) -> None:
-        """From now on; console: where it is said that there are too many."""
+        """Limit connections from now on; console: for the warning that there are too many."""
         self._console = console
         self._most = min(_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
         self._streams: list[IOStream] = []

@@ -30,6 +30,7 @@ from observer_rt.foundation.files import file_errors
 Taker = Callable[[BusFrame, int], None]
 """Takes a frame that came at a time [ns since 1970]."""
 _WAIT = 0.05  # s that the listener is deaf to its end
+OVER = 1_000_000_000  # ns
 
 
 class FrameSource(ABC):
@@ -184,9 +185,6 @@ class LogSource(FrameSource):
             raise UserError(str(self._path), "holds no data frame", "record it while frames are on the bus")
 
 
-OVER = 1_000_000_000  # ns
-
-
 @dataclass(frozen=True)
 class BusSeen:
     """A bus: its name, the share of the time it is busy, and why it is down, if it is."""
@@ -202,7 +200,7 @@ class Watching:
     def __init__(self, bench: Bench, source: FrameSource) -> None:
         self.source = source
         self.failure: Exception | None = None
-        """Why it hears nothing any more."""
+        """Error that ended listening, if one did."""
         used, links = used_buses(bench), bench.config.buses
         self._labels = {bus: link.label for bus, link in enumerate(links) if bus in used}
         self._loads = [BusLoadMeter(link.config) for link in links]

@@ -37,6 +37,16 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.network import constant_network
 
 SHUT = 1 * MICROMETRE  # lift up to which the needle counts as shut
+RAIL_PRESSURES = tuple(p * MEGAPASCAL for p in (60.0, 100.0, 140.0))  # Pa, of Fig. 3
+RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5
+ENERGIZING_TIME = 1.9 * MILLISECOND
+NOZZLE_WEAR = 0.3  # v_H of Fig. 4
+SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
+TRAININGS = 10  # of "trained on"
+PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
+LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
+GAINS = (1e4, 3e4, LARGEST_GAIN)
+Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
@@ -112,21 +122,8 @@ def learning_window(
     return window, first
 
 
-RAIL_PRESSURES = tuple(p * MEGAPASCAL for p in (60.0, 100.0, 140.0))  # Pa, of Fig. 3
-RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5
-ENERGIZING_TIME = 1.9 * MILLISECOND
-NOZZLE_WEAR = 0.3  # v_H of Fig. 4
-SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
-TRAININGS = 10  # of "trained on"
-PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
-LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
-GAINS = (1e4, 3e4, LARGEST_GAIN)
-
-Progress = Callable[[float], None]
-
-
 def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
-    """Simulate, train and evaluate everything; `progress` hears the share done.
+    """Simulate, train and evaluate everything; `progress` takes the share done.
 
     Raises `UserError` for a sample rate [Hz] at which the paper's scheme cannot identify anything.
     """
@@ -180,7 +177,7 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
 def _ours(
     bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow
 ) -> EstimatorCurves:
-    """What our observer, having learned from one recording, says of an injection of another, or the same."""
+    """Curves of our observer, having learned from one recording, for an injection of another, or the same."""
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span

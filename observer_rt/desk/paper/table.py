@@ -16,7 +16,7 @@ from observer_rt.model.effective import Coefficients
 
 
 class Estimator(StrEnum):
-    """What is compared; the number is that of the trainings before the injection."""
+    """Estimators compared; the number is that of the trainings before the injection."""
 
     MODEL = "model"
     PAPER = "paper, 1"
@@ -55,7 +55,7 @@ class WearCase:
         return float(np.mean((self.estimates[estimator].x_3 - self.truth.x_3) ** 2))
 
     def mse_ratio(self, estimator: Estimator) -> float:
-        """How many times smaller than the model's the MSE is; nan for the healthy nozzle, which leaves no error."""
+        """MSE of the model over that of an estimator; nan for the healthy nozzle, which leaves no error."""
         return self.mse(Estimator.MODEL) / self.mse(estimator) if self.nozzle_wear else float("nan")
 
     def mass_error(self, estimator: Estimator) -> float:

@@ -1,4 +1,4 @@
-"""What is injected when: events of shots, the rail pressure, and how the needle lifts upon energizing.
+"""Schedules of injections: events of shots, the rail pressure, and how the needle lifts upon energizing.
 
 It lifts late, at speeds that grow with rail pressure, in short shots ballistically. A stroke is piecewise linear: up
 at the opening speed, at the stop (if it gets there), down at the closing speed. Its corners are rounded by the mean
@@ -28,6 +28,10 @@ RAIL_PRESSURE_OPTION = "--rail-pressure"
 ENERGIZING_TIME_OPTION = "--energizing-time"
 SHOTS_OPTION = "--shots"
 PERIOD_OPTION = "--period"
+REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
+OPENING_EXPONENT = 0.4
+CLOSING_EXPONENT = 0.3
+CORNER_ROUNDING = 0.03e-3  # s
 
 
 @dataclass(frozen=True)
@@ -200,12 +204,6 @@ def _number(text: str, option: str, example: str) -> float:
     if not math.isfinite(value):
         raise UserError(option, f"'{text.strip()}' is not a number", f"write it as {example}")
     return value
-
-
-REFERENCE_PRESSURE = 100e6  # Pa, at which the needle's speeds are given
-OPENING_EXPONENT = 0.4
-CLOSING_EXPONENT = 0.3
-CORNER_ROUNDING = 0.03e-3  # s
 
 
 class Stroke(NamedTuple):

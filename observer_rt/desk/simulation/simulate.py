@@ -35,6 +35,11 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
 
 HIGHEST_CODE = 0xFFFD  # above it the bus says "error" and "not available"
+MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
+MAX_SAMPLE_RATE = 1e6  # Hz
+SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
+LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
+OPTION = "--effect"
 
 
 class Quantisation(NamedTuple):
@@ -69,14 +74,7 @@ class SimulatedNoise:
     injection_rate: float = 0.5e-6
     """[m3/s]"""
     injection_rate_gain: float = 0.005
-    """Of the measured rate's gain, once a recording [-]."""
-
-
-MIN_SAMPLE_RATE = 1e3  # Hz, below which an injection falls between two samples
-MAX_SAMPLE_RATE = 1e6  # Hz
-
-SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
-LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
+    """Standard deviation of the measured rate's gain, once a recording [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +97,8 @@ def simulate(
 ) -> Simulation:
     """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
-    Without `noise` the recording has neither noise nor quantisation. The same arguments give the same bits;
+    Without `noise` the recording has neither noise nor quantisation. measured_rate: whether it has the injection rate
+    [m3/s], too; seed: of the noise; progress: takes the share simulated. The same arguments give the same bits;
     every signal has its own random stream, so that one signal more or less leaves the others as they are.
     Raises `UserError` for a sample rate out of range and strokes that overlap.
     """
@@ -116,7 +115,7 @@ def simulate(
 
 
 def truth_path(recording: Path) -> Path:
-    """Where the truth of a recording goes: `FILE.truth.csv`."""
+    """Path of the truth of a recording: `FILE.truth.csv`."""
     return recording.with_name(recording.name + TRUTH_SUFFIX)
 
 
@@ -177,9 +176,6 @@ def shown_slowly(values: NDArray[np.float64], interval: float, lag: float) -> ND
     shown = np.empty_like(values)
     show_slowly(values, interval, lag, shown)
     return shown
-
-
-OPTION = "--effect"
 
 
 def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:

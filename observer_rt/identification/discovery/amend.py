@@ -159,7 +159,7 @@ def _totals(
 
 
 def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
-    """Why an effect is believed in, in a line."""
+    """Reason for an effect's adoption, in a line."""
     or_else = ", ".join(effect.indistinguishable_from)
     doubt = f"; cannot be told from {or_else}" if or_else else ""
     if found.verdict is Verdict.AMBIGUOUS:

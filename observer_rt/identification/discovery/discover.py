@@ -252,9 +252,9 @@ def make_folder(folder: Path) -> None:
 
 
 def fits_in(folder: Path, task: DiscoveryTask, stated: Sequence[SizedEffect]) -> FitStore:
-    """Where the search for an answer keeps its fits, and finds those of an interrupted one."""
+    """Store of a search's fits, with those of an interrupted one."""
     parts = [
-        f"{sha256} {one.recording.samples}"  # of a long one it depends on the command how much is kept
+        f"{sha256} {one.recording.samples}"  # of a long one the command decides how much is stored
         for sha256, one in zip(task.hashes.values(), task.measured, strict=True)
     ]
     parts += [  # what is taken out of the likelihood comes of these

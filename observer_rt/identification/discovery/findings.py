@@ -62,7 +62,7 @@ def _si(effect_id: str, learned: PrintedFigure) -> tuple[float, float]:
 
 
 def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
-    """Where both say what cannot both be true, each in a sentence."""
+    """Contradictions of discovery and learning observer, each in a sentence."""
     if found.verdict is Verdict.UNKNOWN:
         return ()
     if found.verdict is Verdict.NONE:
@@ -141,7 +141,7 @@ def remedies(found: Discovery) -> tuple[str, ...]:
 
 
 def is_level_measured(nominal: EffectiveModel) -> bool:
-    """Whether a rate or mass told the level of all flows when the model was fitted."""
+    """Whether a rate or mass fixed the level of all flows when the model was fitted."""
     baseline = nominal.injector.baseline
     return baseline is not None and baseline.level != "file"
 
@@ -272,7 +272,7 @@ class Findings:
 
     @property
     def contradictions(self) -> tuple[str, ...]:
-        """Where the learning observer says otherwise."""
+        """Contradictions by the learning observer."""
         return () if self.opinion is None else contradictions(self.discovery, self.opinion)
 
     @property

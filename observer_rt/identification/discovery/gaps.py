@@ -97,7 +97,7 @@ class PointGap(SignalGaps):
 
 @dataclass(frozen=True)
 class ModelGaps(SignalGaps):
-    """Over all held-out recordings, and for each.
+    """Gaps over all held-out recordings, and for each.
 
     Mass is compared with the measured one; where no rate is measured, with that of the amended model fitted to all
     recordings: before is then what the nominal model is wrong if the amended one is right.

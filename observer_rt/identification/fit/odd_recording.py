@@ -11,7 +11,7 @@ from observer_rt.identification.fit.problem import Calibration
 from observer_rt.identification.fit.residuals import pooled, without
 from observer_rt.identification.likelihood.bounded_fit import Quadratic
 
-LEAST_RECORDINGS = 4  # of fewer it cannot be said which one is odd
+LEAST_RECORDINGS = 4  # among fewer none can be named as the odd one
 MOST_OF_IT, LESS_OF_IT = 0.75, 0.5  # share of what is beyond noise that goes with it, and with any other
 
 

@@ -190,6 +190,6 @@ def least_gain(appears: Mapping[str, Appearance]) -> float:
 
 
 def smallest_visible(appears: Mapping[str, Appearance], signature: Signature) -> float:
-    """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
+    """Size [SI] from which on an effect is distinguished from noise and from the healthy injector."""
     least = math.sqrt(least_gain(appears)) * math.hypot(signature.sigma, reference(appears, signature)[1])
     return max(least, signature.effect.parameters[0].dead_zone)

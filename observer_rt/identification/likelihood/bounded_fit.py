@@ -121,7 +121,7 @@ def _beside(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the search ended, and the linearisation there.
+    """Minimum at which the search ended, and the linearisation there.
 
     stuck: no step along the slopes was short enough to lower -2 log L, as beside a kink.
     """

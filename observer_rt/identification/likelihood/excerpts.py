@@ -1,4 +1,4 @@
-"""Recordings as measurements, in memory that does not depend on their length: of long ones some injections are kept.
+"""Recordings as measurements, in memory that does not depend on their length: some injections of long ones.
 
 Those are the first, then every second, fourth, ... of each operating point, with the standstill after them: rare
 operating points keep all of theirs, the others are spread over the whole recording.
@@ -33,9 +33,9 @@ from observer_rt.identification.likelihood.measurement import (
     refuse_slow,
 )
 
-MOST_SAMPLES = 1 << 19  # of a recording that are kept: 5 s at 100 kHz, some 100 injections of a longer one
+MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together
-STANDSTILL = 30e-3  # s after the last closing that are kept
+STANDSTILL = 30e-3  # s stored after the last closing
 APART = 10e-3  # s between two excerpts: no sample belongs to both
 
 
@@ -54,7 +54,7 @@ class _Excerpt:
 
 @dataclass
 class _Point:
-    """Injections kept of an operating point: every stride-th injection, beginning with the first."""
+    """Injections stored of an operating point: every stride-th injection, beginning with the first."""
 
     seen: int = 0
     stride: int = 1
@@ -84,7 +84,7 @@ class _Chosen:
             if len(largest.kept) > 1:
                 dropped = largest.kept[1::2]
                 largest.kept, largest.stride = largest.kept[::2], 2 * largest.stride
-            else:  # more operating points than injections that can be kept
+            else:  # more operating points than injections that can be stored
                 dropped = [point.kept.pop()]
             self._samples -= sum(each.samples for each in dropped)
 
@@ -97,9 +97,9 @@ class _Chosen:
 def measured(
     source: SignalStream, progress: Callable[[float], None] = lambda _: None, most: int = MOST_SAMPLES
 ) -> Measurement:
-    """A recording with its noise and events; of one that has more samples than `most` the excerpts that are kept.
+    """A recording with its noise and events; of one that has more samples than `most` the stored excerpts.
 
-    progress is told how many samples were read. Raises `UserError` as `measurements`.
+    progress takes the number of samples read. Raises `UserError` as `measurements`.
     """
     if source.grid_samples <= most:
         return measurements([source.collected()])[0]
@@ -135,7 +135,7 @@ def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
 
 
 def _ends(block: Chunk) -> tuple[int, int]:
-    """Where a block may end, and where the next one is to begin: round the longest standstill of its second half."""
+    """End of a block and begin of the next one: round the longest standstill of its second half."""
     half, rate = block.samples // 2, block.sample_rate
     noise = white_noise(block.needle_lift, np.ones(block.samples, np.bool_))
     opens, _ = dead_band(noise if np.isfinite(noise) else 0.0)

@@ -18,6 +18,7 @@ from observer_rt.identification.likelihood.healthy_shape import expected_of
 from observer_rt.identification.likelihood.lift_noise import LiftNoise
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
+from observer_rt.identification.likelihood.rail_pressure import rail_on_time, smoothing_of
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,
@@ -25,10 +26,8 @@ from observer_rt.identification.likelihood.windows import (
     followed,
     latest,
     phases,
-    rail_on_time,
     rate_as_recorded,
     setting_of,
-    smoothing_of,
 )
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms
@@ -37,7 +36,7 @@ from observer_rt.model.line.interface import Line
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
-_MOST_GAINS = 4096  # kept: those round a few candidates
+_MOST_GAINS = 4096  # cached: those round a few candidates
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +183,7 @@ class RecordingLikelihood:
         return schedule
 
     def _inputs_of(self, model: EffectiveModel) -> TrueInputs:
-        """True inputs under the model's terms; only the nominal ones are kept."""
+        """True inputs under the model's terms; only the nominal ones are cached."""
         if _input_key(model) == self._nominal_key:
             return self._nominal_inputs
         return self._inputs(model)
@@ -194,7 +193,7 @@ class RecordingLikelihood:
         return TrueInputs(self.measurement, model.inputs, c, self._rail(model.inputs))
 
     def _rail(self, terms: InputTerms) -> NDArray[np.float64]:
-        """Rail pressure on time; only that of the nominal delay is kept."""
+        """Rail pressure on time; only that of the nominal delay is cached."""
         if terms.rail_delay == self._nominal.inputs.rail_delay:
             return self._nominal_rail
         return rail_on_time(self.measurement, terms)

@@ -85,7 +85,7 @@ class JudgedEvent:
 
 
 class Lack(StrEnum):
-    """Why an injection cannot be judged."""
+    """Reasons for which an injection cannot be judged."""
 
     GAP = "samples are missing in it or beside it"
     AFTER = f"less than {EVENT_GAP / 2 * 1e3:g} ms of shut needle follow"
@@ -111,7 +111,7 @@ class FoundInjections:
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """A recording, or what was kept of a long one, with what was found in it.
+    """A recording, or the excerpts of a long one, with its noise and events.
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
     the events [Pa]; duration: mean time the needle is open in an event [s]; found: in the whole recording; stated:

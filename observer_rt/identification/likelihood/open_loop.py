@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
+from observer_rt.identification.likelihood.rail_pressure import smoothing_of
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,
@@ -16,7 +17,6 @@ from observer_rt.identification.likelihood.windows import (
     in_mass_window,
     rate_as_recorded,
     setting_of,
-    smoothing_of,
 )
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed

@@ -1,4 +1,4 @@
-"""When the needle is open, from a measured lift, and the lift as it was before a slow sensor rounded it."""
+"""Openings of the needle, from a measured lift, and the lift as it was before a slow sensor rounded it."""
 
 import math
 from collections.abc import Sequence
@@ -112,7 +112,7 @@ def openings_without_lag(
 ) -> list[tuple[float, list[Opening]]]:
     """Openings of `without_lag`, as those of two multiples of GRID beside the lag, with the share of each.
 
-    noise: white, of the recorded lift [m]. Only openings that were recorded are kept; they begin and end earlier.
+    noise: white, of the recorded lift [m]. Only openings that were recorded remain; they begin and end earlier.
     """
     restored, ramp = without_lag(lift, sample_rate, lag), ramp_samples(sample_rate)
     below = math.floor(lag / GRID)
@@ -122,10 +122,10 @@ def openings_without_lag(
         found = find_openings(
             without_lag(lift, sample_rate, near), noise * noise_gain(near * sample_rate), ramp
         )
-        kept = [one for one in found if any(_overlap(one, other) for other in recorded)]
+        kept = [
+            one
+            for one in found
+            if any(one.first <= each.last and each.first <= one.last for each in recorded)
+        ]
         result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))
     return result
-
-
-def _overlap(one: Opening, other: Opening) -> bool:
-    return one.first <= other.last and other.first <= one.last

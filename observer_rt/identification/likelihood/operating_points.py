@@ -41,7 +41,7 @@ def point_name(rail_pressure: float, duration: float) -> str:
 
 
 def distinct(rail_pressures: Iterable[float]) -> int:
-    """Counts rail pressures [Pa] that differ by more than how closely they are kept."""
+    """Counts rail pressures [Pa] that differ by more than how closely they are controlled."""
     ordered = sorted(rail_pressures)
     return 1 + sum(after - before > POINT_PRESSURE / 2.0 for before, after in pairwise(ordered))
 

@@ -33,7 +33,7 @@ def read_measured(
 ) -> tuple[Measurement, ...]:
     """Recordings, read and looked through.
 
-    read: looks through a file the user named, and refuses one that is none; most: samples kept of a recording;
+    read: looks through a file the user named, and refuses one that is none; most: samples stored of a recording;
     stated: what is known of its channels; baseline: of the model, where it was fitted.
     Raises `UserError` for recordings that cannot serve, or not together.
     """

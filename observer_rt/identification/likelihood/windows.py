@@ -1,11 +1,4 @@
-"""The judged stretches of a recording as inputs and output of the predictor, for given input terms.
-
-The rail pressure as models are driven with it: smoothed, and moved by the delay of its channel.
-
-A line in which pressure travels takes the noise of its rail pressure for pressure. What rounds that noise - a rail
-pressure read between two samples, a line pressure taken for late and early at once - would explain any recording
-better. So the rail pressure is smoothed first, by one kernel whatever its delay: the same noise is left of it.
-"""
+"""The judged stretches of a recording as inputs and output of the predictor, for given input terms."""
 
 import math
 from collections.abc import Sequence
@@ -32,48 +25,13 @@ from observer_rt.identification.likelihood.measurement import (
     shut_mask,
 )
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
+from observer_rt.identification.likelihood.rail_pressure import rail_on_time
 from observer_rt.model.effective import Coefficients, EffectiveModel, InputTerms
 from observer_rt.model.forcing import Clock
 
-WIDTH = 50e-6  # s, of the kernel: it leaves what a rail does up to some 3 kHz
-REACH = 4.0  # widths to either side
-MOVING = 0.5  # of the noise: by so much the rail moves in events where its delay can be seen at all
 RATE_DELAY = 40e-6  # s after an opening from which a measured rate is judged
 MASS_LEAD, MASS_TAIL = 0.15e-3, 0.5e-3  # s beside an event's openings that its mass is summed over
 FOOT_ROUNDING = 8e-6  # s before and after a needle leaves or meets its seat, in which it gathers speed
-
-
-def smoothing_of(interval: float) -> float:
-    """Width of the kernel [s] at a sample interval [s]: a sample at least, so that noise does not tell the delay."""
-    return max(WIDTH, interval)
-
-
-def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.float64]:
-    """Rail pressure [Pa] (n,), smoothed, of a channel that records it `delay` [s] late.
-
-    The kernel is of fourth order, (3 - u2)/2 times a normal density: parabolas pass as they are. A rail at rest
-    during events is not moved: to move its noise is to draw another noise, which some delay always likes.
-    """
-    rail = measurement.recording.rail_pressure
-    late, width = delay / measurement.interval, smoothing_of(measurement.interval) / measurement.interval
-    if not _moves(measurement):
-        late = 0.0
-    known = np.isfinite(rail)
-    if not known.all():  # outside of what is judged, but within the kernel's reach
-        sample = np.arange(rail.size)
-        rail = np.interp(sample, sample[known], rail[known])
-    reach = int(np.ceil(REACH * width + abs(late)))
-    u = (np.arange(-reach, reach + 1) - late) / width
-    weights = (3.0 - u**2) * np.exp(-0.5 * u**2)
-    beyond = np.pad(rail, reach, mode="edge")
-    return np.asarray(np.convolve(beyond, weights[::-1] / weights.sum(), "valid"), np.float64)
-
-
-def _moves(measurement: Measurement) -> bool:
-    """Whether the rail pressure moves within events."""
-    rail, noise = measurement.recording.rail_pressure, measurement.noise.rail_pressure
-    variance = np.mean([np.var(rail[event.start : event.end]) for event in measurement.events])
-    return bool(variance > (1.0 + MOVING**2) * noise**2)
 
 
 class Batch(NamedTuple):
@@ -118,7 +76,7 @@ def in_mass_window(
 
 
 class Rows:
-    """Where the samples of a recording lie in its batch."""
+    """Rows of a batch that hold the samples of a recording."""
 
     def __init__(self, measurement: Measurement) -> None:
         events = measurement.events
@@ -180,13 +138,6 @@ class TrueInputs:
             later = np.append(self.area[1:], self.area[-1])
             self.knots = np.column_stack([np.full(later.size, 0.5), later])
             self.area = 0.5 * (self.area + later)
-
-
-def rail_on_time(measurement: Measurement, terms: InputTerms) -> NDArray[np.float64]:
-    """Recorded rail pressure [Pa] (n,), smoothed, at the times of the other two channels."""
-    return true_rail_pressure(
-        measurement, terms.rail_delay + (0.5 * measurement.interval if measurement.means else 0.0)
-    )
 
 
 def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDArray[np.float64]:
@@ -263,7 +214,7 @@ def batch_of(
 def setting_of(
     measurement: Measurement, model: EffectiveModel, late: int, substeps: int, gain: NDArray[np.float64]
 ) -> Setting:
-    """How a model follows the windows when the line pressure is recorded `late` whole samples late."""
+    """Setting of a model for the windows when the line pressure is recorded `late` whole samples late."""
     c, sensor = measurement.coefficients_of(model), model.sensor
     share, offset = sensor.delay / measurement.interval - late, sensor.offset / c.pressure_scale
     return Setting(measurement.interval, substeps, c, gain.copy(), share, sensor.lag, offset, model.program)
@@ -302,5 +253,5 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
 
 
 def latest(measurement: Measurement) -> int:
-    """By how many samples the line pressure may be late."""
+    """Number of samples by which the line pressure may be late."""
     return round(MARGIN / measurement.interval)

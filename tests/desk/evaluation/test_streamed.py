@@ -10,10 +10,10 @@ import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.evaluation import passage
+from observer_rt.desk.evaluation import segment
 from observer_rt.desk.evaluation.evaluate import evaluate, evaluate_stream
 from observer_rt.desk.evaluation.logged import LoggedSignals
-from observer_rt.desk.evaluation.passage import Passage, Signal
+from observer_rt.desk.evaluation.segment import Segment, Signal
 from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.files.replay.framing import Framer, whole
@@ -117,15 +117,15 @@ def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
 
 
 def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(passage, "RING", 4096)
+    monkeypatch.setattr(segment, "RING", 4096)
     sizes: list[int] = []
-    give = Passage.give
+    give = Segment.give
 
-    def watched(self: Passage, time: Signal, measured_rate: Signal | None) -> None:
+    def watched(self: Segment, time: Signal, measured_rate: Signal | None) -> None:
         give(self, time, measured_rate)
         sizes.append(self.time.size)
 
-    monkeypatch.setattr(Passage, "give", watched)
+    monkeypatch.setattr(Segment, "give", watched)
     monkeypatch.setattr("observer_rt.desk.evaluation.run.RING", 4096)
     recording = worn()
     assert recording.samples > 15_000

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.windows import true_rail_pressure
+from observer_rt.identification.likelihood.rail_pressure import true_rail_pressure
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
 from tests.observed_plants import recording_of

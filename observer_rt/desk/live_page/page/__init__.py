@@ -1,1 +1,1 @@
-"""What the live page shows: a session a browser, its files, and uPlot, which draws all curves."""
+"""Content of the live page: a session a browser, its files, and uPlot, which draws all curves."""

@@ -1,4 +1,4 @@
-"""What the panels of the page draw of an injector: columns by name."""
+"""Columns by name that the panels of the page draw of an injector."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -15,6 +15,7 @@ Columns: TypeAlias = Mapping[str, NDArray[np.floating]]
 SURE = 1.96  # standard deviations of a 95 % interval
 _OVERLAID = 8  # injections, the one shown included
 _POINTS = 300  # of a curve, at the most: a screen shows no more
+Panels: TypeAlias = Mapping[str, Callable[[Seen], Columns]]
 
 
 def rate_columns(seen: Seen) -> Columns:
@@ -54,7 +55,7 @@ def wear_columns(seen: Seen) -> Columns:
 
 
 def _in_order(seen: Seen) -> NDArray[np.void]:
-    """What is kept, by numbers that rise: an observer that was started anew counts from 1 again."""
+    """History by rising numbers: an observer that was started anew counts from 1 again."""
     numbered = seen.history[np.isfinite(seen.history["injection_number"])]
     order = np.argsort(numbered["injection_number"], kind="stable")
     return np.take(numbered, order)
@@ -86,13 +87,12 @@ def _overlaid(overlaid: Sequence[str], shown: Sequence[str], seen: Seen) -> Colu
     return {"time": time, **columns}
 
 
-Panels: TypeAlias = Mapping[str, Callable[[Seen], Columns]]
 DETAILS: Panels = {
     "line_pressure": partial(_overlaid, ("line_pressure",), ()),
     "rail_pressure": partial(_overlaid, ("rail_pressure",), ()),
     "needle_lift": partial(_overlaid, ("needle_lift",), ()),
     "phi": partial(_overlaid, (), ("phi_1", "phi_2", "phi_3")),
 }
-"""What lies behind the rate, by panel: pressures [MPa], lift [um], phi [1/s]."""
+"""Details of an injection, by panel: pressures [MPa], lift [um], phi [1/s]."""
 HISTORY: Panels = {"mass": mass_columns, "wear": wear_columns}
-"""What became of an injector, by panel."""
+"""History of an injector, by panel."""

@@ -1,4 +1,4 @@
-"""What the page says in words and numbers: the buses, and of each injector its state, its faults, an injection."""
+"""Words and numbers of the page: the buses, and of each injector its state, its faults, an injection."""
 
 import math
 from datetime import datetime
@@ -56,14 +56,14 @@ def last_of(seen: Seen) -> SeenInjection | None:
 
 
 def number_of(seen: Seen) -> str:
-    """Of the injection shown, as the observer counts; empty: there is none, or its number is not known."""
+    """Number of the injection shown, as the observer counts; empty: there is none, or its number is not known."""
     shown = last_of(seen)
     number = math.nan if shown is None else shown.summary.injection_number
     return "" if math.isnan(number) else f"{number:.0f}"
 
 
 def _state(seen: Seen) -> tuple[str, str, str]:
-    """Its colour, a class of page.css, its name, and words."""
+    """State of an injector: its colour, a class of page.css, its name, and words."""
     status = seen.status
     if seen.silent_since is not None:
         return "bad", "OBSERVER SILENT", f"since {_clock(seen.silent_since)}: all below is old"

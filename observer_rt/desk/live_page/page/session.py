@@ -22,10 +22,14 @@ from observer_rt.foundation.files import file_errors
 _AHEAD = 2  # messages: one is on its way while the last one is drawn
 # what nobody follows injection by injection: rates and masses come with every one, and must not wait for much else
 _LETTERS_EVERY, _DETAILS_EVERY, _HISTORY_EVERY = 0.4, 0.45, 1.0  # s
+_HEADER = (
+    "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa,"
+    "published_rate_mm3_per_ms,nominal_rate_mm3_per_ms,phi1,phi2,phi3"
+)
 
 
 def pressed(message: str | bytes) -> tuple[str, int] | None:
-    """What a browser says: a button, and its value; None: it is no page of ours."""
+    """Reads a browser's message: a button, and its value; None: it is no page of ours."""
     try:
         said = json.loads(message)
     except (ValueError, RecursionError):
@@ -66,7 +70,7 @@ class Session:
         self._slow = [_Group(DETAILS, _DETAILS_EVERY), _Group(HISTORY, _HISTORY_EVERY)]
 
     def take(self, button: str, value: int) -> None:
-        """What the browser says: a button that was pressed, or `drawn`, with the number of a message."""
+        """Take a message of the browser: a button that was pressed, or `drawn`, with the number of a message."""
         match button:
             case "drawn":
                 self._drawn = min(max(value, self._drawn), self._number)
@@ -87,7 +91,7 @@ class Session:
             group.due = 0.0
 
     def message(self) -> bytes | None:
-        """What is new since the last one; None: nothing, or the browser is not through with those before.
+        """Changes since the last message; None: nothing, or the browser is not through with those before.
 
         All rates with their masses, so that they are of one injection, and one thing more: a browser is not to be
         busy for long at a time.
@@ -171,7 +175,7 @@ class Session:
         return {name: html for name, html in letters.items() if self._letters.get(name) != html}
 
     def _next_group(self, seen: Seen) -> dict[str, Columns]:
-        """Of the other panels those that are due longest, if there is something new for them."""
+        """Columns of those other panels that are due longest, if there is something new for them."""
         now, last = time.monotonic(), last_of(seen)
         waiting = [each for each in self._slow if each.drawn is not last and now >= each.due]
         if not waiting:
@@ -201,12 +205,6 @@ def packed(said: Mapping[str, Any], columns: Mapping[str, Columns]) -> bytes:
     text += b" " * (-len(text) % 4)  # values stand at multiples of their width
     values = [each.astype("<f4").tobytes() for drawn in columns.values() for each in drawn.values()]
     return b"".join([len(text).to_bytes(4, "little"), text, *values])
-
-
-_HEADER = (
-    "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa,"
-    "published_rate_mm3_per_ms,nominal_rate_mm3_per_ms,phi1,phi2,phi3"
-)
 
 
 def save_injection(seen: SeenInjection, folder: Path, name: str) -> Path:

@@ -57,6 +57,7 @@ _STANDSTILL = {
 _WORST = 10.0  # times the noise, from which on a cell is as red as it gets
 _WHITE, _RED = (255, 246, 240), (176, 38, 28)
 _CALM = "#eef4f0"
+_PAGES = templates_of(__package__)
 
 
 @dataclass(frozen=True)
@@ -285,7 +286,6 @@ def found_size(found: Discovery, effect_id: str) -> str:
     return sized[0][0] if sized else "–"
 
 
-_PAGES = templates_of(__package__)
 _PAGES.globals |= vars(text) | globals()
 _PAGES.globals |= {
     "remark": remark,
@@ -319,7 +319,7 @@ def report(findings: Findings, sources: Sources) -> str:
 
 @dataclass(frozen=True)
 class ShownCell:
-    """A cell: its number, colours of ground and text, and what is told of it besides."""
+    """A cell: its number, colours of ground and text, and its tool tip."""
 
     text: str
     colour: str

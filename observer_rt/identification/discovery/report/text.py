@@ -244,7 +244,7 @@ def visible_words(one: SmallestVisible) -> str:
 
 
 def headline(found: Discovery, caveats: Sequence[Caveat] = ()) -> str:
-    """The verdict in one sentence, with what must be kept in mind."""
+    """The verdict in one sentence, with its reservations."""
     sure = f"(confidence {found.confidence:.2f})"
     but = f", but: {caveat_words(caveats)}" if caveats else ""
     return f"{found.verdict.value}: {_verdict_words(found)} {sure}{but}"
@@ -280,7 +280,7 @@ def best_words(found: Discovery) -> str:
 
 
 def where_words(found: Discovery) -> str:
-    """Where something unknown acts, to be appended to a sentence."""
+    """Place at which something unknown acts, to be appended to a sentence."""
     place = found.unexplained
     if place is None:
         return ""

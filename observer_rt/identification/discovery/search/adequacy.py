@@ -21,7 +21,6 @@ from observer_rt.identification.likelihood.likelihood import (
     phases_by_signal,
 )
 from observer_rt.model.baseline import Baseline
-from observer_rt.model.effect import Equation
 from observer_rt.model.effective import EffectiveModel
 
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
@@ -94,7 +93,7 @@ class Worst:
 
 
 def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
-    """Where the model is least adequate; what lies within SIGNIFICANT of noise counts as explained."""
+    """Signal and phase at which the model is least adequate; within SIGNIFICANT of noise counts as explained."""
     ranked = []
     for signal, statistics in pool.items():
         for phase in Phase:
@@ -128,20 +127,14 @@ def unexplained(
     """
     blocks = _blocks(likelihood, judged, nominal, place)
     depends_on = _dependence(blocks)
-    equation = _equation(fitted)
+    singles = [one for one in fitted if len(one.hypothesis.effects) == 1]
+    leading = min(singles, key=lambda one: one.statistic).hypothesis.effects[0]
     sign = "more" if float(np.mean(blocks.means)) > 0.0 else "less"
     what = "line pressure" if place.signal is Signal.LINE_PRESSURE else "injection rate"
     term = f"measured {what} is {sign} than modelled"
     if depends_on:
         term += f"; the difference changes with {' and '.join(depends_on)}"
-    return Unexplained(equation, place.phase, place.signal, depends_on, term)
-
-
-def _equation(fitted: Sequence[Candidate]) -> Equation:
-    """Takes the equation of the leading effect among all singles."""
-    singles = [one for one in fitted if len(one.hypothesis.effects) == 1]
-    best = min(singles, key=lambda one: one.statistic)
-    return best.hypothesis.effects[0].equation
+    return Unexplained(leading.equation, place.phase, place.signal, depends_on, term)
 
 
 def _blocks(

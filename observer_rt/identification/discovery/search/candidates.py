@@ -1,4 +1,4 @@
-"""Fitting candidates: the effects alone, then what a second one could add; kept on disk, to go on where it ended."""
+"""Fits of candidates: the effects alone, then with a second one; stored on disk, to go on where it ended."""
 
 import hashlib
 import json
@@ -51,7 +51,7 @@ class FitMemory(Protocol):
     """Keeps fitted candidates, so that an interrupted run goes on where it was."""
 
     def get(self, key: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
-        """theta (p,) and -2 log L kept under this key; None when there is none."""
+        """theta (p,) and -2 log L stored under this key; None when there is none."""
 
     def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
         """Keep a fit; the key is the ids of its effects, and ROUGH after them for a rough one."""
@@ -61,10 +61,10 @@ class NoMemory:
     """Keeps nothing."""
 
     def get(self, key: tuple[str, ...]) -> None:
-        """Nothing is known."""
+        """Finds nothing: no fit is stored."""
 
     def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
-        """Forget."""
+        """Stores nothing."""
 
 
 class Fitter:
@@ -116,7 +116,7 @@ class Fitter:
         return (0.0, 0.0) if signature is None else reference(self._appears, signature)
 
     def smallest_visible(self, signature: Signature) -> float:
-        """Size [SI] from which on an effect would have been told from noise and from the healthy injector."""
+        """Size [SI] from which on an effect is distinguished from noise and from the healthy injector."""
         return smallest_visible(self._appears, signature)
 
     def sigmas(self, candidate: Candidate) -> NDArray[np.float64]:

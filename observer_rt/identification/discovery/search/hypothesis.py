@@ -58,7 +58,7 @@ class Hypothesis:
         )
 
     def starts(self) -> list[NDArray[np.float64]]:
-        """Where a search begins: all combinations of the starts of the last effect, the others off."""
+        """Starts of a search: all combinations of the starts of the last effect, the others off."""
         if not self.effects:
             return [np.zeros(0)]
         before = [p.off for effect in self.effects[:-1] for p in effect.parameters]

@@ -74,13 +74,9 @@ def _axis_of(law: Law, reach: tuple[float, float]) -> tuple[Axis, list[Variable]
     )
     words = {variable.word for variable in law.variables if variable not in gates}
     fitting = (axis for axis in axes if words and words <= set(axis.of) and len(axis.knots) > 1)
-    axis = None if law.remembers or _swings(law) else next(fitting, None)
+    swings = Variable.TIME in law.variables and "sin(" in str(law)  # by the clock: no curve has enough points
+    axis = None if law.remembers or swings else next(fitting, None)
     return None if axis is None else (axis, gates)
-
-
-def _swings(law: Law) -> bool:
-    """Whether it is a wave by the clock, of which no curve has enough points."""
-    return Variable.TIME in law.variables and "sin(" in str(law)
 
 
 def _law_at(law: Law, axis: Axis, u: Values, c: float) -> Values:

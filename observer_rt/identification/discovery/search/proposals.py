@@ -132,7 +132,7 @@ def _span(likelihood: JointLikelihood) -> RecordingSpan:
 
 
 def _unsound(model: EffectiveModel, nominal: EffectiveModel) -> Refusal | None:
-    """Why an injector file may not have the terms that a model has beyond the nominal one; None where it may."""
+    """Objection to an injector file with the terms that a model has beyond the nominal one; None where it may."""
     domain = term_domain(nominal.injector)
     try:
         for term in model.terms[len(nominal.terms) :]:

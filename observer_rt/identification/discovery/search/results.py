@@ -151,7 +151,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Where the best model still fails and what its excess depends on."""
+    """Equation, phase and signal at which the best model still fails, and what its excess depends on."""
 
     equation: Equation
     phase: Phase
@@ -188,7 +188,7 @@ class LawCurve:
 
 
 class Refusal(NamedTuple):
-    """Why no model may have a proposal, and what to do about it, in words."""
+    """Objection to a proposal in any model, and its remedy, in words."""
 
     reason: str
     remedy: str
@@ -238,7 +238,7 @@ class Proposal:
 
     @property
     def refusal(self) -> Refusal | None:
-        """Why no model may be given it; None of one that explains all, with few terms, sound everywhere.
+        """Objection to the proposal in any model; None where it explains all, with few terms, sound everywhere.
 
         What blames several equations must do it without numbers within its laws: with them it would fit anything.
         """

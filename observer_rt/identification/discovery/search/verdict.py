@@ -47,7 +47,7 @@ _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 
 
 _BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
-"""Where fuel may leave, or seem to, while the needle is shut."""
+"""Places at which fuel may leave, or seem to, while the needle is shut."""
 RANKED = 8  # candidates listed
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
@@ -220,7 +220,9 @@ class _Verdict:
             effects=self._effects() if named else (),
             rivals=self._rivals if named else (),
             ranking=self._ranking(),
-            samples=float(self._samples()),
+            samples=float(
+                sum(each.phases.size + each.rate_phases.size for each in self._likelihood.recordings)
+            ),
             gain=found.nominal.statistic - found.winner.statistic,
             threshold=found.threshold,
             confidence=confidence,
@@ -238,19 +240,13 @@ class _Verdict:
                 )
             ),
             rate_noise=self._rate_noise(),
-            smallest_visible=self._smallest_visible(),
+            smallest_visible=tuple(
+                SmallestVisible(
+                    one.effect.id, one.effect.parameters[0].name, self._fitter.smallest_visible(one)
+                )
+                for one in self._fitter.signatures
+            ),
             proposals=self._proposals,
-        )
-
-    def _smallest_visible(self) -> tuple[SmallestVisible, ...]:
-        return tuple(
-            SmallestVisible(one.effect.id, one.effect.parameters[0].name, self._fitter.smallest_visible(one))
-            for one in self._fitter.signatures
-        )
-
-    def _samples(self) -> int:
-        return sum(
-            recorded.phases.size + recorded.rate_phases.size for recorded in self._likelihood.recordings
         )
 
     def _rate_noise(self) -> float | None:

@@ -22,7 +22,7 @@ SWINGING = (
     TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.LINE_PRESSURE,
     TermEquation.CHAMBER_PRESSURE,
 )  # fmt: skip
-"""Where something may hum by itself."""
+"""Equations in which something may oscillate by itself."""
 
 
 def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Effect]]:

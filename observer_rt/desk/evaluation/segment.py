@@ -1,4 +1,4 @@
-"""A stretch of samples while it is evaluated: what was said of the last ones, and the trace of all as a table."""
+"""A stretch of samples while it is evaluated: results of the last ones, and the trace of all as a table."""
 
 import math
 from collections.abc import Sequence
@@ -20,31 +20,6 @@ if TYPE_CHECKING:
     from observer_rt.desk.evaluation.evaluate import Evaluation
 
 Signal = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Trace:
-    """The observer at every sample of a recording (n samples); nan where not available.
-
-    injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
-    were learned from; state: `State`; x normalised (n, 3); phi [1/s] (n, 3); nominal_rate [m3/s]: the model
-    with phi = 0 on the same frames.
-    """
-
-    injection_rate: Signal
-    injection_rate_sigma: Signal
-    valid: NDArray[np.bool_]
-    state: NDArray[np.int8]
-    x: Signal
-    phi: Signal
-    nominal_rate: Signal
-
-
-def joined(traces: Sequence[Trace]) -> Trace:
-    """One after another, in memory of its own."""
-    return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))
-
-
 SUFFIXES = tuple(TABLE_WRITERS)
 TRACE_SUFFIX = ".trace.csv"  # added to a recording's name, in a folder
 NUMBER = "%.9g"
@@ -56,21 +31,6 @@ _COLUMNS = (
     *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
     *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
 )
-
-
-def open_trace(path: Path) -> TableWriter:
-    """A trace to be written, in the format of its suffix, one of SUFFIXES."""
-    return TABLE_WRITERS[path.suffix.lower()](path, _COLUMNS)
-
-
-def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
-    """What is written of some samples."""
-    rate = trace.injection_rate / MM3_PER_MS
-    x = (trace.x[:, i] for i in range(3))
-    phi = (trace.phi[:, i] for i in range(3))
-    return [time, rate, trace.valid, trace.state, *x, *phi]
-
-
 HELD = np.dtype(
     [
         ("time", np.float64),
@@ -84,24 +44,60 @@ HELD = np.dtype(
     ],
     align=True,
 )
-"""What is remembered of a sample."""
+"""Remembered values of a sample."""
 STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
-"""And this, for whoever wants it: as much again."""
+"""States of a sample, for a sink that wants them: as much memory again."""
 _UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
 _NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
 
 
-class Passage:
+@dataclass(frozen=True)
+class Trace:
+    """The observer at every sample of a recording (n samples); nan where not available.
+
+    injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
+    were learned from; valid: whether the rate is to be used; state: `State`; x normalised (n, 3); phi [1/s] (n, 3);
+    nominal_rate [m3/s]: the model with phi = 0 on the same frames. All others (n,).
+    """
+
+    injection_rate: Signal
+    injection_rate_sigma: Signal
+    valid: NDArray[np.bool_]
+    state: NDArray[np.int8]
+    x: Signal
+    phi: Signal
+    nominal_rate: Signal
+
+
+def joined(traces: Sequence[Trace]) -> Trace:
+    """Traces one after another, in memory of their own."""
+    return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))
+
+
+def open_trace(path: Path) -> TableWriter:
+    """A trace to be written, in the format of its suffix, one of SUFFIXES."""
+    return TABLE_WRITERS[path.suffix.lower()](path, _COLUMNS)
+
+
+def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
+    """Columns of a written trace, in the order of the table. time (n,) [s]."""
+    rate = trace.injection_rate / MM3_PER_MS
+    x = (trace.x[:, i] for i in range(3))
+    phi = (trace.phi[:, i] for i in range(3))
+    return [time, rate, trace.valid, trace.state, *x, *phi]
+
+
+class Segment:
     """One stretch of a recording or a log on its way through the observer."""
 
     def __init__(
-        self, hearer: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
+        self, sink: "Evaluation", first_index: int, samples: int, rate: float, offset: int = 0
     ) -> None:
-        """hearer: to be called with the result; first_index: that its first sample is sent with; samples: at least.
+        """sink: takes the results; first_index: that its first sample is sent with; samples: at least.
 
         rate [Hz]; offset: number of its first sample where nobody gives times.
         """
-        self.hearer = hearer
+        self.sink = sink
         self.first_index = first_index
         self.samples = samples
         self.begin: int | None = None
@@ -122,26 +118,26 @@ class Passage:
 
     @property
     def time(self) -> Signal:
-        """[s], of the samples remembered."""
+        """Times of the samples remembered [s] (n,)."""
         return self._remembered["time"]
 
     @property
     def trace(self) -> Trace:
-        """Of these."""
+        """Trace of the samples remembered."""
         return self._trace_of(self._begin, self._end)
 
     @property
     def line_pressure(self) -> Signal:
-        """Of these, normalised, as the observer was given it."""
+        """Line pressure of the samples remembered (n,), normalised, as the observer was given it."""
         return self._remembered["line_pressure"]
 
     @property
     def measured_rate(self) -> Signal | None:
-        """Of these [m3/s], as measured."""
+        """Measured rate of the samples remembered [m3/s] (n,); None without one."""
         return self._remembered["measured_rate"] if self._is_measured else None
 
     def give(self, time: Signal, measured_rate: Signal | None) -> None:
-        """Further samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
+        """Append samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
         if self.first == 0 and self._begin == self._end and time.size:
             self._start = float(time[0])
         if self._end + time.size > len(self._rows):
@@ -158,18 +154,18 @@ class Passage:
         self.samples = max(self.samples, self.first + end - self._begin)
 
     def time_at(self, index: int) -> float:
-        """[s], of the sample that was sent with an index, be it remembered or not."""
+        """Time [s] of the sample that was sent with an index, be it remembered or not."""
         number = index - self.first_index
         if self.first <= number < self.first + self.time.size:
             return float(self.time[number - self.first])
         return self._start + number / self._rate
 
     def _make_room(self, samples: int) -> None:
-        """For so many further ones, and seldom."""
+        """Make room for so many further samples, and seldom."""
         kept, states = self._remembered, self._states[self._begin : self._end]
         if 2 * (len(kept) + samples) > len(self._rows):
             self._rows = np.empty(3 * (len(kept) + samples), HELD)
-            if self.hearer.wants_states:
+            if self.sink.wants_states:
                 self._states = np.empty(len(self._rows), STATES)
         self._rows[: len(kept)] = kept
         self._states[: len(states)] = states
@@ -183,7 +179,7 @@ class Passage:
         self._hand_over(kept - self.first)
 
     def finish(self) -> None:
-        """Nothing more will be said of it."""
+        """Hand over all samples: no further results of them will come."""
         self._hand_over(self.time.size)
         while self.first < self.samples:
             self._reach(self.first + 1)
@@ -197,14 +193,14 @@ class Passage:
         if not done:
             return
         end = self._begin + done
-        self.hearer.take_passed(self._rows["time"][self._begin : end], self._trace_of(self._begin, end))
+        self.sink.take_passed(self._rows["time"][self._begin : end], self._trace_of(self._begin, end))
         self.first += done
         self._begin += done
 
     def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Signal) -> None:
-        """What the observer said of some samples, the first of them at a position of its stream.
+        """Take the observer's results of some samples, the first of them at a position of its stream.
 
-        index (n,) of the samples, rising; nominal [m3/s] (n,): what the nominal model says.
+        index (n,) of the samples, rising; nominal [m3/s] (n,): rate of the nominal model.
         """
         if self.begin is None:
             self.begin = position
@@ -223,7 +219,7 @@ class Passage:
     def _note_samples(
         self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal
     ) -> None:
-        """What the observer says in some rows (k,) of its ring, of samples that stand at such places."""
+        """Copy some rows (k,) of the observer's ring to the places (k,) of their samples."""
         ring, held = observer.ring, self._remembered
         held["line_pressure"][place] = np.where(
             ring["interpolated"][rows], np.nan, ring["line_pressure"][rows]
@@ -238,12 +234,12 @@ class Passage:
             states["phi"][place[is_known]] = ring["phi"][rows[is_known]]
 
     def note_report(self, report: InjectionReport) -> None:
-        """Tell an injection and how sure its rate is."""
+        """Pass on the report of an injection, and note the standard deviation of its rate."""
         if report.rate_sigma is not None:
             start = report.start_index - self.first_index - self.first
             sigma = self.trace.injection_rate_sigma[max(0, start) : max(0, start + len(report.rate_sigma))]
             sigma[:] = report.rate_sigma[max(0, -start) :][: len(sigma)]
-        self.hearer.take_report(self, report)
+        self.sink.take_report(self, report)
 
     def _reach(self, samples: int) -> None:
         """Go on to a sample of a log, whose times nobody gives: those of its sample index."""
@@ -253,9 +249,9 @@ class Passage:
             self.give((self._offset + numbers) / self._rate, None)
 
     def _trace_of(self, begin: int, end: int) -> Trace:
-        """Of these rows."""
+        """Trace of the rows [begin, end)."""
         rows, states = self._rows[begin:end], self._states[begin:end]
-        if self.hearer.wants_states:
+        if self.sink.wants_states:
             x, phi = states["x"], states["phi"]
         else:
             x = phi = _NO_STATES[: end - begin]

@@ -28,7 +28,10 @@ READABLE = "give a complete Parquet file"
 
 # Of Thrift's compact protocol: type of a field, number of the checksum's in a page header.
 _FIRST_PAGE = 4  # bytes: the magic number
-_I32, _CHECKSUM = 5, 4  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
+_I32, _CHECKSUM = (
+    5,
+    4,
+)  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +258,9 @@ def _has_page_checksums(path: Path, metadata: Any) -> bool:
     if not metadata.num_row_groups or not metadata.num_columns:
         return True
     with path.open("rb") as file:
-        file.seek(_FIRST_PAGE)  # not where metadata say: pyarrow ends the process over the damaged ones of a column
+        file.seek(
+            _FIRST_PAGE
+        )  # not where metadata say: pyarrow ends the process over the damaged ones of a column
         header = iter(file.read(64))
     field = 0
     for begin in header:  # the fields in order: type, two sizes, the checksum if there is one

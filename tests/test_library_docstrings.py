@@ -18,9 +18,6 @@ LISTED = [
     for name in re.findall(r"`(\w+)`", names)
 ]
 
-UNEXPLAINED = {"InjectionReport", "Core", "Effect", "parameter", "added", "LogFormat", "SignalFormat"}
-"""Names whose docstrings leave something out so far; one that passes leaves this list."""
-
 
 class Found(NamedTuple):
     """A definition and the module that has it."""
@@ -131,13 +128,7 @@ def _of_function(module: str, node: ast.FunctionDef, about: str) -> Iterator[str
         yield f"{node.name}: no shape of its arrays"
 
 
-@pytest.mark.parametrize(
-    ("module", "name"),
-    [
-        pytest.param(module, name, marks=[pytest.mark.xfail(strict=True)] * (name in UNEXPLAINED))
-        for module, name in LISTED
-    ],
-)
+@pytest.mark.parametrize(("module", "name"), LISTED)
 def test_a_public_name_explains_itself(module: str, name: str) -> None:
     found = definition(module, name)
     assert found is not None, f"{module} has no {name}"

@@ -124,7 +124,10 @@ def parameter(
     unit: str = "-",
     si: float = 1.0,
 ) -> EffectParameter:
-    """A parameter that is off at 0, its numbers in the printed unit, of which one is `si` in SI."""
+    """A parameter that is off at 0, its numbers in the printed unit, of which one is `si` in SI.
+
+    name, lowest, highest, dead_zone, starts: as of `EffectParameter`.
+    """
     bounds, first = (lowest * si, highest * si), tuple(start * si for start in starts)
     return EffectParameter(name, unit, si, 0.0, *bounds, dead_zone * si, first)
 
@@ -133,6 +136,7 @@ def parameter(
 class Effect:
     """An entry of the vocabulary.
 
+    id: in lower case, as on the command line.
     apply: leaves a model as it is at the `off` values; sentence: what it is, for a reader of reports; signature: what
     it looks like in the signals; relations: what it may be taken for; decided_by: a measurement that distinguishes it
     from all it has no relation to, empty when there is no such; apparent: None where its apparent size means nothing;

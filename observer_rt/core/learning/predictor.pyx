@@ -19,7 +19,7 @@ from observer_rt.core.model.sensor cimport lagged_slopes
 cdef double DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
 
-cdef class Followed:
+cdef class _Followed:
     """A window's samples and a model, as `follow` goes along them."""
 
     cdef const double[:, :] inputs, knots
@@ -56,7 +56,7 @@ cdef class Followed:
         )
 
 
-cdef class FlowRecord:
+cdef class _FlowRecord:
     """An `engine.estimation.open_loop.OpenLoop` of zeros, lent."""
 
     cdef double[::1] rate, relaxation, by_area
@@ -120,8 +120,8 @@ def follow(
     (n, m) becomes d(errors)/dtheta. phi: (3, n) of the model [1/s], or None. run: an `OpenLoop` of zeros, filled from
     `corrected` on until nothing flows, where the gradient begins, then at least m + states columns wide; or None.
     """
-    cdef Followed it
-    cdef FlowRecord flows = None if run is None else FlowRecord(run)
+    cdef _Followed it
+    cdef _FlowRecord flows = None if run is None else _FlowRecord(run)
     cdef Gradient of_gradient
     cdef Gradient* g = NULL
     cdef Carried carried
@@ -132,7 +132,7 @@ def follow(
     cdef double interval = setting.interval, time = window.clock.time, injections = window.clock.injections
     cdef double indicated, shown, trusted
     cdef bint is_measured, has_phi = phi is not None
-    it = Followed(window, setting, learned, Terms(setting.program, time, injections) if terms is None else terms)
+    it = _Followed(window, setting, learned, Terms(setting.program, time, injections) if terms is None else terms)
     cdef int64_t samples = it.output.shape[0], n = it.model.coefficients.states, first = samples, width = slopes.shape[1]
     cdef int64_t k, j
     state = array(window.start[:n])

@@ -50,7 +50,9 @@ class CommandedOpening:
 class InjectionReport:
     """One injection, judged with its event.
 
-    start, end are positions in the stream of samples, the indices those of the device. `volume` [m3], `mass`
+    number: counted by the observer, from 1; start, end are positions in the stream of samples, start_index, end_index
+    the sample indices of the device; valid: whether rate and mass are to be used; phi_version: number of the learned
+    correction in force; indicators: learned parameters, normalised. `volume` [m3], `mass`
     [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
     known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
     rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and

@@ -211,16 +211,16 @@ class Core:
         return int(self.compiled.observer.memory[0]["positions"]["processed"])
 
     def rows(self, start: int, end: int) -> NDArray[np.void]:
-        """Processed samples at positions [start, end) as a copy, dtype `stream.state.sample_dtype`.
+        """Processed samples (n,) at positions [start, end) as a copy, dtype `stream.state.sample_dtype`.
 
         Only the last `RING` samples are remembered.
         """
         return samples_at(self.compiled.observer, max(start, end - RING), end)
 
     def inputs(self, first: int, most: int) -> dict[Role, NDArray[np.float64]]:
-        """Processed samples from a position on [m; Pa above the chamber pressure], of those that are remembered.
+        """Processed samples (n,) of every role [m; Pa above the chamber pressure] from position `first` on.
 
-        Of more than `most` evenly spaced ones.
+        Only remembered ones; of more than `most` evenly spaced ones.
         """
         first = max(first, self.processed - RING)
         places = np.arange(first, self.processed, 1 + (self.processed - first) // most) % RING
@@ -232,7 +232,7 @@ class Core:
 
     @property
     def newest(self) -> NDArray[np.float64]:
-        """Value [SI] of every role in the last frame that had one, in the order of `Role`; nan: not available."""
+        """Last value received [SI] of every role (roles,), in the order of `Role`; nan: not available."""
         newest: NDArray[np.float64] = self.compiled.pipeline.receiver["sample"][0]
         return newest
 

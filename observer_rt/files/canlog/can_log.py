@@ -271,7 +271,7 @@ def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:
 class LogFormat:
     """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns].
 
-    suffixes: in lower case with their dot.
+    suffixes: in lower case with their dot; description: for help texts.
     """
 
     suffixes: tuple[str, ...]

@@ -28,7 +28,10 @@ class OwnLayout:
 
 @dataclass(frozen=True)
 class SignalFormat:
-    """A kind of file that holds a recording's signals; suffixes in lower case with their dot."""
+    """A kind of file that holds a recording's signals; suffixes in lower case with their dot.
+
+    description: for help texts.
+    """
 
     suffixes: tuple[str, ...]
     description: str

@@ -26,12 +26,9 @@ FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs a
 INSTALL = "pip install 'observer-rt[parquet]'"
 READABLE = "give a complete Parquet file"
 
-# Of Thrift's compact protocol: type of a field, number of the checksum's in a page header.
 _FIRST_PAGE = 4  # bytes: the magic number
-_I32, _CHECKSUM = (
-    5,
-    4,
-)  # of Thrift's compact protocol: type of a field; number of the checksum's in a page header
+# of Thrift's compact protocol: type of a field, number of the checksum's in a page header
+_I32, _CHECKSUM = 5, 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 
 from libc.math cimport INFINITY, fabs, isfinite
 from libc.stdint cimport int64_t
-from libc.string cimport memcpy
+from libc.string cimport memcpy, memset
 
-from numpy import array
+from numpy import array, zeros
 
 from observer_rt.core.model.hydraulics cimport nozzle_law
 from observer_rt.core.model.model cimport Model, Weights, empty_sac, rates_at
@@ -265,68 +265,136 @@ def sweep(window, setting, network, result) -> None:
             of_driven[k] = driven
 
 
-def cost_of(cost, const double[::1] p) -> float:
-    """J of (10) of a `network.FaultCost`; leaves activations and errors behind. inf where it is not finite."""
-    cdef const double[:, ::1] z = cost.z, target = cost.target
-    cdef const double[::1] counts = cost.counts
-    cdef double[:, ::1] sigmas = cost.sigmas, errors = cost.errors
-    cdef double[LANES] total
-    cdef double argument, phi, error, result
-    cdef int64_t first, k, neuron, row, j, lane
-    for lane in range(<int64_t> LANES):
-        total[lane] = 0.0
-    with nogil:
-        for first in range(0, counts.shape[0], 8):
-            for lane in range(<int64_t> LANES):
-                k = first + lane
-                for neuron in range(<int64_t> NEURONS):
-                    argument = p[neuron * ARGUMENTS] * z[0, k]
-                    for j in range(1, <int64_t> ARGUMENTS):
-                        argument = argument + p[neuron * ARGUMENTS + j] * z[j, k]
-                    sigmas[neuron, k] = fast_tanh(argument)
-                for row in range(<int64_t> ROWS):
-                    phi = p[OUTPUT_END + row]
-                    for neuron in range(<int64_t> NEURONS):
-                        phi = phi + p[HIDDEN_END + row * NEURONS + neuron] * sigmas[neuron, k]
-                    error = counts[k] * (target[row, k] - phi)
-                    errors[row, k] = error
-                    total[lane] = total[lane] + error * error
-        result = total[0]
-        for lane in range(1, <int64_t> LANES):
-            result = result + total[lane]
-        result = 0.5 * result
-    return result if isfinite(result) else INFINITY
+# Loops run along the samples, and sums go by lanes of eight: the compiler makes vectors of the innermost loops.
+
+cdef void _add_weighted(double* sums, const double* values, double weight, int64_t n) noexcept nogil:
+    cdef int64_t k
+    for k in range(n):
+        sums[k] = sums[k] + weight * values[k]
 
 
-def gradient_of_cost(cost, const double[::1] p, double[::1] gradient) -> None:
-    """The gradient (13) at the p that J was asked for last, in the order of `network.free_network`.
+cdef void _tanh_of(double* values, int64_t n) noexcept nogil:
+    cdef int64_t k
+    for k in range(n):
+        values[k] = fast_tanh(values[k])
 
-    (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).
-    """
-    cdef const double[:, ::1] z = cost.z, sigmas = cost.sigmas, errors = cost.errors
-    cdef double[WEIGHTS][LANES] sums
-    cdef double back, sigma, error, total
-    cdef int64_t first, k, neuron, row, j, lane, i, place, samples = cost.counts.shape[0]
-    for i in range(<int64_t> WEIGHTS):
+
+cdef void _add_products(double* total, const double* one, const double* other, int64_t n) noexcept nogil:
+    """Adds products to the lanes of `total` (8,)."""
+    cdef double[LANES] sums
+    cdef int64_t first, lane
+    memcpy(sums, total, sizeof(sums))
+    for first in range(0, n, 8):
         for lane in range(<int64_t> LANES):
-            sums[i][lane] = 0.0
-    with nogil:
-        for first in range(0, samples, 8):
-            for lane in range(<int64_t> LANES):
-                k = first + lane
-                for row in range(<int64_t> ROWS):
-                    sums[OUTPUT_END + row][lane] += errors[row, k]
-                for neuron in range(<int64_t> NEURONS):
-                    sigma, back = sigmas[neuron, k], 0.0
-                    for row in range(<int64_t> ROWS):
-                        error, place = errors[row, k], HIDDEN_END + row * NEURONS + neuron
-                        back = back + p[place] * error
-                        sums[place][lane] += error * sigma
-                    back = back * (1.0 - sigma * sigma)
-                    for j in range(<int64_t> ARGUMENTS):
-                        sums[neuron * ARGUMENTS + j][lane] += back * z[j, k]
-        for i in range(<int64_t> WEIGHTS):
-            total = sums[i][0]
-            for lane in range(1, <int64_t> LANES):
-                total = total + sums[i][lane]
-            gradient[i] = -total
+            sums[lane] = sums[lane] + one[first + lane] * other[first + lane]
+    memcpy(total, sums, sizeof(sums))
+
+
+cdef double _of_lanes(const double* total) noexcept nogil:
+    cdef double result = total[0]
+    cdef int64_t lane
+    for lane in range(1, <int64_t> LANES):
+        result = result + total[lane]
+    return result
+
+
+cdef class FaultCost:
+    """The cost (10) of a training as the minimiser wants it: the sum of eps'eps/2, eps = target - phi in its unit.
+
+    n samples and as many more as fill vectors, all along the rows. z: (6, n) columns [x^ u 1]; target: (3, n) of phi, in
+    units of the network; counts: (n,) 1, or 0 where there is no sample.
+    """
+
+    cdef const double[:, ::1] z, target
+    cdef const double[::1] counts
+    cdef double[:, ::1] sigmas, errors  # of the theta whose value was asked for last
+    cdef double[::1] backs  # errors propagated back through a neuron
+    cdef int64_t n
+
+    def __init__(self, z, target, counts) -> None:
+        self.z, self.target, self.counts = z, target, counts
+        self.n = self.counts.shape[0]
+        if self.n % LANES or z.shape != (ARGUMENTS, self.n) or target.shape != (ROWS, self.n):
+            raise ValueError("samples do not fit each other, or vectors")
+        self.sigmas, self.errors, self.backs = zeros((NEURONS, self.n)), zeros((ROWS, self.n)), zeros(self.n)
+
+    def value(self, const double[::1] theta) -> float:
+        """J at theta (48,); inf where it is not finite."""
+        cdef double[LANES] total
+        cdef double* here
+        cdef double weight, result
+        cdef int64_t k, neuron, row, j
+        _require(theta)
+        memset(total, 0, sizeof(total))
+        for neuron in range(<int64_t> NEURONS):
+            here, weight = &self.sigmas[neuron, 0], theta[neuron * ARGUMENTS]
+            for k in range(self.n):
+                here[k] = weight * self.z[0, k]
+            for j in range(1, <int64_t> ARGUMENTS):
+                _add_weighted(here, &self.z[j, 0], theta[neuron * ARGUMENTS + j], self.n)
+            _tanh_of(here, self.n)
+        for row in range(<int64_t> ROWS):
+            here, weight = &self.errors[row, 0], theta[OUTPUT_END + row]
+            for k in range(self.n):
+                here[k] = weight
+            for neuron in range(<int64_t> NEURONS):
+                _add_weighted(here, &self.sigmas[neuron, 0], theta[HIDDEN_END + row * NEURONS + neuron], self.n)
+            for k in range(self.n):
+                here[k] = self.counts[k] * (self.target[row, k] - here[k])
+        for k in range(0, self.n, 8):
+            for row in range(<int64_t> ROWS):
+                _add_products(total, &self.errors[row, k], &self.errors[row, k], 8)
+        result = 0.5 * _of_lanes(total)
+        return result if isfinite(result) else INFINITY
+
+    def gradient(self, const double[::1] theta):
+        """Gradient (48,) of J at the theta whose value was asked for last, in the order of `network.free_network`.
+
+        (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).
+        """
+        found = zeros(WEIGHTS)
+        cdef double[::1] gradient = found
+        cdef double[LANES] total
+        cdef const double* sigma
+        cdef double* back = &self.backs[0]
+        cdef int64_t k, neuron, row, j, place, lane
+        _require(theta)
+        for row in range(<int64_t> ROWS):
+            memset(total, 0, sizeof(total))
+            for k in range(0, self.n, 8):
+                for lane in range(<int64_t> LANES):
+                    total[lane] = total[lane] + self.errors[row, k + lane]
+            gradient[OUTPUT_END + row] = -_of_lanes(total)
+        for neuron in range(<int64_t> NEURONS):
+            sigma = &self.sigmas[neuron, 0]
+            memset(back, 0, self.n * sizeof(double))
+            for row in range(<int64_t> ROWS):
+                place = HIDDEN_END + row * NEURONS + neuron
+                _add_weighted(back, &self.errors[row, 0], theta[place], self.n)
+                memset(total, 0, sizeof(total))
+                _add_products(total, &self.errors[row, 0], sigma, self.n)
+                gradient[place] = -_of_lanes(total)
+            for k in range(self.n):
+                back[k] = back[k] * (1.0 - sigma[k] * sigma[k])
+            for j in range(<int64_t> ARGUMENTS):
+                memset(total, 0, sizeof(total))
+                _add_products(total, back, &self.z[j, 0], self.n)
+                gradient[neuron * ARGUMENTS + j] = -_of_lanes(total)
+        return found
+
+
+def _require(const double[::1] theta) -> None:
+    if theta.shape[0] != WEIGHTS:
+        raise ValueError("theta has other weights")
+
+
+def add_two_products(
+    double[:, ::1] matrix, const double[::1] a, const double[::1] b, const double[::1] c, const double[::1] d
+) -> None:
+    """Adds a b' + c d' of vectors (m,) to `matrix` (m, m), in place."""
+    cdef int64_t i, j, m = matrix.shape[0]
+    if not (matrix.shape[1] == a.shape[0] == b.shape[0] == c.shape[0] == d.shape[0] == m):
+        raise ValueError("matrix and vectors do not fit each other")
+    for i in range(m):
+        for j in range(m):
+            matrix[i, j] = matrix[i, j] + (a[i] * b[j] + c[i] * d[j])

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.paper.scheme import cost_of, gradient_of_cost
+from observer_rt.core.paper.scheme import FaultCost
 from observer_rt.model.network import ARGUMENTS, HIDDEN
 
 ROWS = 3  # m, one output for every state
@@ -62,46 +62,9 @@ def no_fault() -> NDArray[np.float64]:
     return np.zeros(WEIGHTS)
 
 
-class _Samples(NamedTuple):
-    z: NDArray[np.float64]
-    target: NDArray[np.float64]
-    counts: NDArray[np.float64]
-    sigmas: NDArray[np.float64]
-    errors: NDArray[np.float64]
-
-
-class FaultCost(_Samples):
-    """The cost (10) of a training as the minimiser wants it: the sum of eps'eps/2, eps = target - phi in its unit.
-
-    n samples and as many more as fill vectors, all along the rows. z: (6, n) columns [x^ u 1]; target: (3, n) of phi,
-    in units of the network; counts: (n,) 1, or 0 where there is no sample; sigmas (5, n), errors (3, n): of the
-    theta that was asked for last.
-    """
-
-    __slots__ = ()
-
-    def value(self, theta: NDArray[np.float64]) -> float:
-        """J; inf where it is not finite."""
-        return cost_of(self, theta)
-
-    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """J and its gradient (48,)."""
-        gradient = np.empty(WEIGHTS)
-        value = cost_of(self, theta)
-        gradient_of_cost(self, theta, gradient)
-        return value, gradient
-
-
 def fault_cost(z: NDArray[np.float64], target: NDArray[np.float64], unit: float) -> FaultCost:
     """The cost of samples z: (n, 6) rows [x^ u 1]; target of phi: (n, 3) [1/s]; unit of the outputs [1/s]."""
     samples = len(z)
     spare = -samples % LANES
     columns = np.pad(np.hstack([z, target / unit, np.ones((samples, 1))]).T, ((0, 0), (0, spare)))
-    n = samples + spare
-    return FaultCost(
-        z=np.ascontiguousarray(columns[:ARGUMENTS]),
-        target=np.ascontiguousarray(columns[ARGUMENTS:-1]),
-        counts=np.ascontiguousarray(columns[-1]),
-        sigmas=np.zeros((HIDDEN, n)),
-        errors=np.zeros((ROWS, n)),
-    )
+    return FaultCost(*map(np.ascontiguousarray, (columns[:ARGUMENTS], columns[ARGUMENTS:-1], columns[-1])))

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.paper.scheme import add_two_products
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.paper_scheme.network import (
     WEIGHTS,
@@ -39,8 +40,8 @@ class Objective(Protocol):
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta); inf outside the admissible region."""
 
-    def value_and_gradient(self, theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        """J(theta) and its gradient (m,)."""
+    def gradient(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Gradient (m,) of J at the theta whose value was asked for last."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ def minimise(
     lead downhill.
     """
     theta, inverse = start.copy(), inverse_hessian.copy()
-    value, gradient = objective.value_and_gradient(theta)
+    value = objective.value(theta)
+    gradient = objective.gradient(theta)
     for iteration in range(max_iterations):
         direction = -(inverse @ gradient)
         slope = float(gradient @ direction)
@@ -84,7 +86,7 @@ def minimise(
         if step == 0.0:
             return BfgsMinimum(theta, value, gradient, iteration, -slope, False)
         before, theta = gradient, theta + step * direction
-        _, gradient = objective.value_and_gradient(theta)
+        gradient = objective.gradient(theta)
         change = gradient - before
         _update(inverse, step * direction, change)
     decrement = float(gradient @ (inverse @ gradient))
@@ -118,8 +120,7 @@ def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.
         return
     inverse_d = inverse @ d
     share = (1.0 + (d @ inverse_d) / curvature) / curvature
-    for i in range(v.size):
-        inverse[i] += (share * v[i] - inverse_d[i] / curvature) * v - (v[i] / curvature) * inverse_d
+    add_two_products(inverse, share * v - inverse_d / curvature, v, -v / curvature, inverse_d)
 
 
 @dataclass(frozen=True)

@@ -126,4 +126,5 @@ def test_gradient_orders_w_by_rows(worn: Injection) -> None:
     by_columns[30:45] = by_rows[30:45].reshape(3, 5).T.ravel()
     np.testing.assert_allclose(printed_13(p), by_rows, atol=1e-6)
     assert np.abs(printed_13(p) - by_columns).max() > 1.0
-    np.testing.assert_allclose(cost.value_and_gradient(p)[1], by_rows, atol=1e-6)
+    cost.value(p)
+    np.testing.assert_allclose(cost.gradient(p), by_rows, atol=1e-6)

@@ -18,9 +18,10 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import fault_with_rate
+from observer_rt.core.paper.scheme import FaultCost
 from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
 from observer_rt.desk.simulation.simulate import simulate
-from observer_rt.engine.paper_scheme.network import WEIGHTS, FaultCost, fault_cost, scaled_identity
+from observer_rt.engine.paper_scheme.network import WEIGHTS, fault_cost, scaled_identity
 from observer_rt.engine.paper_scheme.training import BETA, EPOCHS, GAMMA, Objective, minimise
 from observer_rt.engine.service.core import Core
 from observer_rt.foundation.units import MILLISECOND
@@ -113,10 +114,10 @@ class _CountingCost:
         self.values += 1
         return self._cost.value(theta)
 
-    def value_and_gradient(self, theta: Array) -> tuple[float, Array]:
-        """J and its gradient."""
+    def gradient(self, theta: Array) -> Array:
+        """Its gradient."""
         self.gradients += 1
-        return self._cost.value_and_gradient(theta)
+        return self._cost.gradient(theta)
 
 
 def _evaluations(train: Callable[[Objective], float]) -> tuple[int, int]:
@@ -134,7 +135,7 @@ def _scipy(cost: Objective) -> float:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a line search that ends early
         found = minimize(
-            cost.value_and_gradient,
+            lambda theta: (cost.value(theta), cost.gradient(theta)),
             scaled_identity(BETA),
             jac=True,
             method="BFGS",

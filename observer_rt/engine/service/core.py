@@ -150,9 +150,9 @@ class Core:
     ) -> list[OutputFrame]:
         """Takes one frame received on a bus and returns the frames to send; frames that are not ours are ignored.
 
-        frame_id: of 29 bits where `is_extended`, else of 11; payload: its bytes; bus: its number, from 0. stamp_ns: when
-        it was received, in nanoseconds on a clock that is the same for all frames of all buses. Where all messages of one time base
-        carry an index, it changes no result.
+        frame_id: of 29 bits where `is_extended`, else of 11; payload: its bytes; bus: its number, from 0.
+        stamp_ns: when it was received, in nanoseconds on a clock that is the same for all frames of all buses. Where
+        all messages of one time base carry an index, it changes no result.
         """
         return self.handle_many(block_of([BusFrame(bus, Frame(frame_id, payload, stamp_ns, is_extended))]))
 

@@ -65,6 +65,19 @@ def test_importing_builds_what_was_edited(package: Path) -> None:
     assert twice(package, 3.0) == 9.0
 
 
+def test_an_edit_is_built_where_the_meson_of_the_first_build_is_gone(package: Path) -> None:
+    """As that of the environment in which pip has built."""
+    assert twice(package, 3.0) == 6.0
+    meson = shutil.which("meson", path=str(Path(sys.executable).parent))
+    assert meson is not None
+    for name in ("build.ninja", "asked-for"):
+        file = package / "build" / "core" / name
+        assert meson in file.read_text()
+        file.write_text(file.read_text().replace(meson, "/nowhere/meson"))
+    (package / "observer_rt" / "core" / "law.pxd").write_text(HEADER.format(factor=3))
+    assert twice(package, 3.0) == 9.0
+
+
 def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
     twice(package, 1.0)
     (package / "observer_rt" / "core" / "other.pyx").write_text("value = 1\n")

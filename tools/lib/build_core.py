@@ -132,7 +132,9 @@ def _configure(folder: Path, kind: Kind) -> None:
     tools = folder.with_suffix(".tools")
     tools.write_text(_machine_file(kind))
     asked = folder / "asked-for"
-    wanted = "\n".join([*options, compiler(), kind.target, str((CORE / "meson.build").stat().st_mtime_ns)])
+    edited = str((CORE / "meson.build").stat().st_mtime_ns)
+    # ninja calls meson by its path, which is that of a passing environment where pip has built
+    wanted = "\n".join([*options, compiler(), kind.target, edited, _program("meson")])
     if asked.is_file() and asked.read_text() == wanted:
         return
     files = "--cross-file" if kind.target else "--native-file"
@@ -178,19 +180,27 @@ def _headers() -> list[Path]:
     )
 
 
+def _path() -> str:
+    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+
+
+def _program(name: str) -> str:
+    """Path of a program of the build."""
+    program = shutil.which(name, path=_path())
+    if program is None:
+        raise CoreBuildError(
+            f"{name} is missing, which builds the compiled core: pip install -e '.[dev]' in {REPOSITORY}"
+        )
+    return program
+
+
 def _run(command: list[str], kind: Kind) -> None:
-    environment = os.environ | {
-        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
-    }
+    environment = os.environ | {"PATH": _path()}
     environment.pop("LD_PRELOAD", None)  # what the tests of the checked build run with
     if not kind.target:  # else the machine file names it; the machine itself is asked for nothing
         environment["CC"] = compiler()
-    program = shutil.which(command[0], path=environment["PATH"])
-    if program is None:
-        raise CoreBuildError(
-            f"{command[0]} is missing, which builds the compiled core: pip install -e '.[dev]' in {REPOSITORY}"
-        )
-    ran = subprocess.run([program, *command[1:]], env=environment, capture_output=True, text=True)
+    command = [_program(command[0]), *command[1:]]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True)
     if ran.returncode:
         raise CoreBuildError(f"the compiled core cannot be built:\n{(ran.stdout + ran.stderr)[-4000:]}")
 

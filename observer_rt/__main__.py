@@ -16,6 +16,10 @@ def main() -> None:
         command_line()
     except KeyboardInterrupt:
         sys.exit(InterruptionError.exit_code)
+    except ImportError as error:
+        if error.name != "observer_rt.core":
+            raise
+        sys.exit(f"observer-rt: {error}")
 
 
 def _import_python_can() -> None:

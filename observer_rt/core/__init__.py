@@ -14,4 +14,7 @@ if _BUILD.is_file():
     assert _spec.loader is not None
     _build = importlib.util.module_from_spec(_spec)
     _spec.loader.exec_module(_build)
-    _build.rebuild_if_edited()
+    try:
+        _build.rebuild_if_edited()
+    except _build.CoreBuildError as error:
+        raise ImportError(str(error), name=__name__) from None

@@ -90,6 +90,20 @@ def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
     assert "ModuleNotFoundError" in ran.stderr
 
 
+def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Path, tmp_path: Path) -> None:
+    """As after an update of a checkout that was installed without what developers need."""
+    twice(package, 1.0)
+    (package / "observer_rt" / "core" / "law.pxd").write_text(HEADER.format(factor=3))
+    program = (
+        "import shutil; shutil.which = lambda *_, **__: None\n"
+        "try:\n    import observer_rt.core\n"
+        "except ImportError as error:\n    print(error.name, error)"
+    )
+    ran = run([sys.executable, "-c", program], cwd=package, env=environment() | {"CC": "cc"})
+    assert ran.startswith("observer_rt.core the compiled core is older than its sources")
+    assert f"pip install -e '{package}'" in ran
+
+
 @pytest.mark.parametrize("wrong", ["cdef int f(int[::1] x):\n    return x[-1]\n", "def f(:\n"])
 def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Path, wrong: str) -> None:
     (package / "observer_rt" / "core" / "trial.pyx").write_text(wrong)

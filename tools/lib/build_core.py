@@ -189,7 +189,8 @@ def _program(name: str) -> str:
     program = shutil.which(name, path=_path())
     if program is None:
         raise CoreBuildError(
-            f"{name} is missing, which builds the compiled core: pip install -e '.[dev]' in {REPOSITORY}"
+            f"the compiled core is older than its sources, and {name} is missing, which builds it: "
+            f"pip install -e '{REPOSITORY}' builds it apart, pip install -e '{REPOSITORY}[dev]' brings what does"
         )
     return program
 

@@ -123,11 +123,15 @@ install_package() { # extras ("" or "[dev]")
     fi
 }
 
+is_built() { # the core, of its sources as they are: importing it builds it where it can be
+    (cd "$repository" && "$venv/bin/python" -c 'import observer_rt.core') >/dev/null 2>&1
+}
+
 ensure_venv() { # extras ("" or "[dev]"); several at once take turns
     local extras=$1 stamp=$venv/.installed$1 python
     exec 9<"$repository"
     flock 9
-    if ! { [ -f "$stamp" ] && installed_state | cmp -s - "$stamp" && "$venv/bin/python" -c "$needed_python"; }; then
+    if ! { [ -f "$stamp" ] && installed_state | cmp -s - "$stamp" && "$venv/bin/python" -c "$needed_python" && is_built; }; then
         if ! "$venv/bin/python" -c "$needed_python; import pip" 2>/dev/null; then
             python=$(obtain_python)
             say "making $venv with $python"

@@ -62,10 +62,13 @@ def database_with_signals(text: str, messages: Mapping[int, Any] = MESSAGES) -> 
         last = max(row.page or 0 for row in rows.values())
         written = re.sub(r"(?<= SG_ Page M )(.*)\[0\|\d+\]", rf"\1[0|{last}]", written)
         text = text[: block.start(1)] + written + text[block.end(1) :]
-        physical = {name: row for name, row in rows.items() if row.quantity is not None}
         says = {name: f'"{row.says}"' for name, row in rows.items() if row.says}
-        missing = {name: str(_top(row)) for name, row in physical.items()}
-        error = {name: str(_top(row) - 1) for name, row in physical.items() if row.quantity.has_error}
+        missing = {name: str(_top(row)) for name, row in rows.items() if row.quantity is not None}
+        error = {
+            name: str(_top(row) - 1)
+            for name, row in rows.items()
+            if row.quantity is not None and row.quantity.has_error
+        }
         for kind, said in (("CM_", says), ('BA_ "GenSigSNA"', missing), ('BA_ "GenSigError"', error)):
             text = _with_lines(text, f"{kind} SG_ {number}", said)
     return text

@@ -1,5 +1,6 @@
 """A real browser without a screen, and a program that serves a page to it."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -33,10 +34,11 @@ def launch(playwright: Playwright) -> Browser:
 
     Ubuntu's `chromium-browser` is there and only asks for a snap.
     """
+    alone = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}  # without sanitizers
     failures = []
     for path in (*filter(None, map(shutil.which, _BROWSERS)), None):
         try:
-            return playwright.chromium.launch(executable_path=path, args=list(_QUIET))
+            return playwright.chromium.launch(executable_path=path, args=list(_QUIET), env=alone)
         except Error as error:
             failures.append(f"{path or 'of Playwright'}: {error}")
     raise UserError("Chromium", "cannot be started: " + "\n".join(failures), _OBTAIN)

@@ -34,7 +34,8 @@ def launch(playwright: Playwright) -> Browser:
 
     Ubuntu's `chromium-browser` is there and only asks for a snap.
     """
-    alone = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}  # without sanitizers
+    alone: dict[str, str | float | bool] = {**os.environ}
+    alone.pop("LD_PRELOAD", None)  # sanitizers
     failures = []
     for path in (*filter(None, map(shutil.which, _BROWSERS)), None):
         try:

@@ -325,26 +325,27 @@ cdef class FaultCost:
         cdef double weight, result
         cdef int64_t k, neuron, row, j
         _require(theta)
-        memset(total, 0, sizeof(total))
-        for neuron in range(<int64_t> NEURONS):
-            here, weight = &self.sigmas[neuron, 0], theta[neuron * ARGUMENTS]
-            for k in range(self.n):
-                here[k] = weight * self.z[0, k]
-            for j in range(1, <int64_t> ARGUMENTS):
-                _add_weighted(here, &self.z[j, 0], theta[neuron * ARGUMENTS + j], self.n)
-            _tanh_of(here, self.n)
-        for row in range(<int64_t> ROWS):
-            here, weight = &self.errors[row, 0], theta[OUTPUT_END + row]
-            for k in range(self.n):
-                here[k] = weight
+        with nogil:
+            memset(total, 0, sizeof(total))
             for neuron in range(<int64_t> NEURONS):
-                _add_weighted(here, &self.sigmas[neuron, 0], theta[HIDDEN_END + row * NEURONS + neuron], self.n)
-            for k in range(self.n):
-                here[k] = self.counts[k] * (self.target[row, k] - here[k])
-        for k in range(0, self.n, 8):
+                here, weight = &self.sigmas[neuron, 0], theta[neuron * ARGUMENTS]
+                for k in range(self.n):
+                    here[k] = weight * self.z[0, k]
+                for j in range(1, <int64_t> ARGUMENTS):
+                    _add_weighted(here, &self.z[j, 0], theta[neuron * ARGUMENTS + j], self.n)
+                _tanh_of(here, self.n)
             for row in range(<int64_t> ROWS):
-                _add_products(total, &self.errors[row, k], &self.errors[row, k], 8)
-        result = 0.5 * _of_lanes(total)
+                here, weight = &self.errors[row, 0], theta[OUTPUT_END + row]
+                for k in range(self.n):
+                    here[k] = weight
+                for neuron in range(<int64_t> NEURONS):
+                    _add_weighted(here, &self.sigmas[neuron, 0], theta[HIDDEN_END + row * NEURONS + neuron], self.n)
+                for k in range(self.n):
+                    here[k] = self.counts[k] * (self.target[row, k] - here[k])
+            for k in range(0, self.n, 8):
+                for row in range(<int64_t> ROWS):
+                    _add_products(total, &self.errors[row, k], &self.errors[row, k], 8)
+            result = 0.5 * _of_lanes(total)
         return result if isfinite(result) else INFINITY
 
     def gradient(self, const double[::1] theta):
@@ -359,33 +360,35 @@ cdef class FaultCost:
         cdef double* back = &self.backs[0]
         cdef int64_t k, neuron, row, j, place, lane
         _require(theta)
-        for row in range(<int64_t> ROWS):
-            memset(total, 0, sizeof(total))
-            for k in range(0, self.n, 8):
-                for lane in range(<int64_t> LANES):
-                    total[lane] = total[lane] + self.errors[row, k + lane]
-            gradient[OUTPUT_END + row] = -_of_lanes(total)
-        for neuron in range(<int64_t> NEURONS):
-            sigma = &self.sigmas[neuron, 0]
-            memset(back, 0, self.n * sizeof(double))
+        with nogil:
             for row in range(<int64_t> ROWS):
-                place = HIDDEN_END + row * NEURONS + neuron
-                _add_weighted(back, &self.errors[row, 0], theta[place], self.n)
                 memset(total, 0, sizeof(total))
-                _add_products(total, &self.errors[row, 0], sigma, self.n)
-                gradient[place] = -_of_lanes(total)
-            for k in range(self.n):
-                back[k] = back[k] * (1.0 - sigma[k] * sigma[k])
-            for j in range(<int64_t> ARGUMENTS):
-                memset(total, 0, sizeof(total))
-                _add_products(total, back, &self.z[j, 0], self.n)
-                gradient[neuron * ARGUMENTS + j] = -_of_lanes(total)
+                for k in range(0, self.n, 8):
+                    for lane in range(<int64_t> LANES):
+                        total[lane] = total[lane] + self.errors[row, k + lane]
+                gradient[OUTPUT_END + row] = -_of_lanes(total)
+            for neuron in range(<int64_t> NEURONS):
+                sigma = &self.sigmas[neuron, 0]
+                memset(back, 0, self.n * sizeof(double))
+                for row in range(<int64_t> ROWS):
+                    place = HIDDEN_END + row * NEURONS + neuron
+                    _add_weighted(back, &self.errors[row, 0], theta[place], self.n)
+                    memset(total, 0, sizeof(total))
+                    _add_products(total, &self.errors[row, 0], sigma, self.n)
+                    gradient[place] = -_of_lanes(total)
+                for k in range(self.n):
+                    back[k] = back[k] * (1.0 - sigma[k] * sigma[k])
+                for j in range(<int64_t> ARGUMENTS):
+                    memset(total, 0, sizeof(total))
+                    _add_products(total, back, &self.z[j, 0], self.n)
+                    gradient[neuron * ARGUMENTS + j] = -_of_lanes(total)
         return found
 
 
-def _require(const double[::1] theta) -> None:
+cdef int _require(const double[::1] theta) except -1:
     if theta.shape[0] != WEIGHTS:
         raise ValueError("theta has other weights")
+    return 0
 
 
 def add_two_products(

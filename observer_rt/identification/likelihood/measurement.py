@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.config.injector import Meaning
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.signal_noise import white_noise
+from observer_rt.engine.observer import SETTLE, Durations
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
@@ -22,8 +23,7 @@ from observer_rt.model.forcing import NO_CLOCK, Clock
 LEAD = 3e-3  # s before an opening from which x~ runs
 COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start
 RING_DOWN = 12e-3  # s after the last closing that count
-EVENT_GAP = 10e-3  # s of shut needle that end an event
-RESTING = 3e-3  # s after which a shut sac is at chamber pressure
+EVENT_GAP = Durations().event_gap  # s of shut needle that end an event
 START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 MARGIN = 80e-6  # s at both ends, for channels recorded late or early
 FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
@@ -273,7 +273,7 @@ def events_of(
 
 def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLevels, float]:
     """Noise levels and that of the rate: needle shut for pressures and rate, open for the lift."""
-    shut = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
+    shut = shut_mask(recording.samples, openings, round(SETTLE * recording.sample_rate))
     is_open = np.zeros(recording.samples, np.bool_)
     for opening in openings:
         is_open[opening.first : opening.last + 1] = True

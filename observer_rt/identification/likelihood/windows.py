@@ -16,9 +16,9 @@ from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.engine.observer import SETTLE
 from observer_rt.identification.likelihood.measurement import (
     MARGIN,
-    RESTING,
     START_MEAN,
     JudgedEvent,
     Measurement,
@@ -188,7 +188,7 @@ def batch_of(
     """
     recording = measurement.recording
     openings = [o for event in measurement.events for o in event.openings]
-    resting = shut_mask(recording.samples, openings, round(RESTING * recording.sample_rate))
+    resting = shut_mask(recording.samples, openings, round(SETTLE * recording.sample_rate))
     resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import LOOK_BACK, dead_band
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.likelihood.measurement import openings_of
 from observer_rt.identification.likelihood.openings import find_openings
+from tests.engine.sample_stream import NOISE as STATED
+from tests.engine.sample_stream import Stream
+from tests.observed_plants import recording_of
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot, record
 
 NOISE = 0.4e-6
 
@@ -50,3 +58,34 @@ def test_missing_samples_are_shut() -> None:
     lift = _noisy(_lift((100, 300)))
     lift[600:700] = np.nan
     assert len(find_openings(lift, NOISE)) == 1
+
+
+def _observed(recording: Recording) -> list[tuple[int, int]]:
+    """First and last sample at which the observer has the needle open."""
+    stream = Stream(sample_rate=recording.sample_rate, events_required=0)
+    stream.feed(recording.rail_pressure, recording.needle_lift, recording.line_pressure).finish()
+    is_open = np.concatenate(([False], stream.rows["seat_area"] > 0.0, [False]))
+    edges = np.flatnonzero(np.diff(is_open))
+    return list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))
+
+
+@pytest.mark.parametrize("rate", [100e3, 50e3])
+def test_openings_are_those_that_the_observer_sees(rate: float) -> None:
+    """To a sample where they begin; where they end, to what lies in the dead band: its noise may count as ramp."""
+    _, shuts = dead_band(STATED.needle_lift)
+    differences = []
+    for seed in range(4):
+        shots = [(Shot(7e-6 * k, (0.2 + 0.25 * (seed + 2 * k)) * 1e-3), Shot(4e-3, 0.3e-3)) for k in range(4)]
+        events = tuple(Event((40 + 40 * seed) * 1e6, each, Faults()) for each in shots)
+        recording = recording_of(
+            record(Bench(Injector(), Needle(), events, sample_rate=rate, noise=1.0, seed=seed))
+        )
+        found, observed = openings_of(recording), _observed(recording)
+        assert len(found) == len(observed) == 8
+        for opening, (first, last) in zip(found, observed, strict=True):
+            assert abs(opening.first - first) <= 1
+            assert abs(opening.last - last) <= LOOK_BACK
+            beyond = recording.needle_lift[min(opening.last, last) + 1 : max(opening.last, last) + 1]
+            assert (beyond <= shuts).all()
+            differences.append((abs(opening.first - first), abs(opening.last - last)))
+    assert np.mean(differences, axis=0) == pytest.approx([0.0, 0.15], abs=0.15)

@@ -116,7 +116,7 @@ def _write(
     carried = verdict["carried"]
     carried["output"] = learned.network.output
     carried["bias"] = learned.network.bias
-    carried["back_pressure"] = learned.network.back_pressure
+    carried["nozzle"] = learned.network.nozzle
     carried["rail_from"], carried["rail_to"], carried["filled_to"] = known
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["lag"] = constants.sensor.lag + learned.lag

@@ -21,7 +21,7 @@ class ByTheta(NamedTuple):
     nozzle_bias: int
     nozzle_weight: int
     seat_bias: int
-    back_pressure: int
+    nozzle: NDArray[np.int64]  # (NOZZLE_NUMBERS,)
     line_columns: NDArray[np.int64]
     line_coefficients: NDArray[np.int64]
     line_slopes: NDArray[np.float64]

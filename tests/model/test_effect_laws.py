@@ -12,9 +12,11 @@ from observer_rt.core.model.model import stiffness_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.hydraulics import full_lift_area
+from observer_rt.model.network import zero_network
 
 NOMINAL = load_injector()
 P_0, P_C, P_V, K_L = 1e8, 5e6, 2e3, 1.6e9
+NOTHING_LEARNED = zero_network().nozzle
 pressures = st.floats(20e6, 200e6)
 
 
@@ -38,7 +40,7 @@ def cavitating(p_s: float, p_c: float, excess: float) -> float:
 @given(st.floats(30e6, 200e6), st.floats(0.0, 0.6), st.floats(0.0, 10e6))
 def test_cavitation_lowers_the_coefficient(p_s: float, excess: float, rise: float) -> None:
     c = model(orifice_cavitation={"n_crit_excess": excess}, chamber_pressure_rise={"dp": rise})
-    found = nozzle_law(x_of(p_s), 0.5, 0.0, c.nozzle) * math.sqrt(P_0)
+    found = nozzle_law(x_of(p_s), 0.5, NOTHING_LEARNED, c.nozzle) * math.sqrt(P_0)
     # the root is smooth through zero: 0.1 % at 10 MPa of difference
     assert found == pytest.approx(cavitating(p_s, P_C + rise, excess), rel=2e-3)
 
@@ -47,8 +49,8 @@ def test_cavitation_lowers_the_coefficient(p_s: float, excess: float, rise: floa
 def test_cavitation_sets_in_at_the_critical_number(pressure: float, expected: float) -> None:
     """N_crit = 1.06: below it only where p_S - p_C > 4.998 / 0.06 = 83.3 MPa."""
     c = model(orifice_cavitation={"n_crit_excess": 0.06})
-    share = nozzle_law(x_of(pressure), 0.5, 0.0, c.nozzle) / nozzle_law(
-        x_of(pressure), 0.5, 0.0, model().nozzle
+    share = nozzle_law(x_of(pressure), 0.5, NOTHING_LEARNED, c.nozzle) / nozzle_law(
+        x_of(pressure), 0.5, NOTHING_LEARNED, model().nozzle
     )
     assert share == pytest.approx(expected, rel=1e-5)
 
@@ -56,10 +58,12 @@ def test_cavitation_sets_in_at_the_critical_number(pressure: float, expected: fl
 @given(pressures, st.floats(0.0, 40e6))
 def test_chamber_pressure_rises_while_the_needle_is_open_only(p_s: float, rise: float) -> None:
     c = model(chamber_pressure_rise={"dp": rise})
-    assert nozzle_law(x_of(p_s), 0.3, 0.0, c.nozzle) == pytest.approx(
-        nozzle_law(x_of(p_s - rise), 0.3, 0.0, model().nozzle), abs=1e-12
+    assert nozzle_law(x_of(p_s), 0.3, NOTHING_LEARNED, c.nozzle) == pytest.approx(
+        nozzle_law(x_of(p_s - rise), 0.3, NOTHING_LEARNED, model().nozzle), abs=1e-12
     )
-    assert nozzle_law(x_of(p_s), 0.0, 0.0, c.nozzle) == nozzle_law(x_of(p_s), 0.3, 0.0, model().nozzle)
+    assert nozzle_law(x_of(p_s), 0.0, NOTHING_LEARNED, c.nozzle) == nozzle_law(
+        x_of(p_s), 0.3, NOTHING_LEARNED, model().nozzle
+    )
 
 
 @given(pressures, st.floats(0.0, 40e6), st.floats(0.0, 1.0), st.floats(1e-3, 1.0))
@@ -69,8 +73,8 @@ def test_a_share_of_the_rise_grows_with_the_area_of_the_seat(
     c = model(chamber_pressure_rise={"dp": rise, "s": share})
     area = opened * full_lift_area(NOMINAL) / NOMINAL.scaling.area
     expected = rise * (1.0 - share + share * opened)
-    assert nozzle_law(x_of(p_s), area, 0.0, c.nozzle) == pytest.approx(
-        nozzle_law(x_of(p_s - expected), area, 0.0, model().nozzle), abs=1e-12
+    assert nozzle_law(x_of(p_s), area, NOTHING_LEARNED, c.nozzle) == pytest.approx(
+        nozzle_law(x_of(p_s - expected), area, NOTHING_LEARNED, model().nozzle), abs=1e-12
     )
 
 

@@ -32,7 +32,7 @@ def networks(draw: st.DrawFn) -> Network:
     network = zero_network()
     network.output[:] = np.array(draw(st.lists(st.floats(-1, 1), min_size=10, max_size=10))).reshape(2, 5)
     network.bias[:] = draw(st.tuples(CHANGE, CHANGE))
-    network.back_pressure[:] = draw(st.tuples(st.floats(0, 0.2), st.floats(0, 0.2)))
+    network.nozzle[:] = draw(st.tuples(st.floats(0, 0.2), st.floats(0, 0.2)))
     return network
 
 
@@ -182,7 +182,7 @@ def test_gas_blown_back_raises_the_sac_and_feeds_the_line(injector: InjectorPara
 def test_nothing_leaves_an_open_nozzle_against_its_own_pressure(injector: InjectorParameters) -> None:
     """Back-pressure of 8 MPa at a seat open by half: 5 MPa from the start, 3 MPa that come with the seat."""
     c = coefficients(injector)
-    network = NO_FAULT._replace(back_pressure=np.array([0.05, 0.06]))
+    network = NO_FAULT._replace(nozzle=np.array([0.05, 0.06]))
     assert rate_of_injection((0.95, 0.3, 0.08), (0.95, 0.5), c, network) == pytest.approx(0.0, abs=1e-15)
     raised, as_before = ((0.95, 0.3, 0.5 + rise) for rise in (0.08, 0.0))
     assert rate_of_injection(raised, (0.95, 0.5), c, network) == pytest.approx(

@@ -8,7 +8,7 @@ from numpy import array, zeros
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_slopes, predict, rate_after,
+    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_slopes, phi_slopes, predict, rate_after,
     shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
@@ -76,13 +76,13 @@ cdef class _FlowRecord:
 
     cdef void take(self, int64_t k, const double* x, const Forced* forced, Tangent* t) noexcept nogil:
         """Sample k, one after `begin`: its rate by its flows, their slopes and the state's; whichever line there is."""
-        cdef int64_t n = t.n, m = self.slopes.shape[1], i, j, neuron
+        cdef int64_t n = t.n, m = self.slopes.shape[1], i, j
         cdef FlowSlopes flows
         cdef Inputs u = forced.interval.end
         cdef double nozzle_flow = forced.coefficients.nozzle.flow
         cdef double* slopes = &self.slopes[k, 0]
         cdef double* gradient = &self.gradient[k, 0]
-        c, theta = &forced.coefficients, &t.theta
+        c = &forced.coefficients
         for i in range(n):
             for j in range(n):
                 self.transition[k, i, j] = t.by[i * t.m + m + j]
@@ -94,11 +94,7 @@ cdef class _FlowRecord:
         for i in range(3):
             gradient[i] = nozzle_flow * flows.h_x[i]
         gradient[n] = nozzle_flow * flows.h_area
-        slopes[theta.nozzle_bias] = nozzle_flow * flows.h_change
-        for neuron in range(t.neurons):
-            slopes[theta.nozzle_weight + neuron] = nozzle_flow * flows.h_change * t.sigmas[neuron]
-        slopes[theta.back_pressure] = nozzle_flow * flows.h_back_pressure
-        slopes[theta.back_pressure + 1] = nozzle_flow * flows.h_back_pressure * u.area
+        phi_slopes(&flows, t, nozzle_flow, 0.0, slopes)
         for j in range(m):
             for i in range(3):
                 slopes[j] += gradient[i] * t.by[i * t.m + j]

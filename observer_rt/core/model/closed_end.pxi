@@ -59,7 +59,6 @@ cdef double _solve_end(
     cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
     cdef double inflow = line.a1 * (flow - line.outflow)
     cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
-    cdef double back_pressure = back_pressure_at(u.area, network)
     cdef double nozzle_change, seat_change, by_sac_h, by_sac_s, sigma, bend, through_nozzle, through_seat, q_h, q_s
     cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused
     cdef double[3] state
@@ -75,10 +74,10 @@ cdef double _solve_end(
             seat_change += network.output[network.neurons + neuron] * sigma
             by_sac_h += network.output[neuron] * bend
             by_sac_s += network.output[network.neurons + neuron] * bend
-        through_nozzle = nozzle_law(s, u.area, back_pressure, &c.nozzle)
+        through_nozzle = nozzle_law(s, u.area, network.nozzle, &c.nozzle)
         through_seat = seat_law(p, s, u.area, &c.seat)
         q_h, q_s = through_nozzle * (1.0 + nozzle_change), through_seat * (1.0 + seat_change)
-        h_s = nozzle_law_slopes(s, u.area, back_pressure, &c.nozzle, &unused) * (1.0 + nozzle_change)
+        h_s = nozzle_law_slopes(s, u.area, network.nozzle, &c.nozzle).by_sac * (1.0 + nozzle_change)
         h_s += through_nozzle * by_sac_h
         s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused) * (1.0 + seat_change)
         s_s = through_seat * by_sac_s - s_p
@@ -121,7 +120,7 @@ cdef void _end_rows(
     cdef double by_air, by_slope, soften, by_flow, sac_by_flow, whole, from_sac, from_line
     cdef bint rest = is_at_rest(solved, u) and x[SAC] == 0.0
     cdef FlowSlopes flows
-    cdef int64_t j, neuron
+    cdef int64_t j, neuron, number
     memcpy(line_row, of_line, t.m * sizeof(double))
     memcpy(sac_row, of_sac, t.m * sizeof(double))
     if not rest:
@@ -140,8 +139,9 @@ cdef void _end_rows(
                 line_row, sac_row, theta.nozzle_weight + neuron, line_by_h, sac_by_h, flows.h_change * t.sigmas[neuron]
             )
         _add_flow(line_row, sac_row, theta.seat_bias, line_by_s, sac_by_s, flows.s_change)
-        _add_flow(line_row, sac_row, theta.back_pressure, line_by_h, sac_by_h, flows.h_back_pressure)
-        _add_flow(line_row, sac_row, theta.back_pressure + 1, line_by_h, sac_by_h, flows.h_back_pressure * u.area)
+        for number in range(<int64_t> NOZZLE_NUMBERS):
+            of_number = flows.h_number[number]
+            _add_flow(line_row, sac_row, theta.nozzle[number], line_by_h, sac_by_h, of_number[0] * of_number[1])
     if line_step > 0.0:
         inflow = flow - line.outflow
         net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s

@@ -1,13 +1,11 @@
 # The network part of phi, N = W tanh(V z) + b, and the flows through seat and nozzle with it, with their slopes.
 
+cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
+
+
 cdef inline double activation(const double* x, Inputs u, const double* row) noexcept nogil:
     """Output sigma_i = tanh(v_i z) of one hidden neuron (9); row: v_i."""
     return fast_tanh(row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * u.rail + row[4] * u.area + row[5])
-
-
-cdef inline double back_pressure_at(double u_2, const Network* network) noexcept nogil:
-    """Rise of p_C at a seat area, in units of p_0."""
-    return network.back_pressure[0] + network.back_pressure[1] * u_2
 
 
 cdef inline bint is_at_rest(const double* x, Inputs u) noexcept nogil:
@@ -17,7 +15,7 @@ cdef inline bint is_at_rest(const double* x, Inputs u) noexcept nogil:
 
 cdef inline void model_flows(const double* x, Inputs u, const Coefficients* c, double* q_h, double* q_s) noexcept nogil:
     """Normalised flows of the model alone: q_H of (23) through the nozzle, q_S of (21) through the seat."""
-    q_h[0] = nozzle_law(x[SAC], u.area, 0.0, &c.nozzle)
+    q_h[0] = nozzle_law(x[SAC], u.area, NOTHING_LEARNED, &c.nozzle)
     q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat)
 
 
@@ -31,7 +29,7 @@ cdef inline void changed_flows(
         sigma = activation(x, u, network.hidden + 6 * neuron)
         nozzle_change += network.output[neuron] * sigma
         seat_change += network.output[network.neurons + neuron] * sigma
-    q_h[0] = nozzle_law(x[SAC], u.area, back_pressure_at(u.area, network), &c.nozzle) * (1.0 + nozzle_change)
+    q_h[0] = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle) * (1.0 + nozzle_change)
     q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat) * (1.0 + seat_change)
 
 
@@ -71,14 +69,14 @@ cdef void flow_slopes(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* sigmas, FlowSlopes* result
 ) noexcept nogil:
     """`changed_flows` with their derivatives; sigmas (q,) becomes the activations of the hidden neurons."""
-    cdef double back_pressure = back_pressure_at(u.area, network)
-    cdef double nozzle_flow = nozzle_law(x[SAC], u.area, back_pressure, &c.nozzle)
+    cdef double nozzle_flow = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle)
+    cdef NozzleSlopes of_nozzle = nozzle_law_slopes(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef double seat_flow = seat_law(x[0], x[SAC], u.area, &c.seat)
     cdef double nozzle_change = network.bias[0], seat_change = network.bias[1]
     cdef double h_1 = 0.0, h_2 = 0.0, h_3 = 0.0, h_area = 0.0, s_1 = 0.0, s_2 = 0.0, s_3 = 0.0, s_area = 0.0
-    cdef double sigma, bend, to_nozzle, to_seat, by_sac, by_chamber, by_difference, by_area
+    cdef double sigma, bend, to_nozzle, to_seat, by_difference, by_area
     cdef const double* row
-    cdef int64_t neuron
+    cdef int64_t neuron, number
     for neuron in range(network.neurons):
         row = network.hidden + 6 * neuron
         sigma = activation(x, u, row)
@@ -96,16 +94,28 @@ cdef void flow_slopes(
         s_2 += to_seat * row[1]
         s_3 += to_seat * row[2]
         s_area += to_seat * row[4]
-    by_sac = nozzle_law_slopes(x[SAC], u.area, back_pressure, &c.nozzle, &by_chamber)
-    by_chamber *= 1.0 + nozzle_change
     by_difference = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area)
     by_difference *= 1.0 + seat_change
     result.q_h = nozzle_flow * (1.0 + nozzle_change)
     result.q_s = seat_flow * (1.0 + seat_change)
-    result.h_x[0], result.h_x[1], result.h_x[2] = h_1, h_2, h_3 + by_sac * (1.0 + nozzle_change)
+    result.h_x[0], result.h_x[1], result.h_x[2] = h_1, h_2, h_3 + of_nozzle.by_sac * (1.0 + nozzle_change)
     result.s_x[0], result.s_x[1], result.s_x[2] = s_1 + by_difference, s_2, s_3 - by_difference
-    result.h_area = h_area + by_chamber * (c.nozzle.chamber_rise_with_seat + network.back_pressure[1])
+    result.h_area = h_area + of_nozzle.by_area[0] * (1.0 + nozzle_change) * of_nozzle.by_area[1]
     result.s_area = s_area + by_area * (1.0 + seat_change)
     result.h_change = nozzle_flow
     result.s_change = seat_flow
-    result.h_back_pressure = by_chamber
+    for number in range(<int64_t> NOZZLE_NUMBERS):
+        result.h_number[number][0] = of_nozzle.by_number[number][0] * (1.0 + nozzle_change)
+        result.h_number[number][1] = of_nozzle.by_number[number][1]
+
+
+cdef void phi_slopes(const FlowSlopes* flows, const Tangent* t, double by_h, double by_s, double* row) noexcept nogil:
+    """How what goes with q_H and q_S by these slopes goes with the numbers of phi: their columns of a row (m,)."""
+    cdef int64_t neuron, number
+    theta = &t.theta
+    row[theta.nozzle_bias] = by_h * flows.h_change
+    for neuron in range(t.neurons):
+        row[theta.nozzle_weight + neuron] = by_h * flows.h_change * t.sigmas[neuron]
+    row[theta.seat_bias] = by_s * flows.s_change
+    for number in range(<int64_t> NOZZLE_NUMBERS):
+        row[theta.nozzle[number]] = by_h * flows.h_number[number][0] * flows.h_number[number][1]

@@ -71,9 +71,9 @@ cdef void _force(
     run_program(f.program, 0, f.first_of_sensor, f.rows, f.variables, f.memory, interval.length / MILLISECOND, totals)
     f.bias[0] = network.bias[0] + totals[3]
     f.bias[1] = network.bias[1] + totals[2]
-    f.back_pressure[0] = network.back_pressure[0] + totals[6] * pressure
-    f.back_pressure[1] = network.back_pressure[1]
-    forced.network.bias, forced.network.back_pressure = f.bias, f.back_pressure
+    memcpy(f.nozzle, network.nozzle, NOZZLE_NUMBERS * sizeof(double))
+    f.nozzle[0] += totals[6] * pressure
+    forced.network.bias, forced.network.nozzle = f.bias, f.nozzle
     _change_line(&forced.coefficients, totals[4], totals[5], totals[1] * flow, totals[0] * pressure)
     more, lift = totals[9] * pressure, totals[8] * MILLIMETRE
     moves = f.variables[VARIABLE_OPEN] > 0.0

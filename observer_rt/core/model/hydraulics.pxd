@@ -2,6 +2,9 @@
 
 from libc.math cimport exp, fabs, pi, sin, sqrt
 
+cdef enum:
+    NOZZLE_NUMBERS = 2  # that are learned of the nozzle's law: rise of p_C [p_0] while the needle is open, and for every unit of u_2
+
 
 cdef struct Seat:
     double transition  # of the orifice law, in units of p_0
@@ -19,6 +22,13 @@ cdef struct Nozzle:
     double vapour_margin  # (p_C - p_v)/p_0
     double chamber_rise  # of p_C while the needle is open, in units of p_0
     double chamber_rise_with_seat  # the same for every unit of u_2
+
+
+# Slopes of the nozzle's law; two factors each, for the order in which they are multiplied counts.
+cdef struct NozzleSlopes:
+    double by_sac
+    double[2] by_area
+    double[NOZZLE_NUMBERS][2] by_number
 
 
 cdef struct Sac:
@@ -82,15 +92,15 @@ cdef inline double normalised_area(double lift, const Seat* seat) noexcept nogil
     return area
 
 
-cdef inline double nozzle_law(double x_3, double u_2, double back_pressure, const Nozzle* nozzle) noexcept nogil:
+cdef inline double nozzle_law(double x_3, double u_2, const double* learned, const Nozzle* nozzle) noexcept nogil:
     """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open (u_2 > 0).
 
-    It rises by what the model knows and by `back_pressure`, in units of p_0.
+    It rises by what the model knows and by what is `learned` (NOZZLE_NUMBERS,), in units of p_0.
     Where the cavitation number N = (p_S - p_v)/(p_S - p_C) is below N_crit, the flow coefficient falls by
     sqrt(N/N_crit): the flow then follows sqrt(p_S - p_v) (Nurick 1976, J. Fluids Eng. 98, 681).
     """
     cdef double difference = x_3, margin = nozzle.vapour_margin, flow
-    cdef double rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + back_pressure
+    cdef double rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + (learned[0] + learned[1] * u_2)
     if rise != 0.0 and u_2 > 0.0:
         difference -= rise
         margin += rise
@@ -100,29 +110,32 @@ cdef inline double nozzle_law(double x_3, double u_2, double back_pressure, cons
     return flow
 
 
-cdef inline double nozzle_law_slopes(
-    double x_3, double u_2, double back_pressure, const Nozzle* nozzle, double* by_back_pressure
+cdef inline NozzleSlopes nozzle_law_slopes(
+    double x_3, double u_2, const double* learned, const Nozzle* nozzle
 ) noexcept nogil:
-    """Derivative of `nozzle_law` with respect to x_3; by_back_pressure: that to the back-pressure.
-
-    That with respect to u_2 is `nozzle.chamber_rise_with_seat` times the latter.
-    """
-    cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, by_margin
+    """Derivatives of `nozzle_law` with respect to x_3, u_2 and what is learned."""
+    cdef NozzleSlopes result
+    cdef double difference = x_3, margin = nozzle.vapour_margin, rise, slope, critical, loss, flow, by_margin, by_rise
     if u_2 > 0.0:
-        rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + back_pressure
+        rise = nozzle.chamber_rise + nozzle.chamber_rise_with_seat * u_2 + (learned[0] + learned[1] * u_2)
         difference -= rise
         margin += rise
     slope = root_slope(difference, nozzle.transition)
+    by_rise = -slope
     if nozzle.critical_excess != 0.0 and margin < nozzle.critical_excess * difference:
         critical = 1.0 + nozzle.critical_excess
         loss = sqrt((1.0 + margin / difference) / critical)
         flow = root(difference, nozzle.transition)
         by_margin = flow / (2.0 * critical * loss * difference)
         slope = slope * loss - by_margin * margin / difference
-        by_back_pressure[0] = by_margin - slope if u_2 > 0.0 else 0.0
-        return slope
-    by_back_pressure[0] = -slope if u_2 > 0.0 else 0.0
-    return slope
+        by_rise = by_margin - slope
+    if u_2 <= 0.0:
+        by_rise = 0.0
+    result.by_sac = slope
+    result.by_area[0], result.by_area[1] = by_rise, nozzle.chamber_rise_with_seat + learned[1]
+    result.by_number[0][0], result.by_number[0][1] = by_rise, 1.0
+    result.by_number[1][0], result.by_number[1][1] = by_rise, u_2
+    return result
 
 
 cdef inline double sac_rate(double q_h, double q_s, const Sac* sac) noexcept nogil:

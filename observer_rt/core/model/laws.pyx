@@ -1,7 +1,7 @@
 """Laws of single elements, for Python: orifices, seat, nozzle, sensor, neuron; see the headers of these names."""
 
 from observer_rt.core.model cimport hydraulics, network, sensor
-from observer_rt.core.model.hydraulics cimport Nozzle, Seat
+from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Nozzle, Seat
 
 
 def root(double difference, double transition) -> float:
@@ -45,18 +45,21 @@ def seat_law_slopes(double x_1, double x_3, double u_2, seat) -> tuple[float, fl
     return by_difference, by_area
 
 
-def nozzle_law(double x_3, double u_2, double back_pressure, nozzle) -> float:
-    """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open."""
+def nozzle_law(double x_3, double u_2, const double[::1] learned, nozzle) -> float:
+    """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open.
+
+    learned: of the rise, as `Network.nozzle`.
+    """
     cdef Nozzle of_nozzle = nozzle._asdict()
-    return hydraulics.nozzle_law(x_3, u_2, back_pressure, &of_nozzle)
+    return hydraulics.nozzle_law(x_3, u_2, &learned[0], &of_nozzle)
 
 
-def nozzle_law_slopes(double x_3, double u_2, double back_pressure, nozzle) -> tuple[float, float]:
-    """Derivatives of `nozzle_law` with respect to x_3 and to the back-pressure."""
+def nozzle_law_slopes(double x_3, double u_2, const double[::1] learned, nozzle) -> tuple[float, ...]:
+    """Derivatives of `nozzle_law` with respect to x_3, u_2 and the numbers that are learned of it."""
     cdef Nozzle of_nozzle = nozzle._asdict()
-    cdef double by_back_pressure = 0.0
-    by_sac = hydraulics.nozzle_law_slopes(x_3, u_2, back_pressure, &of_nozzle, &by_back_pressure)
-    return by_sac, by_back_pressure
+    slopes = hydraulics.nozzle_law_slopes(x_3, u_2, &learned[0], &of_nozzle)
+    by_number = [slopes.by_number[i][0] * slopes.by_number[i][1] for i in range(NOZZLE_NUMBERS)]
+    return slopes.by_sac, slopes.by_area[0] * slopes.by_area[1], *by_number
 
 
 def lagged(double indicated, double pressure_start, double pressure_end, double interval, double lag) -> float:

@@ -114,7 +114,7 @@ cdef inline void tangent_rates(
     cdef double* by_number = t.by_number + stage * n * t.m
     cdef double* of_row
     cdef double by_h, by_s, total
-    cdef int64_t row, i, k, neuron
+    cdef int64_t row, i, k
     theta = &t.theta
     memset(by_state, 0, n * n * sizeof(double))
     memset(&flows, 0, sizeof(flows))
@@ -129,12 +129,7 @@ cdef inline void tangent_rates(
         of_row = by_number + row * t.m
         for i in range(3):
             by_state[row * n + i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
-        of_row[theta.nozzle_bias] = by_h * flows.h_change
-        for neuron in range(t.neurons):
-            of_row[theta.nozzle_weight + neuron] = by_h * flows.h_change * t.sigmas[neuron]
-        of_row[theta.seat_bias] = by_s * flows.s_change
-        of_row[theta.back_pressure] = by_h * flows.h_back_pressure
-        of_row[theta.back_pressure + 1] = by_h * flows.h_back_pressure * u.area
+        phi_slopes(&flows, t, by_h, by_s, of_row)
     for row in range(n):
         if row == SAC:  # nothing of the line fills it
             continue

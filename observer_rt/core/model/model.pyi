@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLUMNS: int
+NOZZLE_NUMBERS: int
 FORGETTING: tuple[float, ...]
 MEMORIES: int
 STEP: float

@@ -10,7 +10,8 @@ from libc.stdint cimport int64_t
 from libc.string cimport memcpy, memset
 
 from observer_rt.core.model.hydraulics cimport (
-    Seat, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate, seat_law, seat_law_slopes
+    NOZZLE_NUMBERS, NozzleSlopes, Seat, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate, seat_law,
+    seat_law_slopes
 )
 from observer_rt.core.model.network cimport fast_tanh
 from observer_rt.core.model.records cimport *

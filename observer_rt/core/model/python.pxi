@@ -15,15 +15,15 @@ cdef class Weights:
 
     def __init__(self, network) -> None:
         cdef double[:, ::1] hidden = network.hidden, output = network.output
-        cdef double[::1] bias = network.bias, back_pressure = network.back_pressure
+        cdef double[::1] bias = network.bias, nozzle = network.nozzle
         n = &self.network
         n.neurons = hidden.shape[0]
-        if output.shape[1] != n.neurons or bias.shape[0] != 2 or back_pressure.shape[0] != 2:
+        if output.shape[1] != n.neurons or bias.shape[0] != 2 or nozzle.shape[0] != NOZZLE_NUMBERS:
             raise ValueError("weights of a network do not fit each other")
         if n.neurons:
             n.hidden, n.output = &hidden[0, 0], &output[0, 0]
-        n.bias, n.back_pressure = &bias[0], &back_pressure[0]
-        self.lent = (network.hidden, network.output, network.bias, network.back_pressure)
+        n.bias, n.nozzle = &bias[0], &nozzle[0]
+        self.lent = (network.hidden, network.output, network.bias, network.nozzle)
 
 
 cdef class Terms:
@@ -31,14 +31,15 @@ cdef class Terms:
 
     def __init__(self, program, double time=0.0, double injections=0.0) -> None:
         cdef const double[:, ::1] rows = program
-        memory, scratch = full(3 * len(program), NAN), zeros(12 + VARIABLES + TOTALS)
+        memory, scratch = full(3 * len(program), NAN), zeros(10 + NOZZLE_NUMBERS + VARIABLES + TOTALS)
         cdef double[::1] of_memory = memory, of_scratch = scratch
         f = &self.forcing
         f.rows = rows.shape[0]
         if f.rows:
             f.program, f.memory = &rows[0, 0], &of_memory[0]
-        f.past, f.bias, f.back_pressure = &of_scratch[0], &of_scratch[8], &of_scratch[10]
-        f.variables, f.totals = &of_scratch[12], &of_scratch[12 + VARIABLES]
+        f.past, f.bias, f.nozzle = &of_scratch[0], &of_scratch[8], &of_scratch[10]
+        f.variables = f.nozzle + NOZZLE_NUMBERS
+        f.totals = f.variables + VARIABLES
         self.lent = (program, memory, scratch)
         begin_forcing(f, time, injections)
 
@@ -52,6 +53,7 @@ cdef class Carried:
         cdef double[:, ::1] by_flow = tangent.slopes.by_flow, by_coefficient = tangent.slopes.by_coefficient
         cdef double[::1] sigmas = tangent.sigmas
         cdef const int64_t[::1] columns = tangent.theta.line_columns, coefficients = tangent.theta.line_coefficients
+        cdef const int64_t[::1] nozzle = tangent.theta.nozzle
         cdef const double[::1] slopes = tangent.theta.line_slopes
         t = &self.tangent
         t.n, t.m, t.size, t.neurons = by.shape[0], by.shape[1], by_coefficient.shape[1], sigmas.shape[0]
@@ -60,7 +62,7 @@ cdef class Carried:
             and by_state.shape[0] == 4 and by_state.shape[1] == t.n and by_state.shape[2] == t.n
             and by_number.shape[0] == 4 and by_number.shape[1] == t.n and by_number.shape[2] == t.m
             and by_flow.shape[0] == t.n and by_flow.shape[1] == 2 and by_coefficient.shape[0] == t.n
-            and columns.shape[0] == coefficients.shape[0] == slopes.shape[0]
+            and columns.shape[0] == coefficients.shape[0] == slopes.shape[0] and nozzle.shape[0] == NOZZLE_NUMBERS
         )
         if not fits:
             raise ValueError("arrays of a tangent do not fit each other")
@@ -70,7 +72,7 @@ cdef class Carried:
             t.sigmas = &sigmas[0]
         theta = &t.theta
         theta.nozzle_bias, theta.nozzle_weight = tangent.theta.nozzle_bias, tangent.theta.nozzle_weight
-        theta.seat_bias, theta.back_pressure = tangent.theta.seat_bias, tangent.theta.back_pressure
+        theta.seat_bias, theta.nozzle = tangent.theta.seat_bias, &nozzle[0]
         theta.pairs = slopes.shape[0]
         if theta.pairs:
             theta.columns, theta.coefficients, theta.slopes = &columns[0], &coefficients[0], &slopes[0]
@@ -251,7 +253,7 @@ def stiffness_of(double x_1, line) -> float:
     return stiffness(x_1, &softness)
 
 
-globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=WIDTH)
+globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=WIDTH, NOZZLE_NUMBERS=NOZZLE_NUMBERS)
 
 
 def steps_in(double interval) -> int:

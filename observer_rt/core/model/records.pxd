@@ -2,7 +2,7 @@
 
 from libc.stdint cimport int64_t
 
-from observer_rt.core.model.hydraulics cimport Nozzle, Sac, Seat
+from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Nozzle, Sac, Seat
 
 cdef enum:
     MOST_COEFFICIENTS = 24  # of a line
@@ -87,7 +87,7 @@ cdef struct Network:
     const double* hidden  # V (q, 6)
     const double* output  # W (2, q)
     const double* bias  # b (2,)
-    const double* back_pressure  # (2,)
+    const double* nozzle  # (NOZZLE_NUMBERS,)
 
 
 cdef struct Inputs:
@@ -112,7 +112,7 @@ cdef struct ByTheta:
     int64_t nozzle_bias
     int64_t nozzle_weight
     int64_t seat_bias
-    int64_t back_pressure
+    const int64_t* nozzle  # (NOZZLE_NUMBERS,)
     int64_t pairs  # of coefficients and columns; those of a column follow each other
     const int64_t* columns
     const int64_t* coefficients
@@ -145,7 +145,7 @@ cdef struct FlowSlopes:
     double s_area
     double h_change  # by N_H: the flow without it
     double s_change  # by N_S
-    double h_back_pressure
+    double[NOZZLE_NUMBERS][2] h_number  # by what is learned of the nozzle, as two factors
 
 
 cdef struct LaggedSlopes:
@@ -165,7 +165,7 @@ cdef struct Forcing:
     double* variables  # in the order of `Variable`
     double* totals  # by `TermEquation`, in its units
     double* bias  # (2,)
-    double* back_pressure  # (2,)
+    double* nozzle  # (NOZZLE_NUMBERS,)
 
 
 # A sample interval under terms: inputs, model and network.

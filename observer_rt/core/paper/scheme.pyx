@@ -6,11 +6,13 @@ from libc.string cimport memcpy, memset
 
 from numpy import array, zeros
 
-from observer_rt.core.model.hydraulics cimport nozzle_law
+from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, nozzle_law
 from observer_rt.core.model.model cimport Model, Weights, empty_sac, rates_at
 from observer_rt.core.model.network cimport fast_tanh
 from observer_rt.core.model.records cimport SAC, Coefficients, Inputs, Interval, Knot, Network
 from observer_rt.core.stream.stepper cimport CarriedPhi
+
+cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
 
 cdef enum:
     NEURONS = 5
@@ -53,7 +55,7 @@ cdef double balanced_rate(double x_3, double u_2, double phi_1, const Coefficien
     The orifice law at x^3 alone is not the injection rate of a worn nozzle.
     """
     line = &c.line.lump
-    return c.flow_scale / line.a1 * (line.a2_nozzle * nozzle_law(x_3, u_2, 0.0, &c.nozzle) - phi_1)
+    return c.flow_scale / line.a1 * (line.a2_nozzle * nozzle_law(x_3, u_2, NOTHING_LEARNED, &c.nozzle) - phi_1)
 
 
 # What RK4 integrates: x^ with phi, or x~ pulled by the measured line pressure.

@@ -2,7 +2,7 @@
 
 from libc.stdint cimport int64_t
 
-from observer_rt.core.model.hydraulics cimport Seat
+from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
 
 cdef enum:
     RING = 32768  # samples remembered: 0.33 s at 100 kHz
@@ -224,7 +224,7 @@ cdef struct Prior:
 cdef struct Carried:
     double output[OUTPUTS][HIDDEN]
     double bias[OUTPUTS]
-    double back_pressure[2]
+    double nozzle[NOZZLE_NUMBERS]
     double learned_offset
     double lag  # s
     double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it

@@ -57,7 +57,7 @@ cdef class Stepper(PairStepper):
         s.coefficients = s.forced.coefficients = model.coefficients
         s.network.neurons, s.network.hidden = HIDDEN, &memory.prior.hidden[0][0]
         s.network.output, s.network.bias = &memory.in_force.output[0][0], memory.in_force.bias
-        s.network.back_pressure = memory.in_force.back_pressure
+        s.network.nozzle = memory.in_force.nozzle
         s.forced.network = s.network
         s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
         s.observer = &stream.observer

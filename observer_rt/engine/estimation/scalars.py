@@ -89,7 +89,8 @@ class Scalar:
     beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
     gated_from: of a parameter that must pay for being active, the lowest theta it then may take. change: its law, the
     line with the scalar, analytic in it; None: it is none of line or guide. turn: laws of a lower one act first,
-    those of the same in the order of the rows.
+    those of the same in the order of the rows. of_nozzle: whether the columns are numbers of the nozzle law, in the
+    order of the rows.
     """
 
     name: str
@@ -104,6 +105,7 @@ class Scalar:
     shown: ShownIndicator | None = None
     change: Callable[[Any, Any], Any] | None = None
     turn: int = 1
+    of_nozzle: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +134,12 @@ class Scalars:
         """Columns and laws of line and guide, in the order in which they change the line."""
         rows = sorted(self.rows, key=attrgetter("turn"))
         return tuple((row.column, row.change) for row in rows if row.change is not None)
+
+    @cached_property
+    def nozzle(self) -> NDArray[np.int64]:
+        """Columns of the numbers of the nozzle law (NOZZLE_NUMBERS,)."""
+        rows = (row for row in self.rows if row.of_nozzle)
+        return np.array([row.column + i for row in rows for i in range(row.columns)], np.int64)
 
     def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
         """Entries of theta (m,) that change line and guide, in the order of `laws`."""
@@ -206,19 +214,13 @@ SCALARS = Scalars((
            gated_from=0.0, shown=ShownIndicator("entrained_air", lambda c: c.compression, label="entrained air g"),
            change=lambda line, g: line.with_air(g)),
     Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
-           counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2),
+           counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2, of_nozzle=True),
 ))
 # fmt: on
 
 
-_NOZZLE, _WEIGHTS, _SEAT, _BACK_PRESSURE = (
-    int(each)
-    for each in (
-        Parameter.NOZZLE_BIAS,
-        Parameter.NOZZLE_WEIGHT,
-        Parameter.SEAT_BIAS,
-        Parameter.BACK_PRESSURE,
-    )
+_NOZZLE, _WEIGHTS, _SEAT = (
+    int(each) for each in (Parameter.NOZZLE_BIAS, Parameter.NOZZLE_WEIGHT, Parameter.SEAT_BIAS)
 )
 
 
@@ -246,12 +248,12 @@ def sensor_lag(theta: NDArray[np.float64]) -> float:
     return float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
 
 
-def network_of(theta: NDArray[np.float64]) -> Network:
+def network_of(theta: NDArray[np.float64], scalars: Scalars = SCALARS) -> Network:
     """The network in a parameter vector (m,)."""
     network = zero_network()
     network.output[0, :] = theta[_WEIGHTS : _WEIGHTS + HIDDEN]
     network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
-    network.back_pressure[:] = theta[_BACK_PRESSURE : _BACK_PRESSURE + 2]
+    network.nozzle[:] = theta[scalars.nozzle]
     return network
 
 
@@ -268,7 +270,7 @@ def _meaning(content: bytes, line: Any, c: Coefficients, scalars: Scalars) -> Le
     theta = np.frombuffer(content)
     changed = c._replace(line=_changed(line, scalars.of_line(theta), scalars))
     return Learned(
-        network_of(theta), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), sensor_lag(theta)
+        network_of(theta, scalars), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), sensor_lag(theta)
     )
 
 
@@ -286,7 +288,7 @@ def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByThet
         _NOZZLE,
         _WEIGHTS,
         _SEAT,
-        _BACK_PRESSURE,
+        scalars.nozzle,
         np.array(columns, np.int64),
         np.array(numbers, np.int64),
         np.array(slopes, np.float64),

@@ -15,7 +15,7 @@ LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is 
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
 LEAST_SEAT_SIGMA = 0.008
 _NOZZLE, _WEIGHTS = int(Parameter.NOZZLE_BIAS), int(Parameter.NOZZLE_WEIGHT)
-_BACK_PRESSURE = int(Parameter.BACK_PRESSURE)
+_RISE, _RISE_WITH_SEAT = SCALARS.nozzle.tolist()
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,11 @@ def nozzle_change(
     change, activations = change_and_activations(x, u, network)
     factor = 1.0 + change
     x_3 = max(float(x[2]), LEAST_SAC_PRESSURE)
-    back_pressure = float(network.back_pressure[0] + network.back_pressure[1] * area)
+    back_pressure = float(network.nozzle[0] + network.nozzle[1] * area)
     against_chamber = math.sqrt(max(1.0 - back_pressure / x_3, 0.0))
     slopes[_NOZZLE] = against_chamber
     slopes[_WEIGHTS : _WEIGHTS + HIDDEN] = against_chamber * np.array(activations)
     if against_chamber > 0.0:
-        slopes[_BACK_PRESSURE] = -0.5 * factor / (x_3 * against_chamber)
-        slopes[_BACK_PRESSURE + 1] = slopes[_BACK_PRESSURE] * area
+        slopes[_RISE] = -0.5 * factor / (x_3 * against_chamber)
+        slopes[_RISE_WITH_SEAT] = slopes[_RISE] * area
     return factor * against_chamber - 1.0, slopes

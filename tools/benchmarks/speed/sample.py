@@ -116,7 +116,7 @@ class Model(ctypes.Structure):
         ("hidden", ctypes.c_double * (HIDDEN * ARGUMENTS)),
         ("output", ctypes.c_double * (2 * HIDDEN)),
         ("bias", ctypes.c_double * 2),
-        ("back_pressure", ctypes.c_double * 2),
+        ("nozzle", ctypes.c_double * 2),
         ("gain", ctypes.c_double * STATES),
         *((name, ctypes.c_double) for name in ("lag", "interval", "offset")),
         ("substeps", ctypes.c_long),
@@ -200,7 +200,7 @@ def model_of(observer: Observer) -> Model:
         setattr(model, name, line[name])
     model.seat_transition, model.nozzle_transition = c.seat.transition, c.nozzle.transition
     model.hidden[:] = memory["prior"]["hidden"].ravel().tolist()
-    for name in ("output", "bias", "back_pressure"):
+    for name in ("output", "bias", "nozzle"):
         getattr(model, name)[:] = in_force[name].ravel().tolist()
     model.gain[:] = observer.gains[-1][[0, 1, 2]].tolist()
     model.lag, model.offset = float(in_force["lag"]), float(memory["pair"]["offset"])

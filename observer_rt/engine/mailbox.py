@@ -119,7 +119,8 @@ def _write(
     carried["nozzle"] = learned.network.nozzle
     carried["rail_from"], carried["rail_to"], carried["filled_to"] = known
     carried["learned_offset"] = constants.sensor.offset + learned.offset
-    carried["lag"] = constants.sensor.lag + learned.lag
+    carried["sensor"] = learned.sensor
+    carried["sensor"][0] += constants.sensor.lag
     line = learned.coefficients.line
     carried["line"][: len(line)] = line
     noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale

@@ -25,7 +25,7 @@ def test_the_observer_timed_injects_with_all_it_can_have_learned() -> None:
     assert row["injection_rate"] > 30e-6
     assert abs(row["phi"][0]) > 0.0
     assert observer.ring[BLOCK - 100]["injection_rate"] == 0.0
-    assert memory["in_force"]["lag"] != 0.0
+    assert memory["in_force"]["sensor"][0] != 0.0
     assert memory["pair"]["offset"] != 0.0
     line, learned = observer.constants.coefficients.line, memory["in_force"]["line"]
     changed = dict(zip(line._fields, learned[: len(line)] != np.array(line), strict=True))

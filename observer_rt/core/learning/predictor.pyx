@@ -12,9 +12,9 @@ from observer_rt.core.model.model cimport (
     shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
-    SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, LaggedSlopes, Tangent
+    SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, Tangent
 )
-from observer_rt.core.model.sensor cimport lagged_slopes
+from observer_rt.core.model.sensor cimport SENSOR_NUMBERS, LaggedSlopes, lagged_slopes
 
 cdef double DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
@@ -121,10 +121,12 @@ def follow(
     cdef Gradient of_gradient
     cdef Gradient* g = NULL
     cdef Carried carried
-    cdef const double[::1] lag_of, gain = setting.gain
+    cdef const double[::1] gain = setting.gain
+    cdef const double[:, ::1] sensor_by
+    cdef double[::1] sensor = learned.sensor.copy()
     cdef double[::1] before, indicated_by, error_by
     cdef double[3] rows
-    cdef double lag = setting.lag + learned.lag, offset = setting.offset + learned.offset, late = setting.late
+    cdef double offset = setting.offset + learned.offset, late = setting.late
     cdef double interval = setting.interval, time = window.clock.time, injections = window.clock.injections
     cdef double indicated, shown, trusted
     cdef bint is_measured, has_phi = phi is not None
@@ -133,6 +135,7 @@ def follow(
     cdef int64_t k, j
     state = array(window.start[:n])
     cdef double[::1] x = state
+    sensor[0] += setting.lag
     if len(window.start) != n + 1 or gain.shape[0] < n or errors.shape[0] < samples or 0 < rate.shape[0] < samples:
         raise ValueError("what is followed does not fit the model or the window")
     if has_phi and (phi.shape[0] != 3 or phi.shape[1] < samples) or run is not None and flows.rate.shape[0] < samples:
@@ -145,13 +148,15 @@ def follow(
     indicated = window.start[n]
     if gradient is not None:
         carried = Carried(gradient.tangent)
-        lag_of, before, indicated_by, error_by = gradient.lag, gradient.before, gradient.indicated, gradient.error
+        sensor_by, before, indicated_by, error_by = gradient.sensor, gradient.before, gradient.indicated, gradient.error
         if run is None and slopes.shape[0] < samples:
             raise ValueError("the slopes do not fit the window")
+        if sensor_by.shape[0] != SENSOR_NUMBERS or sensor_by.shape[1] != carried.tangent.m:
+            raise ValueError("the gradient does not fit the sensor")
         if carried.tangent.n != n or carried.tangent.m < (width if run is None else flows.slopes.shape[1] + n):
             raise ValueError("the slopes do not fit the gradient")
         of_gradient.tangent = carried.tangent
-        of_gradient.lag, of_gradient.before = &lag_of[0], &before[0]
+        of_gradient.sensor, of_gradient.before = &sensor_by[0, 0], &before[0]
         of_gradient.indicated, of_gradient.error = &indicated_by[0], &error_by[0]
         g = &of_gradient if run is None else NULL
     if run is not None:
@@ -169,7 +174,7 @@ def follow(
                     begin_forcing(&it.terms.forcing, time + (first - 1) * interval, injections)
                 flows.begin(&g.tangent)
             it.force(&x[0], k)
-            shown = predict(&x[0], &indicated, &it.forced, late, lag, g)
+            shown = predict(&x[0], &indicated, &it.forced, late, &sensor[0], g)
             shown = shown_under_terms(shown, &it.forced, &it.terms.forcing)
             if rate.shape[0] > 0:
                 rate[k] = rate_after(&x[0], &it.forced)

@@ -72,7 +72,7 @@ def lagged_slopes(
 ) -> tuple[float, float, float, float]:
     """Derivatives of `lagged` with respect to indicated, pressure_start, pressure_end and lag [1/s]."""
     slopes = sensor.lagged_slopes(indicated, pressure_start, pressure_end, interval, lag)
-    return slopes.by_indicated, slopes.by_start, slopes.by_end, slopes.by_lag
+    return slopes.by_indicated, slopes.by_start, slopes.by_end, slopes.by_number[0]
 
 
 def recorded_mean(

@@ -55,6 +55,6 @@ cdef double shown_under_terms(double shown, const Forced* forced, Forcing* f) no
 cdef bint is_shut_under_terms(const Forcing* f) noexcept nogil
 cdef double trusted_under_terms(double innovation, double interval, Forcing* f) noexcept nogil
 cdef double predict(
-    double* x, double* indicated, const Forced* forced, double late, double lag, Gradient* gradient
+    double* x, double* indicated, const Forced* forced, double late, const double* sensor, Gradient* gradient
 ) noexcept nogil
 cdef void correct(double* x, double* indicated, double innovation, const double* gain, int64_t n, Gradient* g) noexcept nogil

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 COLUMNS: int
 NOZZLE_NUMBERS: int
+SENSOR_NUMBERS: int
 FORGETTING: tuple[float, ...]
 MEMORIES: int
 STEP: float

@@ -5,13 +5,13 @@ cdef enum:
 
 
 cdef double predict(
-    double* x, double* indicated, const Forced* forced, double late, double lag, Gradient* gradient
+    double* x, double* indicated, const Forced* forced, double late, const double* sensor, Gradient* gradient
 ) noexcept nogil:
     """x (n,) one sample on, in place, and what the sensor indicates then; what is recorded of it without terms.
 
-    gradient: to be moved with it, NULL for none.
+    sensor: numbers of its law (SENSOR_NUMBERS,); gradient: to be moved with it, NULL for none.
     """
-    cdef double before = x[0], indicated_before = indicated[0], moved
+    cdef double lag = sensor[0], before = x[0], indicated_before = indicated[0], moved
     cdef LaggedSlopes slopes
     c, interval = &forced.coefficients, &forced.interval
     cdef bint is_mean = c.kind == MEAN_LUMP or c.kind == MEAN_WAVE
@@ -39,13 +39,14 @@ cdef void _predict_gradient(
     cdef const double* first = g.tangent.by
     cdef const double* last = g.tangent.by + (g.tangent.n - 1) * g.tangent.m
     cdef double before, predicted, integrated, shown, lag_share = lag / interval
-    cdef int64_t j
+    cdef int64_t j, number
     for j in range(g.tangent.m):
         before = g.indicated[j]
         predicted = slopes.by_indicated * before + slopes.by_start * g.before[j] + slopes.by_end * first[j]
-        predicted = predicted + slopes.by_lag * g.lag[j]
+        for number in range(<int64_t> SENSOR_NUMBERS):
+            predicted = predicted + slopes.by_number[number] * g.sensor[number * g.tangent.m + j]
         if is_mean:
-            integrated = last[j] - rise * g.lag[j]
+            integrated = last[j] - rise * g.sensor[j]
             shown = recorded_mean(before, predicted, integrated / interval, lag_share, late)
         else:
             shown = recorded(before, predicted, late)

@@ -253,7 +253,8 @@ def stiffness_of(double x_1, line) -> float:
     return stiffness(x_1, &softness)
 
 
-globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=WIDTH, NOZZLE_NUMBERS=NOZZLE_NUMBERS)
+globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=WIDTH, NOZZLE_NUMBERS=NOZZLE_NUMBERS,
+    SENSOR_NUMBERS=SENSOR_NUMBERS)
 
 
 def steps_in(double interval) -> int:

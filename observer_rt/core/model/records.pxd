@@ -148,13 +148,6 @@ cdef struct FlowSlopes:
     double[NOZZLE_NUMBERS][2] h_number  # by what is learned of the nozzle, as two factors
 
 
-cdef struct LaggedSlopes:
-    double by_indicated
-    double by_start
-    double by_end
-    double by_lag  # 1/s
-
-
 # A program of terms, and what is remembered from sample to sample; the rest is scratch.
 cdef struct Forcing:
     int64_t rows
@@ -179,7 +172,7 @@ cdef struct Forced:
 # What carries the filtered gradient d e~/d theta along; all but the state's tangent as wide as that is.
 cdef struct Gradient:
     Tangent tangent
-    const double* lag  # of the sensor's lag [s]
+    const double* sensor  # (SENSOR_NUMBERS, m), of the numbers of its law
     double* before  # of p_L one sample before
     double* indicated
     double* error  # of the innovation

@@ -2,7 +2,15 @@
 
 from libc.math cimport exp
 
-from observer_rt.core.model.records cimport LaggedSlopes
+cdef enum:
+    SENSOR_NUMBERS = 1  # that are learned of the sensor's law: its time constant [s]
+
+
+cdef struct LaggedSlopes:
+    double by_indicated
+    double by_start
+    double by_end
+    double[SENSOR_NUMBERS] by_number
 
 
 cdef inline double recorded(double indicated_before, double indicated, double fraction) noexcept nogil:
@@ -44,12 +52,13 @@ cdef inline LaggedSlopes lagged_slopes(
     cdef double rise = pressure_end - pressure_start, share, decay, ramp, decay_slope, ramp_slope
     if lag < 1e-3 * interval:
         share = lag / interval
-        result.by_indicated, result.by_start, result.by_end, result.by_lag = 0.0, share, 1.0 - share, -rise / interval
+        result.by_indicated, result.by_start, result.by_end = 0.0, share, 1.0 - share
+        result.by_number[0] = -rise / interval
         return result
     decay = exp(-interval / lag)
     ramp = 1.0 - lag / interval * (1.0 - decay)
     decay_slope = decay * interval / (lag * lag)
     ramp_slope = -(1.0 - decay) / interval + lag / interval * decay_slope
     result.by_indicated, result.by_start, result.by_end = decay, 1.0 - decay - ramp, ramp
-    result.by_lag = (indicated - pressure_start) * decay_slope + rise * ramp_slope
+    result.by_number[0] = (indicated - pressure_start) * decay_slope + rise * ramp_slope
     return result

@@ -138,7 +138,7 @@ cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
     memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))
     _take_line(s)
     _force(s, s.observer.ring, position, x_tilde, s.of_tilde)
-    shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.in_force.lag, NULL)
+    shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.in_force.sensor, NULL)
     s.observer.ring[position & MASK].indicated = indicated
     return shown_under_terms(shown, &s.forced, s.of_tilde)
 

@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow
-from observer_rt.engine.estimation.scalars import SCALARS, Learned, Parameter, Scalars, by_theta, learned_of
+from observer_rt.core.model.model import SENSOR_NUMBERS
+from observer_rt.engine.estimation.scalars import SCALARS, Learned, Scalars, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.forcing import NO_CLOCK, NO_PROGRAM, Clock
 from observer_rt.model.right_hand_side import Tangent, tangent_of
-from observer_rt.model.sensor import LAG_UNIT
 
 NO_RATE = np.empty(0)
 NO_SLOPES = np.empty((0, 0))
-_LAG = int(Parameter.SENSOR_LAG)
 
 
 class Window(NamedTuple):
@@ -63,7 +62,7 @@ class Gradient(NamedTuple):
     """Carrier of the filtered gradient d e~/d theta; all but the state's tangent as wide as that is."""
 
     tangent: Tangent
-    lag: NDArray[np.float64]  # of the sensor's lag [s]
+    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS, m), of the numbers of its law
     before: NDArray[np.float64]  # of p_L one sample before
     indicated: NDArray[np.float64]
     error: NDArray[np.float64]  # of the innovation
@@ -74,9 +73,10 @@ def gradient_of(
 ) -> Gradient:
     """A gradient of 0 for theta (m,) on the model `c`, with so many columns beside those of theta."""
     tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), theta.size + beside)
-    lag, before, indicated, error = np.zeros((4, tangent.by.shape[1]))
-    lag[_LAG] = LAG_UNIT
-    return Gradient(tangent, lag, before, indicated, error)
+    width = tangent.by.shape[1]
+    sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
+    sensor[np.arange(SENSOR_NUMBERS), scalars.sensor.columns] = scalars.sensor.sizes
+    return Gradient(tangent, sensor, before, indicated, error)
 
 
 def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 from observer_rt.model.effective import Coefficients
@@ -44,6 +45,13 @@ class Parameter(IntEnum):
     SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
     ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
     BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
+
+
+class Element(Enum):
+    """Elements of the model in whose laws the core has numbers that are learned."""
+
+    NOZZLE = "nozzle"
+    SENSOR = "sensor"
 
 
 class ScalarUnit(Enum):
@@ -89,8 +97,8 @@ class Scalar:
     beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
     gated_from: of a parameter that must pay for being active, the lowest theta it then may take. change: its law, the
     line with the scalar, analytic in it; None: it is none of line or guide. turn: laws of a lower one act first,
-    those of the same in the order of the rows. of_nozzle: whether the columns are numbers of the nozzle law, in the
-    order of the rows.
+    those of the same in the order of the rows. element: whose law has the columns as its numbers, in the order of
+    the rows.
     """
 
     name: str
@@ -105,7 +113,18 @@ class Scalar:
     shown: ShownIndicator | None = None
     change: Callable[[Any, Any], Any] | None = None
     turn: int = 1
-    of_nozzle: bool = False
+    element: Element | None = None
+
+
+class Numbers(NamedTuple):
+    """Columns of theta that are the numbers of an element's law, and the sizes of theta = 1, of pressures in p_0."""
+
+    columns: NDArray[np.int64]
+    sizes: NDArray[np.float64]
+
+    def of(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The numbers in a parameter vector (m,)."""
+        return np.asarray(theta[self.columns] * self.sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +155,14 @@ class Scalars:
         return tuple((row.column, row.change) for row in rows if row.change is not None)
 
     @cached_property
-    def nozzle(self) -> NDArray[np.int64]:
-        """Columns of the numbers of the nozzle law (NOZZLE_NUMBERS,)."""
-        rows = (row for row in self.rows if row.of_nozzle)
-        return np.array([row.column + i for row in rows for i in range(row.columns)], np.int64)
+    def nozzle(self) -> Numbers:
+        """Numbers of the nozzle law (NOZZLE_NUMBERS,)."""
+        return self._numbers(Element.NOZZLE)
+
+    @cached_property
+    def sensor(self) -> Numbers:
+        """Numbers of the law of the line-pressure sensor (SENSOR_NUMBERS,)."""
+        return self._numbers(Element.SENSOR)
 
     def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
         """Entries of theta (m,) that change line and guide, in the order of `laws`."""
@@ -178,6 +201,13 @@ class Scalars:
         """Column and appearance of what is shown."""
         return ((row.column, row.shown) for row in self.rows if row.shown is not None)
 
+    def _numbers(self, element: Element) -> Numbers:
+        found = [
+            (row.column + i, row) for row in self.rows if row.element is element for i in range(row.columns)
+        ]
+        columns, rows = zip(*found, strict=True)
+        return Numbers(np.array(columns), np.array([row.counted.unit(1.0) for row in rows]))
+
     def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> NDArray[np.float64]:
         result = np.zeros(self.width)
         for row in self.rows:
@@ -204,7 +234,7 @@ SCALARS = Scalars((
            counted=ScalarUnit.PRESSURE, shown=ShownIndicator(OFFSET, lambda c: c.pressure_scale,
                                                  label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
     Scalar("lag", Parameter.SENSOR_LAG, prior=35e-6, drift=0.1e-6, longest_step=25e-6, bounds=(0.0, 0.5e-3),
-           counted=ScalarUnit.TIME, gated_from=0.0,
+           counted=ScalarUnit.TIME, gated_from=0.0, element=Element.SENSOR,
            shown=ShownIndicator("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
                        unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
     Scalar("stiffness", Parameter.BULK_MODULUS, prior=0.18, drift=2e-4, longest_step=0.12, bounds=(-0.6, 1.0),
@@ -214,7 +244,7 @@ SCALARS = Scalars((
            gated_from=0.0, shown=ShownIndicator("entrained_air", lambda c: c.compression, label="entrained air g"),
            change=lambda line, g: line.with_air(g)),
     Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
-           counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2, of_nozzle=True),
+           counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2, element=Element.NOZZLE),
 ))
 # fmt: on
 
@@ -225,17 +255,17 @@ _NOZZLE, _WEIGHTS, _SEAT = (
 
 
 class Learned(NamedTuple):
-    """theta taken apart: phi's network, the coefficients with the line's terms, sensor offset [p_0] and lag [s]."""
+    """theta taken apart: phi's network, the coefficients with the line's terms, sensor offset [p_0] and numbers."""
 
     network: Network
     coefficients: Coefficients
     offset: float
-    lag: float
+    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s]
 
 
 def nothing_learned(c: Coefficients) -> Learned:
     """Meaning of theta = 0: the model in force as it is."""
-    return Learned(constant_network(), c, 0.0, 0.0)
+    return Learned(constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
 
 
 def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> Learned:
@@ -253,7 +283,7 @@ def network_of(theta: NDArray[np.float64], scalars: Scalars = SCALARS) -> Networ
     network = zero_network()
     network.output[0, :] = theta[_WEIGHTS : _WEIGHTS + HIDDEN]
     network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
-    network.nozzle[:] = theta[scalars.nozzle]
+    network.nozzle[:] = scalars.nozzle.of(theta)
     return network
 
 
@@ -270,7 +300,10 @@ def _meaning(content: bytes, line: Any, c: Coefficients, scalars: Scalars) -> Le
     theta = np.frombuffer(content)
     changed = c._replace(line=_changed(line, scalars.of_line(theta), scalars))
     return Learned(
-        network_of(theta, scalars), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), sensor_lag(theta)
+        network_of(theta, scalars),
+        changed,
+        float(theta[Parameter.LINE_PRESSURE_OFFSET]),
+        scalars.sensor.of(theta),
     )
 
 
@@ -288,7 +321,7 @@ def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByThet
         _NOZZLE,
         _WEIGHTS,
         _SEAT,
-        scalars.nozzle,
+        scalars.nozzle.columns,
         np.array(columns, np.int64),
         np.array(numbers, np.int64),
         np.array(slopes, np.float64),

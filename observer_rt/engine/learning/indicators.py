@@ -15,7 +15,7 @@ LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is 
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
 LEAST_SEAT_SIGMA = 0.008
 _NOZZLE, _WEIGHTS = int(Parameter.NOZZLE_BIAS), int(Parameter.NOZZLE_WEIGHT)
-_RISE, _RISE_WITH_SEAT = SCALARS.nozzle.tolist()
+_RISE, _RISE_WITH_SEAT = SCALARS.nozzle.columns.tolist()
 
 
 @dataclass(frozen=True)

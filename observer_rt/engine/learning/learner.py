@@ -88,7 +88,7 @@ class Given:
         """Those of x~ with theta (m,): with others a line with waves may swing ever higher."""
         learned = learned_of(theta, constants.coefficients, self.reader.scalars)
         sensor, rate = constants.sensor, 1.0 / constants.interval
-        lag = sensor.lag + learned.lag
+        lag = sensor.lag + float(learned.sensor[0])
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
 
     def contradictions(self, statistics: PhaseStatistics, theta: Theta) -> list[Objection]:

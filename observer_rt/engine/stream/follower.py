@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import Terms
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
-from observer_rt.engine.estimation.scalars import Learned
+from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.stream.state import Constants
 from observer_rt.model.forcing import NO_CLOCK, Clock
 from observer_rt.model.network import Network, constant_network
@@ -50,6 +50,6 @@ class Follower:
         errors, rate = np.empty((2, len(inputs)))
         setting = Setting(it.interval, it.substeps, c, np.zeros(c.states), program=it.program)
         window = Window(inputs, np.zeros(len(inputs)), resting, np.append(self._x, self._x[0]), 0, knots)
-        learned = Learned(self._network, c, 0.0, 0.0)
+        learned = nothing_learned(c)._replace(network=self._network)
         self._x = follow(window, setting, learned, 0, errors, rate, None, NO_SLOPES, self._terms, phi)
         return rate

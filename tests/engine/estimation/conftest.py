@@ -37,7 +37,7 @@ class Case:
     def tuned_to(self, theta: NDArray[np.float64]) -> "Case":
         """The same model with the gain for the line and the sensor of theta."""
         learned = learned_of(theta, self.c)
-        schedule = gain_schedule(learned.coefficients, NOISE, SAMPLE_RATE, learned.lag)
+        schedule = gain_schedule(learned.coefficients, NOISE, SAMPLE_RATE, float(learned.sensor[0]))
         return Case(self.c, schedule, self.setting._replace(gain=schedule.gains[-1].copy()))
 
 
@@ -122,7 +122,7 @@ def simulated_event(
         advance_state(
             x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None
         )
-        lag = setting.lag + learned.lag
+        lag = setting.lag + float(learned.sensor[0])
         indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
     shown = np.array(indicated)
     shown[1:] -= setting.late * np.diff(shown)

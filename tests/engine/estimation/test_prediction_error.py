@@ -169,7 +169,7 @@ def test_meaning_of_a_parameter_vector() -> None:
     changed = c.line.with_stiffness(-0.1).with_friction(2.0).with_leakage(0.04).with_air(0.05)
     assert learned.coefficients == c._replace(line=changed)
     assert learned.offset == 0.3
-    assert learned.lag == pytest.approx(40e-6)
+    assert learned.sensor[0] == pytest.approx(40e-6)
     assert changes_of_flow(x, u, learned.network) == (0.0, 0.0)
     theta[Parameter.NOZZLE_BIAS] = 0.2
     assert changes_of_flow(x, u, network_of(theta)) == (0.2, 0.0)

@@ -203,7 +203,7 @@ def model_of(observer: Observer) -> Model:
     for name in ("output", "bias", "nozzle"):
         getattr(model, name)[:] = in_force[name].ravel().tolist()
     model.gain[:] = observer.gains[-1][[0, 1, 2]].tolist()
-    model.lag, model.offset = float(in_force["lag"]), float(memory["pair"]["offset"])
+    model.lag, model.offset = float(in_force["sensor"][0]), float(memory["pair"]["offset"])
     model.interval, model.substeps = observer.constants.interval, observer.constants.substeps
     return model
 

@@ -29,7 +29,7 @@ cdef void move_end(
     if t != NULL:
         _end_rows(t, x, solved, mean, half, half, c, network)
     x[0], x[SAC] = middle, sac
-    if c.kind == MEAN_WAVE:  # the integral of p_L; p_L is that in the step's middle
+    if c.is_mean:  # the integral of p_L; p_L is that in the step's middle
         x[c.states - 1] += step * x[0]
         if t != NULL:
             for j in range(t.m):

@@ -92,18 +92,11 @@ cdef void _change_line(
     Coefficients* c, double stiffness_share, double inertance_share, double outflow, double loss
 ) noexcept nogil:
     """The line with stiffness and inertance times 1 + a share, and with an outflow of its end and a loss along it."""
-    cdef double less = 1.0 / (1.0 + inertance_share) - 1.0, stiff, inert
+    cdef double less = 1.0 / (1.0 + inertance_share) - 1.0
     cdef double* values = c.line.values
     cdef int64_t i
     for i in range(c.size):
-        stiff = inert = 0.0
-        if c.kind == LUMP or c.kind == MEAN_LUMP:
-            stiff = 1.0 if i <= LUMP_A2_SEAT or i == LUMP_LEAK else 0.0
-            inert = 1.0 if i == LUMP_A3 or i == LUMP_A4 else 0.0
-        else:
-            stiff = 1.0 if i <= WAVE_A2_SEAT or i == WAVE_B or i == WAVE_B_NEAR or i == WAVE_LEAK else 0.0
-            inert = 1.0 if WAVE_A3 <= i <= WAVE_A4 + 1 else 0.0  # with that of the inlet
-        values[i] = values[i] * (1.0 + stiffness_share * stiff) * (1.0 + less * inert)
+        values[i] = values[i] * (1.0 + stiffness_share * c.of_stiffness[i]) * (1.0 + less * c.of_inertance[i])
     values[c.size - 2] = outflow
     values[c.size - 1] = loss
 

@@ -1,4 +1,13 @@
-# A sample interval of any line: a new kind of line is a row in each of these.
+# A sample interval of any line: a new kind of line is a file, and a row in each of these.
+
+include "lump.pxi"
+include "wave.pxi"
+include "closed_end.pxi"
+
+cdef enum:
+    LUMP = 0
+    WAVE = 1
+
 
 cdef void advance_over(
     double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t
@@ -8,16 +17,16 @@ cdef void advance_over(
     knot: the share (0..1) of the interval it comes after, and the normalised area there; a share of 0 is none. It
     means nothing where the needle is shut all through the interval. t: the tangent that moves with it, NULL for none.
     """
-    if c.kind == LUMP:
-        if t == NULL:
-            _advance_lump(x, interval, knot, c, network, NULL, 3)
-        else:
-            _advance_lump(x, interval, knot, c, network, t, 3)
-    elif c.kind == MEAN_LUMP:
+    if c.kind == LUMP and c.is_mean:
         if t == NULL:
             _advance_lump(x, interval, knot, c, network, NULL, 4)
         else:
             _advance_lump(x, interval, knot, c, network, t, 4)
+    elif c.kind == LUMP:
+        if t == NULL:
+            _advance_lump(x, interval, knot, c, network, NULL, 3)
+        else:
+            _advance_lump(x, interval, knot, c, network, t, 3)
     else:
         leapfrog(x, interval, knot, c, network, t)
 
@@ -26,10 +35,10 @@ cdef void fine_step(
     double* x, Inputs start, Inputs middle, Inputs end, double step, const Coefficients* c, const Network* network
 ) noexcept nogil:
     """A single step [s], in place, its inputs known in its middle too."""
-    if c.kind == LUMP:
-        _runge_kutta_step(x, start, middle, end, step, c, network, NULL, 3)
-    elif c.kind == MEAN_LUMP:
+    if c.kind == LUMP and c.is_mean:
         _runge_kutta_step(x, start, middle, end, step, c, network, NULL, 4)
+    elif c.kind == LUMP:
+        _runge_kutta_step(x, start, middle, end, step, c, network, NULL, 3)
     else:
         move_line(x, start.rail, step, c, NULL)
         move_end(x, middle, end, step, c, network, NULL)
@@ -43,7 +52,7 @@ cdef void rates_at(const double* x, Inputs u, const Coefficients* c, const Netwo
 cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil:
     """No flow, one normalised pressure; p_S is left."""
     cdef int64_t i
-    if c.kind == LUMP or c.kind == MEAN_LUMP:
+    if c.kind == LUMP:
         x[0], x[1] = pressure, 0.0
         return
     for i in range(1, c.cells + 1):
@@ -56,7 +65,7 @@ cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept 
 
 cdef void begin_mean(double* x, Tangent* t, const Coefficients* c) noexcept nogil:
     """Let the integral of p_L, where a line has it, begin anew in x (n,), and in the tangent, if there is one."""
-    if c.kind == MEAN_LUMP or c.kind == MEAN_WAVE:
+    if c.is_mean:
         x[c.states - 1] = 0.0
         if t != NULL:
             memset(t.by + (t.n - 1) * t.m, 0, t.m * sizeof(double))

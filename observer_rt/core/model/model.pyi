@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLUMNS: int
+LUMP: int
 NOZZLE_NUMBERS: int
 SENSOR_NUMBERS: int
+WAVE: int
 FORGETTING: tuple[float, ...]
 MEMORIES: int
 STEP: float

@@ -34,9 +34,6 @@ cdef inline void empty_if_drained(double* x, const Interval* interval, Tangent* 
 
 
 include "flows.pxi"
-include "lump.pxi"
-include "wave.pxi"
-include "closed_end.pxi"
 include "interval.pxi"
 include "terms.pxi"
 include "forcing.pxi"

@@ -14,7 +14,6 @@ cdef double predict(
     cdef double lag = sensor[0], before = x[0], indicated_before = indicated[0], moved
     cdef LaggedSlopes slopes
     c, interval = &forced.coefficients, &forced.interval
-    cdef bint is_mean = c.kind == MEAN_LUMP or c.kind == MEAN_WAVE
     if gradient == NULL:
         begin_mean(x, NULL, c)
         advance_over(x, interval, forced.knot, c, &forced.network, NULL)
@@ -25,9 +24,9 @@ cdef double predict(
         advance_over(x, interval, forced.knot, c, &forced.network, &gradient.tangent)
         moved = lagged(indicated_before, before, x[0], interval.length, lag)
         slopes = lagged_slopes(indicated_before, before, x[0], interval.length, lag)
-        _predict_gradient(gradient, &slopes, late, interval.length, lag, moved - indicated_before, is_mean)
+        _predict_gradient(gradient, &slopes, late, interval.length, lag, moved - indicated_before, c.is_mean)
     indicated[0] = moved
-    if is_mean:
+    if c.is_mean:
         return recorded_mean(indicated_before, moved, x[c.states - 1] / interval.length, lag / interval.length, late)
     return recorded(indicated_before, moved, late)
 

@@ -85,10 +85,10 @@ cdef void _fill(Coefficients* c, coefficients) except *:
     if len(line) > MOST_COEFFICIENTS:
         raise ValueError(f"a line of {len(line)} coefficients, at most {MOST_COEFFICIENTS}")
     c.cells = int(line.cells) if "cells" in line._fields else 0
-    c.kind = (WAVE if c.cells else LUMP) + (1 if line.averaged else 0)
-    c.states, c.size = 3 + line.further, len(line)
-    for i in range(c.size):
+    c.kind, c.is_mean, c.states, c.size = line.kind, line.averaged, 3 + line.further, len(line)
+    for i, name in enumerate(line._fields):
         c.line.values[i] = line[i]
+        c.of_stiffness[i], c.of_inertance[i] = name in line.of_stiffness, name in line.of_inertance
     c.seat, c.nozzle, c.sac = coefficients.seat._asdict(), coefficients.nozzle._asdict(), coefficients.sac._asdict()
     c.pressure_scale, c.flow_scale = coefficients.pressure_scale, coefficients.flow_scale
     c.area_scale, c.chamber_pressure = coefficients.area_scale, coefficients.chamber_pressure
@@ -253,8 +253,17 @@ def stiffness_of(double x_1, line) -> float:
     return stiffness(x_1, &softness)
 
 
-globals().update(STEP=WAVE_STEP, MEMORIES=MEMORIES, FORGETTING=tuple(FORGETTING), WEIGHTS=tuple(WEIGHTS), COLUMNS=WIDTH, NOZZLE_NUMBERS=NOZZLE_NUMBERS,
-    SENSOR_NUMBERS=SENSOR_NUMBERS)
+globals().update(
+    COLUMNS=WIDTH,
+    FORGETTING=tuple(FORGETTING),
+    LUMP=LUMP,
+    MEMORIES=MEMORIES,
+    NOZZLE_NUMBERS=NOZZLE_NUMBERS,
+    SENSOR_NUMBERS=SENSOR_NUMBERS,
+    STEP=WAVE_STEP,
+    WAVE=WAVE,
+    WEIGHTS=tuple(WEIGHTS),
+)
 
 
 def steps_in(double interval) -> int:

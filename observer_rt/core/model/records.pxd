@@ -10,13 +10,6 @@ cdef enum:
     MEMORIES = 3  # states of a wave's line that remember its flow
     WIDTH = 8  # columns of a tangent reckoned together; tangents are a multiple of it wide
 
-# Kinds of line, each also with the integral of p_L as its last state.
-cdef enum:
-    LUMP = 0
-    MEAN_LUMP = 1
-    WAVE = 2
-    MEAN_WAVE = 3
-
 
 # How a line softens, the same fields of every line.
 cdef struct Softness:
@@ -66,11 +59,14 @@ cdef union Line:
 
 
 cdef struct Coefficients:
-    int64_t kind
+    int64_t kind  # of line: interval.pxi
+    bint is_mean  # its last state is the integral of p_L
     int64_t states  # n of x
     int64_t cells  # of a wave's line
     int64_t size  # coefficients of the line
     Line line
+    double[MOST_COEFFICIENTS] of_stiffness  # 1 where a coefficient of the line goes with the bulk modulus, else 0
+    double[MOST_COEFFICIENTS] of_inertance  # likewise with the inverse of the inertance
     Seat seat
     Nozzle nozzle
     Sac sac

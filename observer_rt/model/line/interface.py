@@ -28,6 +28,7 @@ def no_slopes(line: Any) -> Slopes:
 class Line(Protocol):
     """A line as numbers, its fields. Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S."""
 
+    kind: ClassVar[int]  # by which the core steps it: a number of `core/model/interval.pxi`
     of_stiffness: ClassVar[tuple[str, ...]]  # coefficients in proportion to the bulk modulus
     of_inertance: ClassVar[tuple[str, ...]]  # in inverse proportion to the inertance
     averaged: ClassVar[bool]  # its last state is the integral of p_L [s], see `begin_mean`

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.model.model import LUMP
 from observer_rt.model.line.interface import register
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class LumpLine(_LumpCoefficients):
     """See `interface.Line`."""
 
     __slots__ = ()
+    kind = LUMP
     further = 0
     of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak")
     of_inertance = ("a3", "a4")

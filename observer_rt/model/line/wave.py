@@ -20,7 +20,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import MEMORIES, STEP, fading_of, pull_of, steps_in, value_across_joint
+from observer_rt.core.model.model import (
+    MEMORIES,
+    STEP,
+    WAVE,
+    fading_of,
+    pull_of,
+    steps_in,
+    value_across_joint,
+)
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.line.interface import register
 from observer_rt.model.line.lump import STIFFNESS_PRESSURE
@@ -88,6 +96,7 @@ class WaveLine(_WaveCoefficients):
     """See `interface.Line`."""
 
     __slots__ = ()
+    kind = WAVE
     averaged = False
     resolved = RESOLVED
     of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak")

@@ -1,14 +1,19 @@
-"""Recipes of docs/CONTRIBUTING.md, followed: a value of an injection, a line model.
+"""Recipes of docs/CONTRIBUTING.md, followed: a value of an injection, a line model, a learned scalar, a reason.
 
 Effects and formats from outside: `tests/config/test_own_effects.py`, `tests/desk/cli/test_formats.py`.
 """
 
 import json
+import os
 import re
+import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from observer_rt.daemon.persistence.journal import COLUMNS
 from observer_rt.engine.reports.injection_report import INDICATORS
@@ -61,15 +66,103 @@ path.write_text(NOMINAL_INJECTOR.read_text().replace("# model = \\"lump\\"", "mo
 rigid, lump = (effective_model(load_injector(each)).coefficients.line for each in (path, NOMINAL_INJECTOR))
 print(json.dumps({{"type": type(rigid).__name__, "stiffness": rigid.a1 / lump.a1, "mode": rigid.mode / lump.mode}}))
 """
+SCALARS = "engine/estimation/scalars.py"
+SCALAR_EDITS = (
+    (
+        SCALARS,
+        "\n\nclass Element(",
+        "    INERTANCE = 10 + HIDDEN\n\n\nclass Element(",
+    ),
+    (
+        SCALARS,
+        "\n))\n# fmt: on",
+        """
+    Scalar("inertance", Parameter.INERTANCE, prior=0.3, drift=1e-3, longest_step=0.2, bounds=(-0.6, 1.0),
+           gated_from=-0.6, shown=ShownIndicator("line_inertance", label="line inertance i"),
+           change=lambda line, i: line._replace(a3=line.a3 * (1.0 + i))),
+))
+# fmt: on""",
+    ),
+)
+SCALAR = """
+import json
+
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.learning.indicators import indicators_of
+from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.stream.standstill import Standstill
+from tests.engine.learning.test_scalar_from_outside import CONSTANTS, NOISE, SCALE, event
+
+learner = Learner(CONSTANTS, no_knowledge(NOISE, SCALE))
+in_force = no_knowledge(NOISE, SCALE).in_force
+for seed in range(3):
+    outcome = learner.learn(event(0.15, seed), Standstill(0, 0.0, None), in_force)
+    in_force = outcome.knowledge.in_force
+shown = indicators_of(outcome.estimate, outcome.covariance, [0.9, 1.0, 0.8], [0.95, 0.9])
+print(json.dumps({
+    "width": PARAMETERS, "name": SCALARS.names[-1], "learned": in_force[Parameter.INERTANCE],
+    "shown": shown["line_inertance"].value,
+}))
+"""
+REASON_EDITS = (
+    ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 30\n\n\ndef sample_dtype"),
+    (
+        "engine/words.py",
+        "}\n\nCOUNTERS",
+        '    Reason.FUEL_HOT: Words("the fuel is too hot", "cool it"),\n}\n\nCOUNTERS',
+    ),
+    (
+        "engine/stream/validity.py",
+        "\n\ndef state_of_service",
+        "    is_hot: bool = False\n\n\ndef state_of_service",
+    ),
+    (
+        "engine/stream/validity.py",
+        "    if surroundings.is_stale:",
+        "    if surroundings.is_hot:\n        return State.DEGRADED, Reason.FUEL_HOT\n    if surroundings.is_stale:",
+    ),
+)
+REASON = """
+import json
+
+from observer_rt.engine.stream.validity import Surroundings, state_of_service
+from observer_rt.engine.words import named
+from tools.lib.word_tables import DATABASES, PAGE, database_with_words, page_with_words
+
+_, reason = state_of_service(None, Surroundings(is_hot=True))
+print(json.dumps({
+    "named": named(reason),
+    "page": "| `FUEL_HOT` | 30 | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),
+    "databases": [database_with_words(each.read_text()).count('30 "FUEL_HOT') for each in DATABASES],
+}))
+"""
 
 
-def _followed(code: str) -> Any:
-    """JSON that a program of its own prints, so that what it registers goes with it."""
+def _followed(code: str, package: Path = ROOT) -> Any:
+    """JSON that a program of its own prints, so that what it registers goes with it; package: folder it is in."""
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", code],
+        cwd=package,
+        env={**os.environ, "PYTHONPATH": f"{package}{os.pathsep}{ROOT}"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+def _with_edits(folder: Path, edits: Sequence[tuple[str, str, str]]) -> Path:
+    """A folder with a copy of the package, in whose files a text became another."""
+    copy = folder / "observer_rt"
+    shutil.copytree(ROOT / "observer_rt", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    for name, before, after in edits:
+        text = (copy / name).read_text(encoding="utf-8")
+        assert text.count(before) == 1
+        (copy / name).write_text(text.replace(before, after), encoding="utf-8")
+    return folder
 
 
 def test_a_row_of_fields_reaches_journal_tables_and_json() -> None:
@@ -89,6 +182,18 @@ def test_a_registered_line_is_a_model_of_injector_files(tmp_path: Path) -> None:
     assert found["type"] == "RigidLine"
     assert abs(found["stiffness"] - 2.0) < 1e-12
     assert abs(found["mode"] - 2.0**0.5) < 1e-12
+
+
+def test_a_row_of_scalars_is_learned_and_shown(tmp_path: Path) -> None:
+    found = _followed(SCALAR, _with_edits(tmp_path, SCALAR_EDITS))
+    assert (found["width"], found["name"]) == (16, "inertance")
+    assert found["learned"] == pytest.approx(0.15, abs=0.02)
+    assert found["shown"] == pytest.approx(0.15, abs=0.02)
+
+
+def test_a_reason_with_its_words_and_rule_reaches_page_and_databases(tmp_path: Path) -> None:
+    found = _followed(REASON, _with_edits(tmp_path, REASON_EDITS))
+    assert found == {"named": "FUEL_HOT: the fuel is too hot", "page": True, "databases": [2, 2]}
 
 
 def test_the_page_lists_the_columns_of_the_journal() -> None:

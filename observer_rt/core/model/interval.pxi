@@ -4,6 +4,7 @@ include "lump.pxi"
 include "wave.pxi"
 include "closed_end.pxi"
 
+# Kinds of line.
 cdef enum:
     LUMP = 0
     WAVE = 1

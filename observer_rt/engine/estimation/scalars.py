@@ -18,8 +18,6 @@ from observer_rt.model.network import HIDDEN, Network, constant_network, zero_ne
 from observer_rt.model.right_hand_side import ByTheta
 from observer_rt.model.sensor import LAG_UNIT
 
-PARAMETERS = 10 + HIDDEN
-
 Theta = NDArray[np.float64]
 """A parameter vector, as wide as its table: (m,)."""
 
@@ -247,6 +245,8 @@ SCALARS = Scalars((
            counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2, element=Element.NOZZLE),
 ))
 # fmt: on
+
+PARAMETERS = SCALARS.width
 
 
 _NOZZLE, _WEIGHTS, _SEAT = (

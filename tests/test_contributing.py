@@ -50,7 +50,7 @@ from pathlib import Path
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line.interface import register
+from observer_rt.model.line.interface import register, stiffened
 from observer_rt.model.line.lump import LumpLine
 
 class RigidLine(LumpLine):
@@ -58,7 +58,7 @@ class RigidLine(LumpLine):
 
     @classmethod
     def of(cls, *arguments):
-        return super().of(*arguments).with_stiffness(1.0)
+        return stiffened(super().of(*arguments), 1.0)
 
 register("rigid", RigidLine)
 path = Path({path!r})

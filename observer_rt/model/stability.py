@@ -8,6 +8,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.effective import Coefficients, EffectiveModel, coefficients
 from observer_rt.model.hydraulics import full_lift_area
+from observer_rt.model.line.interface import stiffened
 from observer_rt.model.line.wave import FEWEST_CELLS, STABLE, WaveLine, cells_for
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
 
@@ -60,7 +61,7 @@ def _strain(model: EffectiveModel, interval: float, highest_pressure: float) -> 
         return 0.0
     normalised = OVERSHOOT * highest_pressure / model.coefficients.pressure_scale
     stiffer = max(0.0, line.stiffness_slope * (normalised - line.stiffness_pressure))
-    return line.with_stiffness(stiffer).strain(interval)
+    return float(stiffened(line, stiffer).strain(interval))
 
 
 def fastest_rate(parameters: InjectorParameters, departures: Departures = NO_DEPARTURES) -> float:

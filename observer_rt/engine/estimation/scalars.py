@@ -14,6 +14,7 @@ from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 from observer_rt.model.effective import Coefficients
+from observer_rt.model.line.interface import stiffened
 from observer_rt.model.network import HIDDEN, Network, constant_network, zero_network
 from observer_rt.model.right_hand_side import ByTheta
 from observer_rt.model.sensor import LAG_UNIT
@@ -223,11 +224,11 @@ SCALARS = Scalars((
            shown=ShownIndicator(SEAT, key="seat_v_S")),
     Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
            gated_from=-0.95, shown=ShownIndicator("line_friction", label="line friction k"),
-           change=lambda line, k: line.with_friction(k)),
+           change=lambda line, k: line._replace(a4=line.a4 * (1.0 + k))),
     Scalar("leakage", Parameter.GUIDE_LEAKAGE, prior=0.09, drift=3.3e-4, longest_step=1.0, bounds=(0.0, 1.0),
            gated_from=0.0, shown=ShownIndicator("guide_leakage", lambda c: c.flow_scale / c.pressure_scale,
                                        label="guide leakage c", unit=("m3/(s Pa)", 1.0)),
-           change=lambda line, c: line.with_leakage(c)),
+           change=lambda line, c: line._replace(leak=line.leak + line.a1 * c)),
     Scalar("offset", Parameter.LINE_PRESSURE_OFFSET, prior=2.5e6, drift=2e3, longest_step=10e6, bounds=(-10e6, 10e6),
            counted=ScalarUnit.PRESSURE, shown=ShownIndicator(OFFSET, lambda c: c.pressure_scale,
                                                  label="line pressure sensor offset", unit=("MPa", MEGAPASCAL))),
@@ -237,10 +238,10 @@ SCALARS = Scalars((
                        unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
     Scalar("stiffness", Parameter.BULK_MODULUS, prior=0.18, drift=2e-4, longest_step=0.12, bounds=(-0.6, 1.0),
            gated_from=-0.6, shown=ShownIndicator("bulk_modulus", label="bulk modulus r"),
-           change=lambda line, r: line.with_stiffness(r), turn=0),
+           change=stiffened, turn=0),
     Scalar("air", Parameter.ENTRAINED_AIR, prior=0.05, drift=1e-4, longest_step=0.04, bounds=(0.0, 0.5),
            gated_from=0.0, shown=ShownIndicator("entrained_air", lambda c: c.compression, label="entrained air g"),
-           change=lambda line, g: line.with_air(g)),
+           change=lambda line, g: line._replace(air=line.air + g)),
     Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
            counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2, element=Element.NOZZLE),
 ))

@@ -34,6 +34,9 @@ class Line(Protocol):
     averaged: ClassVar[bool]  # its last state is the integral of p_L [s], see `begin_mean`
     resolved: ClassVar[float]  # s over which means of p_L are a pipe's, shorter waves are not; 0: it has none
     _fields: ClassVar[tuple[str, ...]]
+    a4: float  # in proportion to the loss factor
+    leak: float  # past the guide at p_0, in units of Q_0, times a1
+    air: float  # K g / p_0 of 1/K_eff = 1/K + g/p
     outflow: float  # of its closed end, in units of Q_0, as terms change it
     loss: float  # of pressure along it, in units of p_0, as terms change it
 
@@ -85,20 +88,13 @@ class Line(Protocol):
     def stepping(self, interval: float) -> str:
         """Description of the resolution of the line's own steps, for an engineer; empty of one that RK4 steps."""
 
-    def with_friction(self, k: float) -> "Line":
-        """Loss factor times 1 + k."""
-
-    def with_leakage(self, c: float) -> "Line":
-        """Flow past the guide at p_0, in units of Q_0."""
-
-    def with_stiffness(self, r: float) -> "Line":
-        """Bulk modulus times 1 + r."""
-
-    def with_air(self, g: float) -> "Line":
-        """K g / p_0 of 1/K_eff = 1/K + g/p added."""
-
     def with_mean(self) -> "Line":
         """Line averaged over the sample period, for samples that are means."""
+
+
+def stiffened(line: Any, r: float) -> Any:
+    """A line whose bulk modulus is 1 + r times what it was."""
+    return line._replace(**{name: getattr(line, name) * (1.0 + r) for name in line.of_stiffness})
 
 
 _LINES: dict[str, type[Line]] = {}

@@ -113,22 +113,6 @@ class LumpLine(_LumpCoefficients):
         """Empty, for the lump has no steps of its own."""
         return ""
 
-    def with_friction(self, k: float) -> "LumpLine":
-        """See `interface.Line`."""
-        return self._replace(a4=self.a4 * (1.0 + k))
-
-    def with_leakage(self, c: float) -> "LumpLine":
-        """See `interface.Line`."""
-        return self._replace(leak=self.leak + self.a1 * c)
-
-    def with_stiffness(self, r: float) -> "LumpLine":
-        """See `interface.Line`."""
-        return self._replace(**{name: getattr(self, name) * (1.0 + r) for name in self.of_stiffness})
-
-    def with_air(self, g: float) -> "LumpLine":
-        """See `interface.Line`."""
-        return self._replace(air=self.air + g)
-
     def with_mean(self) -> "MeanLumpLine":
         """See `interface.Line`."""
         return MeanLumpLine(*self)

@@ -254,22 +254,6 @@ class WaveLine(_WaveCoefficients):
             flows[first + k] = take * (change + shift)
             flows[first + k, first + k] += keep
 
-    def with_friction(self, k: float) -> "WaveLine":
-        """See `interface.Line`."""
-        return self._replace(a4=self.a4 * (1.0 + k))
-
-    def with_leakage(self, c: float) -> "WaveLine":
-        """See `interface.Line`."""
-        return self._replace(leak=self.leak + self.a1 * c)
-
-    def with_stiffness(self, r: float) -> "WaveLine":
-        """See `interface.Line`."""
-        return self._replace(**{name: getattr(self, name) * (1.0 + r) for name in self.of_stiffness})
-
-    def with_air(self, g: float) -> "WaveLine":
-        """See `interface.Line`."""
-        return self._replace(air=self.air + g)
-
     def with_mean(self) -> "MeanWaveLine":
         """See `interface.Line`."""
         return MeanWaveLine(*self)

@@ -13,6 +13,7 @@ from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window, open_loop_errors
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
+from observer_rt.model.line.interface import stiffened
 from observer_rt.model.line.wave import RESOLVED
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import LineOutflow
@@ -166,7 +167,9 @@ def test_meaning_of_a_parameter_vector() -> None:
     theta[Parameter.ENTRAINED_AIR] = 0.05
     c = coefficients(load_injector())
     learned = learned_of(theta, c)
-    changed = c.line.with_stiffness(-0.1).with_friction(2.0).with_leakage(0.04).with_air(0.05)
+    softer = stiffened(c.line, -0.1)
+    leak = c.line.leak + 0.04 * softer.a1
+    changed = softer._replace(a4=3.0 * c.line.a4, leak=leak, air=c.line.air + 0.05)
     assert learned.coefficients == c._replace(line=changed)
     assert learned.offset == 0.3
     assert learned.sensor[0] == pytest.approx(40e-6)

@@ -12,10 +12,11 @@ from numpy import atleast_1d
 
 from observer_rt.core.frames.records cimport *
 from observer_rt.core.stream.state cimport (
-    BREAK_JUMP, BREAK_LOSS, BREAK_NONE, BREAK_RESTART, DOUBT_NONE, DOUBT_TIME_BASE, INJECTIONS, LIFT, MASK, REASON_INPUT_STALE,
-    REASON_NONE, RECORDED_MASK, RECORDED_RING, STATE_DEGRADED, Observer, Recorded
+    BREAK_JUMP, BREAK_LOSS, BREAK_NONE, BREAK_RESTART, DOUBT_NONE, DOUBT_TIME_BASE, INJECTIONS, LIFT, MASK,
+    RECORDED_MASK, RECORDED_RING, STATE_DEGRADED, Observer, Recorded
 )
 from observer_rt.core.stream.stream cimport Stream, advance_stream, take_recorded
+from observer_rt.core.stream.validity cimport REASON_INPUT_STALE, REASON_NONE
 
 cdef enum:
     SLOTS = 4096  # samples that may wait for another message

@@ -10,6 +10,7 @@ from libc.string cimport memcpy
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
 from observer_rt.core.stream.ramps cimport slope_of_means
 from observer_rt.core.stream.state cimport *
+from observer_rt.core.stream.validity cimport *
 
 
 cdef inline void copy_numbers(const double* source, double* target, int64_t count) noexcept nogil:
@@ -28,7 +29,6 @@ include "outliers.pxi"
 include "judgement.pxi"
 include "pair.pxi"
 include "innovation_monitor.pxi"
-include "validity.pxi"
 include "step.pxi"
 
 
@@ -90,7 +90,7 @@ def dead_band(double lift_noise) -> tuple[float, float]:
 
 
 def reason_and_state(facts) -> tuple[int, int]:
-    """Reason a sample is not valid, and State, by the facts of validity.pxi's `SampleFacts` (a dict)."""
+    """Reason a sample is not valid, and State, by the facts of validity.pxd's `SampleFacts` (a dict)."""
     cdef SampleFacts of_sample = facts
     cdef int64_t reason = reason_of_sample(&of_sample)
     return reason, state_of_sample(&of_sample, reason)

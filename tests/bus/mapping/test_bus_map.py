@@ -13,7 +13,6 @@ from observer_rt.bus.mapping.output_messages import output_message, rate_message
 from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.config.signals import Role
-from observer_rt.engine.stream.state import Reason, State
 from observer_rt.foundation.errors import UserError
 from tests.benches import attributes, own_bench
 
@@ -155,17 +154,6 @@ def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
     path.write_text(text + attributes)
     with pytest.raises(UserError, match="has 2 bytes, which E2E profile 5"):
         output_message(find_message(load_database(path), "Short"), ["State"])
-
-
-@pytest.mark.parametrize("message", ["InjectionSummary", "ObserverStatus"])
-@pytest.mark.parametrize("database", [FD_DATABASE, CLASSIC_DATABASE])
-def test_the_databases_name_every_state_and_reason(database: Path, message: str) -> None:
-    signals = {signal.name: signal for signal in find_message(load_database(database), message).signals}
-    for signal, meaning in (("State", State), ("Reason", Reason)):
-        choices = signals[signal].choices
-        assert choices is not None
-        names = {int(code): str(text).partition(":")[0] for code, text in choices.items()}
-        assert names == {m.value: m.name for m in meaning}
 
 
 @pytest.mark.parametrize(

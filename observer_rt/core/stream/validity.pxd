@@ -2,6 +2,27 @@
 #
 # What is valid has no reason. docs/validity.md says who knows what, and when.
 
+from libc.stdint cimport int64_t
+
+from observer_rt.core.stream.state cimport (
+    DOUBT_NONE, STATE_ADAPTED, STATE_DEGRADED, STATE_RUNNING_NOMINAL, STATE_STARTING
+)
+
+cdef enum:  # Reason, those that the core finds
+    REASON_NONE = 0
+    REASON_STARTING = 1
+    REASON_JUMPED = 2
+    REASON_NUMERICAL = 5
+    REASON_NEEDLE_STUCK = 6
+    REASON_TOO_FEW_EVENTS = 7
+    REASON_INPUT_STALE = 18
+    REASON_NOT_JUDGED = 19
+    REASON_CONTRADICTED = 20
+    REASON_NO_STANDSTILL = 22
+    REASON_LIFT_ZERO = 23
+    REASON_OUTSIDE_LEARNED_RANGE = 28
+    REASON_LIFT_DEAD = 29
+
 
 cdef struct SampleFacts:
     # What the stream knows at a sample; reasons are 0 where there is none.
@@ -19,7 +40,7 @@ cdef struct SampleFacts:
     bint has_learned  # something is in force
 
 
-cdef int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
+cdef inline int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
     """Why the sample is not valid (Reason), the first that holds; 0: it is."""
     if not facts.is_synchronised:
         return facts.unsynchronised_by
@@ -42,7 +63,7 @@ cdef int64_t reason_of_sample(const SampleFacts* facts) noexcept nogil:
     return facts.unsynchronised_by
 
 
-cdef int64_t state_of_sample(const SampleFacts* facts, int64_t reason) noexcept nogil:
+cdef inline int64_t state_of_sample(const SampleFacts* facts, int64_t reason) noexcept nogil:
     """The State at the sample, which has a reason: degraded by what is wrong, not by what is only not known yet."""
     cdef bint is_unsynchronised, is_doubted
     if facts.unsynchronised_by == REASON_STARTING:

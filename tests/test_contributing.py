@@ -87,23 +87,36 @@ SCALAR_EDITS = (
 SCALAR = """
 import json
 
-from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.mailbox import judge
+from observer_rt.engine.observer import in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
-from tests.engine.learning.test_scalar_from_outside import CONSTANTS, NOISE, SCALE, event
+from tests.engine.learning.strokes import CONSTANTS, SCALE, stroke_of
+from tests.engine.sample_stream import NOISE
 
-learner = Learner(CONSTANTS, no_knowledge(NOISE, SCALE))
-in_force = no_knowledge(NOISE, SCALE).in_force
-for seed in range(3):
-    outcome = learner.learn(event(0.15, seed), Standstill(0, 0.0, None), in_force)
-    in_force = outcome.knowledge.in_force
-shown = indicators_of(outcome.estimate, outcome.covariance, [0.9, 1.0, 0.8], [0.95, 0.9])
-print(json.dumps({
-    "width": PARAMETERS, "name": SCALARS.names[-1], "learned": in_force[Parameter.INERTANCE],
-    "shown": shown["line_inertance"].value,
-}))
+c = CONSTANTS.coefficients
+found = []
+for inertance in (-0.15, 0.0, 0.15):
+    knowledge = no_knowledge(NOISE, SCALE)
+    learner = Learner(CONSTANTS, knowledge)
+    observer = make_observer(CONSTANTS, knowledge, learner)
+    other = c._replace(line=c.line._replace(a3=c.line.a3 * (1.0 + inertance)))
+    for seed in range(3):
+        event = stroke_of(other, samples=900, seed=seed)
+        outcome = learner.learn(event, Standstill(0, 0.0, None), in_force(observer))
+        judge(observer, outcome.objections, outcome)
+    shown = indicators_of(outcome.estimate, outcome.covariance, [0.9, 1.0, 0.8], [0.95, 0.9])["line_inertance"]
+    line = observer.memory[0]["in_force"]["line"]
+    found.append({
+        "learned": in_force(observer)[Parameter.INERTANCE],
+        "carried": line[c.line._fields.index("a3")] / c.line.a3 - 1.0,
+        "shown": shown.value,
+        "sigma": shown.sigma,
+    })
+print(json.dumps({"name": SCALARS.names[-1], "found": found}))
 """
 REASON_EDITS = (
     ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 30\n\n\ndef sample_dtype"),
@@ -185,10 +198,14 @@ def test_a_registered_line_is_a_model_of_injector_files(tmp_path: Path) -> None:
 
 
 def test_a_row_of_scalars_is_learned_and_shown(tmp_path: Path) -> None:
-    found = _followed(SCALAR, _with_edits(tmp_path, SCALAR_EDITS))
-    assert (found["width"], found["name"]) == (16, "inertance")
-    assert found["learned"] == pytest.approx(0.15, abs=0.02)
-    assert found["shown"] == pytest.approx(0.15, abs=0.02)
+    followed = _followed(SCALAR, _with_edits(tmp_path, SCALAR_EDITS))
+    assert followed["name"] == "inertance"
+    heavy, healthy, light = followed["found"]
+    for found, inertance in ((heavy, -0.15), (light, 0.15)):
+        assert found["learned"] == found["shown"] == pytest.approx(inertance, abs=0.02)
+        assert found["carried"] == pytest.approx(found["learned"], rel=1e-9)
+        assert 0.0 < found["sigma"] < 0.02
+    assert healthy["learned"] == healthy["carried"] == 0.0  # it does not pay
 
 
 def test_a_reason_with_its_words_and_rule_reaches_page_and_databases(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def _write(
 ) -> None:
     """Writes what the stream is to carry into a slot."""
     constants = observer.constants
-    learned = learned_of(knowledge.in_force, constants.coefficients, knowledge.scalars)
+    learned = learned_of(knowledge.in_force, constants.coefficients)
     verdict = observer.verdicts.slots[slot]
     observer.verdicts.theta[slot] = knowledge.in_force
     carried = verdict["carried"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.predictor import follow, propagate_noise
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, gradient_of
-from observer_rt.engine.estimation.scalars import SCALARS, Scalars, learned_of
+from observer_rt.engine.estimation.scalars import learned_of
 
 
 class OpenLoop(NamedTuple):
@@ -29,12 +29,10 @@ class OpenLoop(NamedTuple):
     by_area: NDArray[np.float64]
 
 
-def open_loop(
-    window: Window, setting: Setting, theta: NDArray[np.float64], scalars: Scalars = SCALARS
-) -> OpenLoop:
+def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> OpenLoop:
     """x^ with the parameters theta (m,) over a window, its sensitivities starting at 0 at the opening."""
     n, m, states = window.output.size, theta.size, setting.coefficients.states
-    learned = learned_of(theta, setting.coefficients, scalars)
+    learned = learned_of(theta, setting.coefficients)
     result = OpenLoop(
         rate=np.zeros(n),
         slopes=np.zeros((n, m)),
@@ -43,7 +41,7 @@ def open_loop(
         relaxation=np.zeros(n),
         by_area=np.zeros(n),
     )
-    gradient = gradient_of(theta, setting.coefficients, learned, scalars, states)
+    gradient = gradient_of(theta, setting.coefficients, learned, states)
     follow(window, setting, learned, window.opening, np.empty(n), NO_RATE, gradient, NO_SLOPES, run=result)
     return result
 

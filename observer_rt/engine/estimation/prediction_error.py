@@ -18,7 +18,7 @@ from observer_rt.engine.estimation.predictor import (
     innovations,
     innovations_with_sensitivity,
 )
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, learned_of
+from observer_rt.engine.estimation.scalars import Parameter, learned_of
 from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
@@ -115,7 +115,6 @@ class EventCost:
         setting: Setting,
         sigma: float,
         burn_in: int,
-        scalars: Scalars = SCALARS,
         whitening: Whitening | None = None,
         offset: float | None = None,
         levels: NDArray[np.float64] | None = None,
@@ -130,7 +129,6 @@ class EventCost:
         """
         self._window = window
         self._setting = setting
-        self._scalars = scalars
         self._whitening = whitening
         self._levels = levels
         self._offset, self._offset_weight = 0.0, 0.0
@@ -157,7 +155,7 @@ class EventCost:
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
-        learned = learned_of(theta, self._setting.coefficients, self._scalars)
+        learned = learned_of(theta, self._setting.coefficients)
         self.unfiltered = np.empty(self._window.output.size)
         innovations(self._window, self._setting, learned, self.unfiltered)
         return self._cost(theta)
@@ -166,9 +164,7 @@ class EventCost:
         """J round theta (m,); leaves the innovations and their slopes (n, m) behind."""
         self.unfiltered = np.empty(self._window.output.size)
         slopes = np.empty((self.unfiltered.size, theta.size))
-        innovations_with_sensitivity(
-            self._window, self._setting, theta, self.unfiltered, slopes, self._scalars
-        )
+        innovations_with_sensitivity(self._window, self._setting, theta, self.unfiltered, slopes)
         value = self._cost(theta)
         self.slopes = self.whitened(slopes)
         gradient = np.zeros(theta.size)

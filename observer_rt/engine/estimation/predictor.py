@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import SENSOR_NUMBERS
-from observer_rt.engine.estimation.scalars import SCALARS, Learned, Scalars, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import SCALARS, Learned, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.forcing import NO_CLOCK, NO_PROGRAM, Clock
 from observer_rt.model.right_hand_side import Tangent, tangent_of
@@ -68,14 +68,12 @@ class Gradient(NamedTuple):
     error: NDArray[np.float64]  # of the innovation
 
 
-def gradient_of(
-    theta: NDArray[np.float64], c: Coefficients, learned: Learned, scalars: Scalars = SCALARS, beside: int = 0
-) -> Gradient:
+def gradient_of(theta: NDArray[np.float64], c: Coefficients, learned: Learned, beside: int = 0) -> Gradient:
     """A gradient of 0 for theta (m,) on the model `c`, with so many columns beside those of theta."""
-    tangent = tangent_of(c, learned.network, by_theta(theta, c, scalars), theta.size + beside)
+    tangent = tangent_of(c, learned.network, by_theta(theta, c), theta.size + beside)
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
-    sensor[np.arange(SENSOR_NUMBERS), scalars.sensor.columns] = scalars.sensor.sizes
+    sensor[np.arange(SENSOR_NUMBERS), SCALARS.sensor.columns] = SCALARS.sensor.sizes
     return Gradient(tangent, sensor, before, indicated, error)
 
 
@@ -90,11 +88,10 @@ def innovations_with_sensitivity(
     theta: NDArray[np.float64],
     result: NDArray[np.float64],
     slopes: NDArray[np.float64],
-    scalars: Scalars = SCALARS,
 ) -> None:
     """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient."""
-    learned = learned_of(theta, setting.coefficients, scalars)
-    gradient = gradient_of(theta, setting.coefficients, learned, scalars)
+    learned = learned_of(theta, setting.coefficients)
+    gradient = gradient_of(theta, setting.coefficients, learned)
     follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
 
 

@@ -269,9 +269,9 @@ def nothing_learned(c: Coefficients) -> Learned:
     return Learned(constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
 
 
-def learned_of(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> Learned:
+def learned_of(theta: NDArray[np.float64], c: Coefficients) -> Learned:
     """Meaning of a parameter vector (m,) by its table on a model without it; nobody changes its arrays."""
-    return _meaning(theta.tobytes(), c.line, c, scalars)
+    return _meaning(theta.tobytes(), c.line, c)
 
 
 def sensor_lag(theta: NDArray[np.float64]) -> float:
@@ -279,41 +279,41 @@ def sensor_lag(theta: NDArray[np.float64]) -> float:
     return float(theta[Parameter.SENSOR_LAG]) * LAG_UNIT
 
 
-def network_of(theta: NDArray[np.float64], scalars: Scalars = SCALARS) -> Network:
+def network_of(theta: NDArray[np.float64]) -> Network:
     """The network in a parameter vector (m,)."""
     network = zero_network()
     network.output[0, :] = theta[_WEIGHTS : _WEIGHTS + HIDDEN]
     network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
-    network.nozzle[:] = scalars.nozzle.of(theta)
+    network.nozzle[:] = SCALARS.nozzle.of(theta)
     return network
 
 
-def by_theta(theta: NDArray[np.float64], c: Coefficients, scalars: Scalars = SCALARS) -> ByTheta:
+def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
     """Action of theta (m,) on a model without it: where the network's parameters stand, the line's slopes.
 
     The slopes are those of the laws themselves, by complex steps.
     """
-    return _by_values(c.line, scalars.of_line(theta), scalars)
+    return _by_values(c.line, SCALARS.of_line(theta))
 
 
 @_several
-def _meaning(content: bytes, line: Any, c: Coefficients, scalars: Scalars) -> Learned:
+def _meaning(content: bytes, line: Any, c: Coefficients) -> Learned:
     theta = np.frombuffer(content)
-    changed = c._replace(line=_changed(line, scalars.of_line(theta), scalars))
+    changed = c._replace(line=_changed(line, SCALARS.of_line(theta)))
     return Learned(
-        network_of(theta, scalars),
+        network_of(theta),
         changed,
         float(theta[Parameter.LINE_PRESSURE_OFFSET]),
-        scalars.sensor.of(theta),
+        SCALARS.sensor.of(theta),
     )
 
 
 @_several
-def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByTheta:
+def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
     found: list[tuple[int, int, float]] = []
-    for place, (column, _) in enumerate(scalars.laws):
+    for place, (column, _) in enumerate(SCALARS.laws):
         stepped = (*values[:place], complex(values[place], _TINY), *values[place + 1 :])
-        for number, coefficient in enumerate(_changed.__wrapped__(line, stepped, scalars)):
+        for number, coefficient in enumerate(_changed.__wrapped__(line, stepped)):
             slope = coefficient.imag / _TINY
             if slope != 0.0:
                 found.append((column, number, slope))
@@ -322,7 +322,7 @@ def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByThet
         _NOZZLE,
         _WEIGHTS,
         _SEAT,
-        scalars.nozzle.columns,
+        SCALARS.nozzle.columns,
         np.array(columns, np.int64),
         np.array(numbers, np.int64),
         np.array(slopes, np.float64),
@@ -330,7 +330,7 @@ def _by_values(line: Any, values: tuple[float, ...], scalars: Scalars) -> ByThet
 
 
 @_several
-def _changed(line: Any, values: tuple[Any, ...], scalars: Scalars) -> Any:
-    for (_, change), value in zip(scalars.laws, values, strict=True):
+def _changed(line: Any, values: tuple[Any, ...]) -> Any:
+    for (_, change), value in zip(SCALARS.laws, values, strict=True):
         line = change(line, value)
     return line

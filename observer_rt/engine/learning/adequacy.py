@@ -16,7 +16,7 @@ from observer_rt.engine.estimation.phases import (
     phase_statistics,
 )
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, Theta, sensor_lag
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta, sensor_lag
 from observer_rt.engine.learning.disturbances.colour import Colour
 from observer_rt.engine.learning.disturbances.noise_levels import mask_of
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
@@ -127,12 +127,12 @@ def objections(
     return result
 
 
-def is_worn_beyond_limits(theta: NDArray[np.float64], scalars: Scalars = SCALARS) -> bool:
+def is_worn_beyond_limits(theta: NDArray[np.float64]) -> bool:
     """Whether theta (m,) stands at a limit of nozzle or seat: it is no minimum there, and its interval says nothing.
 
     An opening that was none makes it so: only a blocked nozzle explains that no pressure moved.
     """
-    limits = ((theta[row.column], row.bounds) for row in scalars.rows if row.column in WEAR)
+    limits = ((theta[row.column], row.bounds) for row in SCALARS.rows if row.column in WEAR)
     return any(not lowest < value < highest for value, (lowest, highest) in limits)
 
 

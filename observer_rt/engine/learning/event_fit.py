@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import Parameter, Scalars
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.adequacy import BURN_IN, tempering
 from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT, Colour, resting_segments
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of
@@ -76,7 +76,6 @@ class EventReader:
 
     interval: float
     pressure_scale: float
-    scalars: Scalars
     start: LearningState
     healthy: Healthy = NOT_FITTED
 
@@ -88,16 +87,16 @@ class EventReader:
     @cached_property
     def wide(self) -> NDArray[np.float64]:
         """Standard deviations (m,) of theta before any event."""
-        return self.scalars.prior(self.pressure_scale)
+        return SCALARS.prior(self.pressure_scale)
 
     @cached_property
     def drift(self) -> NDArray[np.float64]:
         """Standard deviations (m,) of the change of theta from event to event."""
-        return self.scalars.drift(self.pressure_scale)
+        return SCALARS.drift(self.pressure_scale)
 
     @cached_property
     def _limits(self) -> Limits:
-        return theta_limits(self.pressure_scale, self.scalars)
+        return theta_limits(self.pressure_scale)
 
     def forgotten(self, state: LearningState, cause: Cause) -> LearningState:
         """State without what no longer holds."""
@@ -115,7 +114,7 @@ class EventReader:
         if mask is not None:
             counted = counted._replace(masked=mask)
             cost = self.cost_of(state, counted, believed)
-            fitter = EventFitter(cost, self.scalars.gate, fit.active, self._limits)
+            fitter = EventFitter(cost, SCALARS.gate, fit.active, self._limits)
             start = cost.linearised(fit.linearisation.theta)
             fit = replace(fitter.fit(start, fit.prior, ITERATIONS), contradicts=fit.contradicts)
         state, colour = self._colour_after(state, counted, fit, believed)
@@ -142,7 +141,6 @@ class EventReader:
             believed.setting,
             _sigmas(state, believed).innovation,
             self.burn_in,
-            self.scalars,
             None if colour is None else colour.whitening,
             believed.offset,
             state.jitter.levels(window, believed.sigmas.innovation),
@@ -220,7 +218,7 @@ class EventReader:
         return replace(state, trend=trend), window, cost, fit
 
     def _fitter(self, state: LearningState, cost: EventCost) -> EventFitter:
-        return EventFitter(cost, self.scalars.gate, state.learned.active, self._limits)
+        return EventFitter(cost, SCALARS.gate, state.learned.active, self._limits)
 
     def _mask(
         self, state: LearningState, window: Window, innovations: NDArray[np.float64], believed: Believed

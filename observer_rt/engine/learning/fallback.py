@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.predictor import sum_of_squares
 from observer_rt.engine.estimation.phases import Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Setting, Window, open_loop_errors
-from observer_rt.engine.estimation.scalars import Scalars, Theta, learned_of
+from observer_rt.engine.estimation.scalars import Theta, learned_of
 from observer_rt.engine.learning.adequacy import BELIEVED_AFTER, Objection, inadequate_phase
 from observer_rt.engine.learning.disturbances.colour import Colour
 from observer_rt.engine.stream.state import Reason
@@ -108,7 +108,7 @@ class Rehearsed:
     offset: float
     errors: dict[bytes, NDArray[np.float64]] = field(default_factory=dict)
 
-    def error(self, theta: NDArray[np.float64], colour: Colour | None, scalars: Scalars) -> float:
+    def error(self, theta: NDArray[np.float64], colour: Colour | None) -> float:
         """Sum of squared output errors from the opening on, x^ with theta (m,) following x~ up to there.
 
         Without the colour of the noise: hum may be larger than what an adoption changes. The offset, which may be
@@ -116,7 +116,7 @@ class Rehearsed:
         """
         window, key = self.window, theta.tobytes()
         if key not in self.errors:
-            learned = learned_of(theta, self.setting.coefficients, scalars)._replace(offset=self.offset)
+            learned = learned_of(theta, self.setting.coefficients)._replace(offset=self.offset)
             self.errors[key] = open_loop_errors(window, self.setting, learned)
         errors = self.errors[key]
         if colour is not None:
@@ -129,24 +129,21 @@ def is_better(
     theta: NDArray[np.float64],
     in_force: NDArray[np.float64],
     colour: Colour | None,
-    scalars: Scalars,
 ) -> bool:
     """Whether a theta (m,) keeps the re-simulated output error of events down.
 
     Rail-pressure noise makes that error wander, so a better theta often raises it a little: asked to lower it
     strictly, the worst of 20 worn injectors stays 0.88 % off in mass, with this tolerance 0.45 %.
     """
-    after, before = (_error(events, one, colour, scalars) for one in (theta, in_force))
+    after, before = (_error(events, one, colour) for one in (theta, in_force))
     return after < TOLERANCE * before
 
 
-def best_explaining(
-    events: Sequence[Rehearsed], candidates: Sequence[Theta], colour: Colour | None, scalars: Scalars
-) -> Theta:
+def best_explaining(events: Sequence[Rehearsed], candidates: Sequence[Theta], colour: Colour | None) -> Theta:
     """The theta (m,) with the lowest re-simulated output error of events; of equal ones the first."""
-    errors = [_error(events, theta, colour, scalars) for theta in candidates]
+    errors = [_error(events, theta, colour) for theta in candidates]
     return candidates[int(np.argmin(np.nan_to_num(errors, nan=np.inf)))]
 
 
-def _error(events: Sequence[Rehearsed], theta: Theta, colour: Colour | None, scalars: Scalars) -> float:
-    return sum(event.error(theta, colour, scalars) for event in events)
+def _error(events: Sequence[Rehearsed], theta: Theta, colour: Colour | None) -> float:
+    return sum(event.error(theta, colour) for event in events)

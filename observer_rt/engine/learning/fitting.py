@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.estimation.scalars import SCALARS, Scalars
+from observer_rt.engine.estimation.scalars import SCALARS
 
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
@@ -41,9 +41,9 @@ class Limits:
     longest_step: NDArray[np.float64]
 
 
-def theta_limits(pressure_scale: float, scalars: Scalars = SCALARS) -> Limits:
+def theta_limits(pressure_scale: float) -> Limits:
     """Limits of what the observer learns, (width,); pressure_scale p_0 [Pa]."""
-    return Limits(*scalars.bounds(pressure_scale), scalars.longest_step(pressure_scale))
+    return Limits(*SCALARS.bounds(pressure_scale), SCALARS.longest_step(pressure_scale))
 
 
 def freed(

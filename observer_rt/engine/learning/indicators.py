@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import change_and_activations
-from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, Scalars, network_of
+from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, network_of
 from observer_rt.model.network import HIDDEN
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
@@ -42,7 +42,6 @@ def indicators_of(
     covariance: NDArray[np.float64] | None,
     x: NDArray[np.float64],
     u: NDArray[np.float64],
-    scalars: Scalars = SCALARS,
 ) -> Indicators:
     """Indicators by theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
 
@@ -59,7 +58,7 @@ def indicators_of(
                 variance = variance + LEAST_SEAT_SIGMA**2
         return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
 
-    return {shown.effect: estimate(shown.effect, column) for column, shown in scalars.shown()}
+    return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown()}
 
 
 def nozzle_change(

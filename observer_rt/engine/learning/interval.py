@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop, input_variance, open_loop
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import SCALARS, Scalars
 
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
@@ -42,10 +41,9 @@ def resimulated(
     theta: NDArray[np.float64],
     covariance: NDArray[np.float64],
     carried_covariance: NDArray[np.float64],
-    scalars: Scalars = SCALARS,
 ) -> Resimulated:
     """Re-simulates an event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
-    run = open_loop(window, setting, theta, scalars)
+    run = open_loop(window, setting, theta)
     by_inputs = input_variance(window, run, setting, noise)
     return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)
 

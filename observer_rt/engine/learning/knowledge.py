@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import SCALARS, Scalars, Theta
+from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.interval import Resimulated
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
@@ -34,20 +34,18 @@ class Knowledge:
     """Knowledge after an event, as one value that can be saved and restored.
 
     state: with which learning goes on; in_force: theta (m,) the observer carries, 0 at start; phi_version: how often
-    another one was adopted; lift: what a shut needle's shows, from which the stream starts; scalars: the table theta
-    goes by.
+    another one was adopted; lift: what a shut needle's shows, from which the stream starts.
     """
 
     state: LearningState
     in_force: Theta
     phi_version: int = 0
     lift: RestingLift = field(default_factory=RestingLift)
-    scalars: Scalars = field(default=SCALARS, repr=False, compare=False)
 
 
-def no_knowledge(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> Knowledge:
+def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
     """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    return Knowledge(no_state(noise, pressure_scale, scalars), np.zeros(scalars.width), scalars=scalars)
+    return Knowledge(no_state(noise, pressure_scale), np.zeros(SCALARS.width))
 
 
 @dataclass(frozen=True)

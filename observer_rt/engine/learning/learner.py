@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_s
 from observer_rt.engine.estimation.gating import GatedBelief
 from observer_rt.engine.estimation.phases import Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, Theta, learned_of, sensor_lag
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta, learned_of, sensor_lag
 from observer_rt.engine.learning.adequacy import (
     Innovations,
     Objection,
@@ -86,7 +86,7 @@ class Given:
 
     def gains(self, theta: Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
         """Those of x~ with theta (m,): with others a line with waves may swing ever higher."""
-        learned = learned_of(theta, constants.coefficients, self.reader.scalars)
+        learned = learned_of(theta, constants.coefficients)
         sensor, rate = constants.sensor, 1.0 / constants.interval
         lag = sensor.lag + float(learned.sensor[0])
         return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
@@ -103,7 +103,7 @@ class Given:
 
     def gated(self, state: LearningState) -> GatedBelief:
         """The belief as the estimate has it."""
-        return GatedBelief(state.learned.belief, self.reader.scalars.gate, state.learned.active)
+        return GatedBelief(state.learned.belief, SCALARS.gate, state.learned.active)
 
 
 class Learner:
@@ -113,12 +113,11 @@ class Learner:
         self,
         constants: Constants,
         knowledge: Knowledge,
-        scalars: Scalars = SCALARS,
         healthy: Healthy = NOT_FITTED,
     ) -> None:
         """constants: at the start; healthy: what the model leaves unexplained of a healthy injector."""
         scale, noise = constants.coefficients.pressure_scale, knowledge.state.noise
-        reader = EventReader(constants.interval, scale, scalars, no_state(noise, scale, scalars), healthy)
+        reader = EventReader(constants.interval, scale, no_state(noise, scale), healthy)
         self._given = Given(reader, lru_cache(maxsize=2)(gain_schedule))
         self._constants = constants
         self.schedule = self._given.gains(knowledge.in_force, noise, constants)
@@ -267,14 +266,14 @@ def _is_as_believed(read: _Read, given: Given) -> bool:
     theta = fit.linearisation.theta
     statistics = pooled(read.state.learned.statistics, given.statistics_of(read.event))
     is_contradicted = fit.contradicts or given.contradictions(statistics, theta)
-    return not (is_contradicted or is_worn_beyond_limits(theta, given.reader.scalars))
+    return not (is_contradicted or is_worn_beyond_limits(theta))
 
 
 def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
     """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
     reader, found, believed, setting = given.reader, read.event, read.believed, read.believed.setting
-    lag = lag_score(found.window, setting, found.fit, found.cost, reader.wide, reader.scalars)
-    gated = GatedBelief(found.fit.prior, reader.scalars.gate, read.state.learned.active)
+    lag = lag_score(found.window, setting, found.fit, found.cost, reader.wide)
+    gated = GatedBelief(found.fit.prior, SCALARS.gate, read.state.learned.active)
     carried = gated.carried(event.in_force)
     recorded = _without_gains(read.state, event.window)
     undone = read.state.energizing.current.undone(recorded)
@@ -286,7 +285,7 @@ def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
     by_coil = state.energizing.current.covariance
     more = np.zeros_like(gated.covariance) if by_coil is None else by_coil
     now = gated.carried(theta) + more
-    again = resimulated(found.window, setting, state.noise, theta, now, carried + more, reader.scalars)
+    again = resimulated(found.window, setting, state.noise, theta, now, carried + more)
     systematic = math.hypot(
         reader.healthy.mass_share,
         UNSEEN * extrapolation_sigma(point, state.learned_at),
@@ -307,7 +306,7 @@ def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
         outcome = _outcome(Adoption.FROZEN, state, np.zeros_like(theta), read.schedule, against, gated, given)
         knowledge = replace(outcome.knowledge, state=reader.forgotten(state, Cause.FROZEN))
         return replace(outcome, knowledge=knowledge, objections=_because(against, is_ending, is_disturbed))
-    better = is_better(rehearsed, theta, event.in_force, state.learned.colour, reader.scalars)
+    better = is_better(rehearsed, theta, event.in_force, state.learned.colour)
     adoption = Adoption.ADOPTED if better or believed.again else Adoption.REJECTED
     against = _because(_objections(state, found.window, reasons, given), is_ending, is_disturbed)
     lift_lag, against = state.lift_lag.after(against, lambda lag: _lift_lag_in(state, read, lag, given))
@@ -316,7 +315,7 @@ def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
     state = replace(state, lift_lag=lift_lag, mistrust=mistrust)
     because = mistrust.objection
     if because is not None:
-        carried_on = _carried_after(because, state, rehearsed, reader.scalars)
+        carried_on = _carried_after(because, state, rehearsed)
         against = against or (because,)
         return _outcome(Adoption.SET_ASIDE, state, carried_on, read.schedule, against, gated, given)
     if state.checkpoint.learned is not None and any(each.reason in UNEXPLAINED for each in against):
@@ -396,9 +395,7 @@ def _with_reasons(
     return state, reasons
 
 
-def _carried_after(
-    because: Objection, state: LearningState, events: Sequence[Rehearsed], scalars: Scalars
-) -> Theta:
+def _carried_after(because: Objection, state: LearningState, events: Sequence[Rehearsed]) -> Theta:
     """Theta (m,) carried where events are not explained: of all that once explained some the best at them.
 
     What was learned from them explains nothing. The nominal model where the scale is not known: another one
@@ -410,7 +407,7 @@ def _carried_after(
     candidates = [nominal, state.passed_with]
     if state.checkpoint.learned is not None:
         candidates.append(state.checkpoint.learned.theta)
-    return best_explaining(events, candidates, state.learned.colour, scalars)
+    return best_explaining(events, candidates, state.learned.colour)
 
 
 def _lift_lag_in(state: LearningState, read: _Read, expected: float, given: Given) -> LiftLag:
@@ -419,7 +416,6 @@ def _lift_lag_in(state: LearningState, read: _Read, expected: float, given: Give
         read.event.window,
         read.believed.setting,
         lambda window: given.reader.cost_of(state, window, read.believed),
-        given.reader.scalars,
         expected,
     )
 
@@ -444,7 +440,7 @@ def _outcome(
     """Outcome with `in_force` (m,) to be carried; gated: the belief of the state."""
     return Outcome(
         adoption=adoption,
-        knowledge=Knowledge(state, in_force, scalars=given.reader.scalars),
+        knowledge=Knowledge(state, in_force),
         schedule=schedule,
         objections=against,
         estimate=state.learned.theta,
@@ -462,7 +458,7 @@ def _objections(
     result = given.contradictions(state.learned.statistics, theta)
     if state.gains.is_too_large and Objection(Reason.PRESSURE_OFFSET) not in result:
         result.insert(0, Objection(Reason.PRESSURE_OFFSET))
-    if is_worn_beyond_limits(theta, given.reader.scalars):
+    if is_worn_beyond_limits(theta):
         result.append(Objection(Reason.MODEL_INADEQUATE, Phase.OPEN))
     result.extend(Objection(reason) for reason in reasons)
     if looks_like_inertance(_open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])):

@@ -17,7 +17,7 @@ from observer_rt.core.learning.whitening import HUBER
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
-from observer_rt.engine.estimation.scalars import Scalars, learned_of
+from observer_rt.engine.estimation.scalars import SCALARS, learned_of
 from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, freed, theta_limits
 from observer_rt.engine.stream.state import Reason
@@ -59,7 +59,6 @@ def lift_lag_of(
     window: Window,
     setting: Setting,
     cost_of: Callable[[Window], EventCost],
-    scalars: Scalars,
     expected: float = USUAL,
 ) -> LiftLag:
     """The lag of its lift that explains an event best, all else fitted from the prior.
@@ -68,23 +67,23 @@ def lift_lag_of(
     slope at 0 leads nowhere. Raises numpy.linalg.LinAlgError when singular.
     """
     scale = setting.coefficients.pressure_scale
-    limits, wide = theta_limits(scale, scalars), scalars.prior(scale)
-    prior = prior_belief(np.zeros(scalars.width), np.diag(wide**2))
+    limits, wide = theta_limits(scale), SCALARS.prior(scale)
+    prior = prior_belief(np.zeros(SCALARS.width), np.diag(wide**2))
 
     def fitted(lag: float, theta: NDArray[np.float64], active: frozenset[int], iterations: int) -> _Fitted:
         cost = cost_of(_earlier(window, lag, setting.interval))
-        fitter = EventFitter(cost, scalars.gate, active, limits)
+        fitter = EventFitter(cost, SCALARS.gate, active, limits)
         return _Fitted(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
 
     first, other = (
-        fitted(lag, np.zeros(scalars.width), frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected)
+        fitted(lag, np.zeros(SCALARS.width), frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected)
     )
     best = other if other.excess < first.excess else first
-    step = _step(window, setting, best, wide, scalars)
+    step = _step(window, setting, best, wide)
     for _ in range(STEPS):
         there = fitted(best.lag + step, best.fit.linearisation.theta, best.fit.active, ITERATIONS)
         if there.excess < best.excess:
-            best, step = there, _step(window, setting, there, wide, scalars)
+            best, step = there, _step(window, setting, there, wide)
         else:
             step *= SHORTER
         if abs(step) < CLOSE:
@@ -185,11 +184,9 @@ def _earlier(window: Window, lag: float, interval: float) -> Window:
     return window._replace(inputs=inputs, resting=resting, knots=np.empty((0, 2)))
 
 
-def _step(
-    window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64], scalars: Scalars
-) -> float:
+def _step(window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64]) -> float:
     """Further lag [s] to take off the lift, by the slope of the innovations freed of what theta does."""
-    learned = learned_of(here.fit.linearisation.theta, setting.coefficients, scalars)
+    learned = learned_of(here.fit.linearisation.theta, setting.coefficients)
     moved = []
     for step in (STEP, -STEP):
         errors = np.empty(len(window.output))

@@ -16,7 +16,7 @@ from observer_rt.core.learning.whitening import HUBER
 from observer_rt.engine.estimation.open_loop import OpenLoop
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Scalars, learned_of, sensor_lag
+from observer_rt.engine.estimation.scalars import Parameter, learned_of, sensor_lag
 from observer_rt.engine.learning.fitting import EventFit, freed
 from observer_rt.engine.learning.trend import RecentScores
 
@@ -60,7 +60,6 @@ def lag_score(
     fit: EventFit,
     cost: EventCost,
     prior: NDArray[np.float64],
-    scalars: Scalars = SCALARS,
 ) -> LagScore | None:
     """Score test of a fit's lag against a delay as long.
 
@@ -83,7 +82,7 @@ def lag_score(
     innovations(
         window._replace(output=output, masked=masked),
         setting._replace(late=samples - late),
-        learned_of(delayed, setting.coefficients, scalars),
+        learned_of(delayed, setting.coefficients),
         other,
     )
     other = cost.whitened(other, masked)

@@ -12,7 +12,7 @@ import numpy as np
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.engine.estimation.scalars import SCALARS, Scalars, Theta
+from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.adequacy import SETTLED
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import Energizing
@@ -138,9 +138,9 @@ class LearningState:
         )
 
 
-def no_state(noise: NoiseLevels, pressure_scale: float, scalars: Scalars = SCALARS) -> LearningState:
+def no_state(noise: NoiseLevels, pressure_scale: float) -> LearningState:
     """State before any event: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
-    theta = np.zeros(scalars.width)
-    belief = prior_belief(np.zeros(scalars.width), np.diag(scalars.prior(pressure_scale) ** 2))
+    theta = np.zeros(SCALARS.width)
+    belief = prior_belief(np.zeros(SCALARS.width), np.diag(SCALARS.prior(pressure_scale) ** 2))
     learned = LearnedInjector(belief, theta, no_statistics(), frozenset(), is_prior=True)
-    return LearningState(learned, noise, theta, no_doubt(scalars.width))
+    return LearningState(learned, noise, theta, no_doubt(SCALARS.width))

@@ -116,7 +116,7 @@ def report_of(
     c = judged.fuel.constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
     estimate = (judged.known.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
-    indicators = indicators_of(*estimate, *middle, judged.known.scalars)
+    indicators = indicators_of(*estimate, *middle)
     wear = judged.phi.nozzle_wear(*middle, c)
     if wear is not None:
         indicators = {**indicators, NOZZLE: Estimate(wear)}

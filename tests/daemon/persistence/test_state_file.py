@@ -37,7 +37,7 @@ in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixt
 
 def bits(knowledge: Knowledge) -> str:
     """All that is saved of it, with every digit."""
-    return json.dumps(plain(replace(knowledge, scalars=None)), default=np.ndarray.tolist)  # type: ignore[arg-type]
+    return json.dumps(plain(knowledge), default=np.ndarray.tolist)
 
 
 def with_learned(knowledge: Knowledge, **changes: Any) -> Knowledge:

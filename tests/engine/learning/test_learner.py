@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.config.bench import BenchInjector, load_bench
-from observer_rt.core.model.model import advance_state, changes_of_flow
+from observer_rt.config.bench import load_bench
+from observer_rt.core.model.model import changes_of_flow
 from observer_rt.desk.evaluation.evaluate import History, evaluate
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import make_schedule
@@ -21,10 +21,8 @@ from observer_rt.engine.estimation.scalars import (
     NOZZLE,
     OFFSET,
     PARAMETERS,
-    SCALARS,
     SEAT,
     Parameter,
-    Scalars,
     network_of,
 )
 from observer_rt.engine.learning.knowledge import (
@@ -38,10 +36,9 @@ from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.mailbox import judge
 from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
-from observer_rt.engine.stream.state import Constants
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
-from observer_rt.model.integrator import Interval
+from tests.engine.learning.strokes import stroke_of
 from tests.engine.sample_stream import NOISE, NOMINAL
 
 BENCH = load_bench()
@@ -99,16 +96,11 @@ class Run:
 
 
 @cache
-def run(name: str, scalars: Scalars = SCALARS) -> Run:
+def run(name: str) -> Run:
     """Eight events at three pressures and two durations, 50 kHz, with noise; learning in lockstep."""
-
-    def learner_of(_: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
-        scale = constants.coefficients.pressure_scale
-        return Learner(constants, no_knowledge(knowledge.state.noise, scale, scalars), scalars)
-
     schedule = make_schedule([60e6, 100e6, 140e6], EVENTS, 0.05, [0.8e-3, 1.9e-3])
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, CASES[name].effects, SimulatedNoise(), seed=len(name))
-    return Run(made.truth, evaluate(BENCH, [made.recording], learner_of=learner_of))
+    return Run(made.truth, evaluate(BENCH, [made.recording]))
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -155,19 +147,6 @@ def test_uncertainty_shrinks_with_every_event() -> None:
     assert known[-1] < 0.7 * known[0]
 
 
-def test_a_learner_goes_by_the_table_it_is_given() -> None:
-    """A prior that knows the seat is new: its wear is not found, while the line's terms, not gated, all are used."""
-    rows = tuple(
-        replace(row, prior=1e-6, drift=0.0) if row.name == "seat_bias" else replace(row, gated_from=None)
-        for row in SCALARS.rows
-    )
-    last = run("worn seat", Scalars(rows)).history.evaluations[0].reports[-1].indicators
-    assert abs(last[SEAT].value) < 1e-4
-    assert last["line_friction"].value != 0.0
-    assert last["guide_leakage"].sigma is not None
-    assert last["guide_leakage"].sigma > 0.0
-
-
 # One event at a time ----------------------------------------------------------------------------------------
 
 
@@ -184,23 +163,7 @@ def wear_of(theta: Vector) -> float:
 
 def event(v_h: float, seed: int | None = None) -> Window:
     """7 ms at 100 kHz with one stroke, of an injector worn by v_H."""
-    constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
-    time = np.arange(700) / 100e3
-    area = np.interp(time, [1.0e-3, 1.3e-3, 2.1e-3, 2.4e-3], [0.0, 0.9, 0.9, 0.0])
-    x = np.array([0.95, 0.0, 0.0])
-    line = [x[0]]
-    network = network_of(nozzle_wear(v_h))
-    for k in range(699):
-        u_start, u_end = (0.95, float(area[k])), (0.95, float(area[k + 1]))
-        advance_state(
-            x, Interval(u_start, u_end, 1e-5, constants.substeps), constants.coefficients, network, None
-        )
-        line.append(x[0])
-    output = np.array(line)
-    if seed is not None:
-        output += np.random.default_rng(seed).normal(0.0, NOISE.line_pressure / 100e6, output.size)
-    inputs = np.column_stack([np.full(time.size, 0.95), area])
-    return Window(inputs, output, time < 1.0e-3, np.array([0.95, 0.0, 0.0, 0.95]), opening=100)
+    return stroke_of(network=network_of(nozzle_wear(v_h)), seed=seed)
 
 
 def known(belief: Belief, in_force: Vector) -> Knowledge:

@@ -11,7 +11,6 @@ import pytest
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.lift_lag import LiftLag, LiftLagSearch, lift_lag_of
 from observer_rt.engine.stream.state import Reason
@@ -55,7 +54,7 @@ def test_the_lag_is_found_although_the_nozzle_is_worn(late: float) -> None:
     def cost_of(moved: Window) -> EventCost:
         return EventCost(moved, case.setting, case.schedule.innovation_sigma, burn_in=50)
 
-    found = lift_lag_of(recorded, case.setting, cost_of, SCALARS)
+    found = lift_lag_of(recorded, case.setting, cost_of)
     assert found.lag == pytest.approx(late, abs=4e-6)
     assert found.left <= found.without
 

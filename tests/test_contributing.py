@@ -91,11 +91,10 @@ from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.mailbox import judge
 from observer_rt.engine.observer import in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
 from tests.engine.learning.strokes import CONSTANTS, SCALE, stroke_of
-from tests.engine.sample_stream import NOISE
+from tests.engine.sample_stream import NOISE, judge
 
 c = CONSTANTS.coefficients
 found = []

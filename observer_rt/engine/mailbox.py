@@ -68,18 +68,6 @@ def _loud(outcome: Outcome) -> float:
     return float(outcome.schedule.innovation_sigma**2 * (1.0 + (outcome.loudest - 1.0) / SLOW_PEAK))
 
 
-def judge(
-    observer: Observer, objections: Sequence[Objection], outcome: Outcome | None, is_coloured: bool = False
-) -> None:
-    """Judge the oldest closed event now."""
-    number = int(observer.memory[0]["judgement"]["events_taken"])
-    if outcome is None:
-        post_examined(observer, number, objections, is_coloured)
-    else:
-        post_learned(observer, number, outcome, is_coloured)
-    observer.stream.judged()
-
-
 def _post(
     observer: Observer,
     number: int,

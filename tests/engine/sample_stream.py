@@ -1,6 +1,6 @@
 """Drives the observer sample by sample, as the service does, and keeps every processed sample."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,9 +10,10 @@ from observer_rt.bus.alignment.recorded import RECORDED
 from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import INJECTIONS, RECORDED_RING, RING
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.knowledge import Outcome, no_knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.mailbox import judge
+from observer_rt.engine.mailbox import post_examined, post_learned
 from observer_rt.engine.observer import (
     Durations,
     constants_for,
@@ -55,6 +56,16 @@ def _push_all(
         rows["broken"][0] = broken
     observer.recorded[places] = rows
     observer.stream.take(recorded + rail.size, 0)
+
+
+def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome | None) -> None:
+    """Judge the oldest closed event now."""
+    number = int(observer.memory[0]["judgement"]["events_taken"])
+    if outcome is None:
+        post_examined(observer, number, objections)
+    else:
+        post_learned(observer, number, outcome)
+    observer.stream.judged()
 
 
 @dataclass

@@ -33,13 +33,12 @@ from observer_rt.engine.learning.knowledge import (
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.learning.memory import plain, restored
 from observer_rt.engine.learning.state import LearningState
-from observer_rt.engine.mailbox import judge
 from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
 from tests.engine.learning.strokes import stroke_of
-from tests.engine.sample_stream import NOISE, NOMINAL
+from tests.engine.sample_stream import NOISE, NOMINAL, judge
 
 BENCH = load_bench()
 SAMPLE_RATE = 50e3

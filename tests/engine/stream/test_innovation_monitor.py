@@ -8,11 +8,10 @@ from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.mailbox import judge
 from observer_rt.engine.observer import Durations, constants_for, make_observer
 from observer_rt.engine.stream.state import Observer, Reason
 from observer_rt.foundation.continuity import Doubt
-from tests.engine.sample_stream import NOISE, NOMINAL, Stream
+from tests.engine.sample_stream import NOISE, NOMINAL, Stream, judge
 
 SIGMA = 0.002  # of p_0
 

@@ -5,8 +5,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
-FORMAT = 1
-
 Share = Annotated[float, Field(ge=0, le=1)]
 Quotient = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 

@@ -11,7 +11,6 @@ from tools.benchmarks import (  # noqa: F401
     damage,
     formats,
     history,
-    kalman_peers,
     surgery,
     wave_recordings,
 )

@@ -2,9 +2,9 @@
 
 Their noise settings were chosen from a grid (v_H walking 1e-6 to 1e-4 a sample, model noise 0.01 to 0.1 MPa, line
 noise one to four times the true one), on cases of a seed used for nothing else. Criterion: the mean, over one case of
-every class that must be estimated well, of the logarithm of the rate's RMSE, so that neither the easy nor the hopeless
-classes decide. The ten best settings differ by 1 % (0.594 to 0.599 mm3/ms); of these, one whose v_H may walk fastest is
-used, for it follows wear best.
+every class that must be estimated well, of the logarithm of the rate's RMSE, so that neither the easy nor the
+hopeless classes decide. The ten best settings differ by 1 % (0.594 to 0.599 mm3/ms); of these, one whose v_H may walk
+fastest is used, for it follows wear best.
 """
 
 from collections.abc import Callable

@@ -73,6 +73,11 @@ class BenchInjector:
         """The journal of injections, if the bench file names one."""
         return self._beside(self.config.state.journal)
 
+    @property
+    def evidence(self) -> Path | None:
+        """The folder of evidence, if the bench file names one."""
+        return self._beside(self.config.evidence.folder)
+
     def _beside(self, file: str | None) -> Path | None:
         return self.file.path.parent / file if file else None
 

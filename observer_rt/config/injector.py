@@ -208,6 +208,14 @@ class StateConfig(Section):
     save_within_s: Annotated[float, Field(ge=0.1, le=3600)] = 5.0  # of being learned, or of the injection
 
 
+class EvidenceConfig(Section):
+    """Folder of inputs that speak against the model; relative to the bench file, None: nothing is kept."""
+
+    folder: str | None = None
+    most_mib: Annotated[float, Field(ge=1.0, le=1e6)] = 200.0
+    per_point: Annotated[int, Field(ge=2, le=1000)] = 8  # events of a kind at one operating point
+
+
 class InjectorConfig(Section):
     """The sections of a bench file that are an injector's."""
 
@@ -219,6 +227,7 @@ class InjectorConfig(Section):
     outputs: OutputsConfig = OutputsConfig()
     learning: LearningConfig = LearningConfig()
     state: StateConfig = StateConfig()
+    evidence: EvidenceConfig = EvidenceConfig()
     recording: RecordingConfig | None = None  # of files in a layout of the user's own
 
     @model_validator(mode="after")

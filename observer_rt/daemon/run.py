@@ -21,6 +21,7 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bench
 from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.daemon.daemon import Daemon
+from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
 from observer_rt.daemon.event_logger import Deduplicator, EventLogger
 from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.daemon.log import ServiceLog, Voice
@@ -74,6 +75,7 @@ class InjectorService:
         keeper: Keeper,
         voice: Voice,
         shared: Shared,
+        evidence: EvidenceKeeper | None = None,
         learned: Knowledge | None = None,
         on_thread: Callable[[], object] = lambda: None,
     ) -> None:
@@ -96,6 +98,7 @@ class InjectorService:
         if learned is not None:
             voice.say(Topic.KEPT, f"what was learned from {learned.state.events} events goes on in force")
         self._announce()
+        self._evidence = evidence
         self.screen = View(voice.named(f"observer_rt: {self._buses}"), injector) if shared.has_view else None
         self._teller = EventLogger(
             voice, shared.notifier, bench_constants(injector).coefficients, shared.once
@@ -134,7 +137,7 @@ class InjectorService:
                 self._bus,
                 links,
                 self._knowledge,
-                [self._tell, *self._keeper.listeners],
+                [self._tell, *self._keeper.listeners, *([self._evidence.hear] if self._evidence else [])],
                 on_alive,
                 lambda: self._keeper.failures + self._voice.log.lost,
                 learning,
@@ -145,6 +148,9 @@ class InjectorService:
             self._daemon = daemon
             self._voice.say(Topic.START, "ready")
             stack.callback(self._farewell, daemon)  # whatever fails: the link, or the last write
+            if self._evidence is not None:
+                self._evidence.watch(daemon.core)
+                stack.enter_context(self._evidence.keeping())
             with self._keeper.keeping(lambda: daemon.core.knowledge):
                 daemon.run(stop)
 
@@ -189,6 +195,9 @@ class InjectorService:
             say(Topic.STOP, f"energizing: {core.optional.energizing.as_text()}")
         if daemon.latency is not None:
             say(Topic.STOP, f"latency: {daemon.latency.as_text()}")
+        if self._evidence is not None:
+            lost = f", {self._evidence.lost} lost" if self._evidence.lost else ""
+            say(Topic.STOP, f"evidence: {self._evidence.kept} events kept{lost}")
         counters = core.counters
         spoilt = {
             "frames with a wrong CRC": counters.crc_errors,
@@ -284,10 +293,11 @@ class Serving:
             voice = Voice(self.log, alone.injector.name)
             files = keeper_of(alone, self.options.state, self.options.journal, partial(voice.say, Topic.KEPT))
             keeper = stack.enter_context(files)
+            evidence = stack.enter_context(evidence_keeper(alone.injector, partial(voice.say, Topic.KEPT)))
             model, learned = self.learned.get(alone.injector.name, ("", None))
             known = learned if model == model_hash(alone.injector.parameters) else None
             claim = partial(hurry, self.own.of(number), self.priority)
-            services.append(InjectorService(alone, bus, keeper, voice, shared, known, claim))
+            services.append(InjectorService(alone, bus, keeper, voice, shared, evidence, known, claim))
         if any(link.config.interface == "virtual" for link in bench.config.buses):
             self.say(
                 "the virtual bus ends at this process: nothing will come in (vcan0 reaches other programs)"

@@ -49,6 +49,20 @@ def sole_writer(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def writer_of(path: Path) -> int | None:
+    """Id of the process that is the sole writer of a file; None: there is none."""
+    lock = Path(os.path.realpath(path) + ".lock")
+    with contextlib.suppress(OSError, ValueError):
+        descriptor = os.open(lock, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return int(os.read(descriptor, LONGEST_ID))
+        finally:
+            os.close(descriptor)
+    return None
+
+
 def _locked(lock: Path, path: Path) -> int:
     """Descriptor of the lock's file, locked and with this process's id in it."""
     while True:

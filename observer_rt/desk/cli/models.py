@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.config.effects import effect_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli import options
@@ -113,13 +113,22 @@ def fit(
 
 
 def discover(
-    recordings: options.RecordingsArgument,
     out: Annotated[Path, option("--out", "Folder for findings, amended model and report.", "DIR")],
+    recordings: options.OptionalRecordingsArgument = None,
+    from_evidence: Annotated[
+        Path | None,
+        option(
+            "--from-evidence",
+            "Instead of recordings: folder of events that `run` kept, [evidence] in the bench file.",
+            "DIR",
+            show_default=False,
+        ),
+    ] = None,
     model: Annotated[
         Path | None,
         file_option(
             "--model",
-            "Injector file (default: the bench file's, else the nominal injector).",
+            "Injector file (default: the bench file's, that of the evidence, else the nominal injector).",
             show_default=False,
         ),
     ] = None,
@@ -160,8 +169,7 @@ def discover(
     effects: options.EffectsOption = None,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
-    from observer_rt.config.channels import effects_on_one_raster
-    from observer_rt.desk.evaluation.logged import open_source, without_truths
+    from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
     from observer_rt.desk.second_opinion import second_opinion
     from observer_rt.identification.discovery.discover import (
         AMENDED,
@@ -178,29 +186,34 @@ def discover(
     )
     from observer_rt.identification.discovery.report.document import FINDINGS
     from observer_rt.identification.discovery.report.text import as_text
-    from observer_rt.identification.likelihood.reading import coverage, hashes, read_measured, without_copies
+    from observer_rt.identification.likelihood.reading import coverage
 
     begin = time.monotonic()
+    if (from_evidence is None) == (not recordings):
+        raise UserError(
+            "RECORDING",
+            "is missing" if from_evidence is None else "and --from-evidence are two sources",
+            "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
+        )
     decoder = decoder_of(bench, injector, lenient, model)
-    start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
-    parameters = load_injector(start)
     chosen = tuple(effect_named("--choose", name.strip()).id for name in choose.split("+")) if choose else ()
-    refuse_replacing(out, start, force)
-    amendable = InjectorFile.read(start)
-    paths = without_copies(without_truths(recordings, messages), messages)
-    references = without_copies(healthy or (), messages)
-    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
-    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    given = [*paths, *references]
-    measured = read_measured(given, read, messages, stated=stated, baseline=parameters.baseline)
-    own, others = measured[: len(paths)], measured[len(paths) :]
-    task = DiscoveryTask(parameters, own, others, hashes(paths), chosen, accept_term)
-    refuse_incomparable(task, str(start))
+    if from_evidence is not None:
+        asked = asked_of_evidence(from_evidence, model, decoder, messages)
+    else:
+        asked = asked_of_recordings(
+            recordings or (), healthy or (), model, decoder, from_channel or (), messages
+        )
+    refuse_replacing(out, asked.model, force)
+    amendable = InjectorFile.read(asked.model)
+    task = DiscoveryTask(
+        load_injector(asked.model), asked.measured, asked.healthy, asked.hashes, chosen, accept_term
+    )
+    refuse_incomparable(task, str(asked.model))
     make_folder(out)
-    for one in measured:
+    for one in (*asked.measured, *asked.healthy):
         say(messages, coverage(one))
     ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
-    store = fits_in(out, task, stated)
+    store = fits_in(out, task, asked.stated)
     if store.taken_over:
         say(messages, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
@@ -212,7 +225,7 @@ def discover(
                 "  remedy: give the same command again to go on"
             ) from None
     found = replace(found, seconds=time.monotonic() - begin)
-    document = write_findings(out, task, found, amendable, references, data)
+    document = write_findings(out, task, found, amendable, asked.references, data)
     if found.not_accepted:
         say(messages, f"warning: {found.not_accepted}")
     if as_json:

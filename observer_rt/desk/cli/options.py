@@ -71,6 +71,10 @@ RecordingArgument = Annotated[Path, argument(f"Recording ({SIGNALS}) or CAN log 
 RecordingsArgument = Annotated[
     list[Path], argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING")
 ]
+OptionalRecordingsArgument = Annotated[
+    list[Path] | None,
+    argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING"),
+]
 BenchOption = Annotated[
     Path,
     file_option("--bench", "Bench file (default: the example bench of the package).", show_default=False),

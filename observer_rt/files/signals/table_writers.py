@@ -120,8 +120,12 @@ class Mdf4Writer(TableWriter):
 class ParquetWriter(TableWriter):
     """Parquet; units are metadata `unit` of the columns, words a dictionary."""
 
-    def __init__(self, path: Path, columns: Sequence[WrittenColumn]) -> None:
+    def __init__(
+        self, path: Path, columns: Sequence[WrittenColumn], said: Mapping[str, str] | None = None
+    ) -> None:
+        """said: further metadata of the file."""
         super().__init__(path, columns)
+        self._said = said or {}
         try:
             import pyarrow
             import pyarrow.parquet
@@ -143,7 +147,7 @@ class ParquetWriter(TableWriter):
                 )
                 for column, array in zip(self._columns, made, strict=True)
             ]
-            self._schema = arrow.schema(fields, metadata={"checksum": BLANK})
+            self._schema = arrow.schema(fields, metadata={**self._said, "checksum": BLANK})
             self._writer = self._stack.enter_context(
                 arrow.parquet.ParquetWriter(str(self._path), self._schema, write_page_checksum=True)
             )

@@ -1,0 +1,182 @@
+"""Keeps evidence: inputs of events that were refused or doubtful, and a fair sample of good ones, for `discover`.
+
+The loop copies an event's samples out of its ring. A thread hands them to a process of its own, which writes them.
+"""
+
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from observer_rt.config.bench import BenchInjector
+from observer_rt.config.channels import effects_after_alignment
+from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.engine.reports.evidence import (
+    LEAD,
+    EventEvidence,
+    EventInputs,
+    event_inputs,
+    evidence_of,
+)
+from observer_rt.engine.reports.injection_report import InjectionReport, injection_record
+from observer_rt.engine.reports.news import News
+from observer_rt.engine.service.core import Core
+from observer_rt.foundation.console import check_folder
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.units import MILLISECOND
+
+WRITER = "observer_rt.files.evidence"  # module that runs as the process
+OBSERVER = "observer"  # in the folder: its lock names the process that keeps it
+MOST_WAITING = 64  # events that may wait for the disk
+LONGEST = 60 * MILLISECOND  # s of an event that are copied
+LAST_EVENTS = 5.0  # s for the last ones to be written
+
+
+@contextmanager
+def evidence_keeper(fitted: BenchInjector, tell: Callable[[str], None]) -> Iterator["EvidenceKeeper | None"]:
+    """Keeper of an injector's evidence, its folder its own while it lasts; None where the bench file names no folder.
+
+    Raises `UserError` for a folder that cannot be made, or is another daemon's.
+    """
+    folder = fitted.evidence
+    if folder is None:
+        yield None
+        return
+    with file_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    check_folder(fitted.place("evidence.folder"), folder)
+    with sole_writer(folder / OBSERVER):
+        yield EvidenceKeeper(fitted, folder, tell)
+
+
+class EvidenceKeeper:
+    """Listens to a daemon's reports, and has events kept."""
+
+    def __init__(self, fitted: BenchInjector, folder: Path, tell: Callable[[str], None]) -> None:
+        self.kept = 0
+        """Events that are on disk, or were until others took their place."""
+        self.lost = 0
+        """Events that could not be written, or not in time."""
+        config = fitted.config.evidence
+        self._command = [
+            sys.executable,
+            "-m",
+            WRITER,
+            str(folder),
+            f"{config.most_mib}",
+            f"{config.per_point}",
+        ]
+        self._folder = folder
+        self._tell = tell
+        self._model = {
+            "injector_file": str(fitted.parameters_path.absolute()),
+            "model_sha256": model_hash(fitted.parameters),
+            "meaning": fitted.config.sampling.meaning.value,
+            "line_sensor": {
+                one.effect.id: list(one.values)
+                for one in effects_after_alignment(fitted.config.signals)
+                if one.effect.id in ("channel_skew", "line_pressure_sensor_lag")
+            },
+        }
+        self._has_energizing = fitted.config.signals.energizing is not None
+        self._core: Core | None = None  # before it runs
+        self._reports: list[InjectionReport] = []  # of one event
+        self._inputs: EventInputs | None = None
+        self._waiting: queue.Queue[EventEvidence | None] = queue.Queue(MOST_WAITING)
+        self._is_reported = False
+
+    def watch(self, core: Core) -> None:
+        """Take samples from a core from now on."""
+        self._core = core
+
+    def hear(self, news: News) -> None:
+        """Note an injection; its event is handed on once one of another comes, or at the end."""
+        if not isinstance(news, InjectionReport) or self._core is None:
+            return
+        if self._reports and self._reports[0].event != news.event:
+            self._hand_on()
+        if not self._reports:
+            constants = self._core.compiled.observer.constants
+            start = news.start + constants.timing.window_lead - round(LEAD / constants.interval)
+            end = min(self._core.processed, news.start + round(LONGEST / constants.interval))
+            self._inputs = event_inputs(self._core.compiled.observer, start, end)
+        self._reports.append(news)
+
+    @contextmanager
+    def keeping(self) -> Iterator[None]:
+        """While it lasts, events are written."""
+        thread = threading.Thread(target=self._write, name="evidence", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            self._hand_on()
+            with suppress(queue.Full):
+                self._waiting.put(None, timeout=LAST_EVENTS)
+            thread.join(LAST_EVENTS)
+
+    def _hand_on(self) -> None:
+        """Queue the event at hand, if it is evidence of anything."""
+        reports, inputs, core = self._reports, self._inputs, self._core
+        self._reports, self._inputs = [], None
+        if not reports or inputs is None or core is None:
+            return
+        constants = core.compiled.observer.constants
+        injections = [injection_record(one, constants.coefficients, self._has_energizing) for one in reports]
+        found = evidence_of(reports, inputs, constants, {**self._model, "injections": injections})
+        if found is None:
+            return
+        try:
+            self._waiting.put_nowait(found)
+        except queue.Full:
+            self.lost += 1
+
+    def _write(self) -> None:
+        """Hand waiting events to the process, which is started anew should it have ended."""
+        process: subprocess.Popen[bytes] | None = None
+        while (event := self._waiting.get()) is not None:
+            if process is None or process.poll() is not None:
+                process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            try:
+                answer = _asked(process, event.packed())
+            except OSError as error:
+                answer = f"failed {error}"
+            if not answer:
+                answer = "failed its process ended"
+            self._note(answer)
+        if process is not None:
+            assert process.stdin is not None
+            with suppress(OSError):
+                process.stdin.close()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(LAST_EVENTS)
+
+    def _note(self, answer: str) -> None:
+        said, _, why = answer.partition(" ")
+        self.kept += said == "kept"
+        if said != "failed":
+            self._is_reported = False
+            return
+        self.lost += 1
+        if not self._is_reported:
+            self._is_reported = True
+            self._tell(
+                f"warning: evidence cannot be kept in {self._folder}: {why}\n"
+                "  remedy: make room there, or mend the folder's rights; the observer goes on"
+            )
+
+
+def _asked(process: "subprocess.Popen[bytes]", message: bytes) -> str:
+    """Answer of the writing process to a message; empty: it ended."""
+    to: IO[bytes] | None = process.stdin
+    answers: IO[bytes] | None = process.stdout
+    assert to is not None
+    assert answers is not None
+    to.write(message)
+    to.flush()
+    return answers.readline().decode("utf-8", "replace").strip()

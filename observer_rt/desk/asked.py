@@ -1,0 +1,72 @@
+"""What `discover` is asked about: recordings from files, or evidence that a daemon kept, and their model."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+
+from observer_rt.config.bench import NOMINAL_INJECTOR, Bench, load_injector
+from observer_rt.config.channels import effects_on_one_raster
+from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.desk.evaluation.logged import open_source, without_truths
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
+from observer_rt.model.effect import SizedEffect
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """The injector file, measurements with their SHA-256 by name, healthy ones with their files.
+
+    stated: what is known of the channels.
+    """
+
+    model: Path
+    measured: tuple[Measurement, ...]
+    hashes: dict[str, str]
+    healthy: tuple[Measurement, ...] = ()
+    references: tuple[Path, ...] = ()
+    stated: tuple[SizedEffect, ...] = ()
+
+
+def asked_of_recordings(
+    recordings: Sequence[Path],
+    healthy: Sequence[Path],
+    model: Path | None,
+    decoder: Bench | None,
+    from_channel: Sequence[str],
+    console: Console,
+) -> Asked:
+    """Recordings read from files; model: None: the bench file's. Raises `UserError` for files that cannot serve."""
+    start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
+    paths = without_copies(without_truths(recordings, console), console)
+    references = without_copies(healthy, console)
+    read = partial(open_source, bench=decoder, from_channels=from_channel, console=console)
+    stated = () if decoder is None else effects_on_one_raster(decoder.injector)
+    given, baseline = [*paths, *references], load_injector(start).baseline
+    measured = read_measured(given, read, console, stated=stated, baseline=baseline)
+    return Asked(
+        start, measured[: len(paths)], hashes(paths), measured[len(paths) :], tuple(references), stated
+    )
+
+
+def asked_of_evidence(folder: Path, model: Path | None, decoder: Bench | None, console: Console) -> Asked:
+    """Evidence of one model: that named, else the bench file's, else that in force at the newest event.
+
+    Raises `UserError` for a folder without, and for a model that was changed since.
+    """
+    named = model or (None if decoder is None else decoder.injector.parameters_path)
+    wanted = None if named is None else model_hash(load_injector(named))
+    kept = evidence_against(read_folder(folder, console), folder, wanted, console)
+    start = named or kept.injector_file
+    if model_hash(load_injector(start)) != kept.model_sha256:
+        raise UserError(
+            f"--from-evidence {folder}",
+            f"was kept with {start} as it was before it was changed",
+            "name a copy of it as it was by --model, or let the observer see more injections",
+        )
+    return Asked(start, (kept.measurement,), kept.hashes, stated=kept.measurement.stated)

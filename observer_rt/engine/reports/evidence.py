@@ -1,0 +1,175 @@
+"""Evidence: inputs of an event as the observer saw them, with its verdict, for whoever asks later what is missing."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.stream.stream import RING
+from observer_rt.engine.observer import remembered
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.stream.state import LIFT, LINE, RAIL, Constants, Observer, Reason
+
+LEAD = 4e-3  # s of shut needle before an event, for whoever runs a model along it
+TAIL = 14e-3  # s of ringing after it
+WIDE = 0.01  # of the mass, from which on its interval is a doubt
+OF_MODEL = frozenset(
+    {
+        Reason.MODEL_INADEQUATE,
+        Reason.PRESSURE_OFFSET,
+        Reason.SENSOR_LAG,
+        Reason.NOT_LEARNED,
+        Reason.SUDDEN_CHANGE,
+        Reason.AMBIGUOUS_SCALE,
+        Reason.TIME_BASE,  # or the line pressure seems recorded late
+        Reason.REVISED,
+        Reason.CONTRADICTED,
+        Reason.LIFT_SENSOR_LAG,
+    }
+)
+"""Reasons by which the measurement speaks against the model, or against what was learned."""
+_OF_KNOWLEDGE = frozenset({Reason.TOO_FEW_EVENTS, Reason.UNTESTED, Reason.OUTSIDE_LEARNED_RANGE})
+"""Reasons that leave the inputs as good as any."""
+
+
+class EvidenceKind(StrEnum):
+    """What an event is evidence of."""
+
+    REFUSED = "refused"
+    """It contradicts the model, or what was learned."""
+    DOUBTFUL = "doubtful"
+    """Its rate and mass are known badly."""
+    GOOD = "good"
+    """Nothing speaks against it."""
+
+
+def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
+    """The kind of an event by its injections; None where its inputs themselves are in doubt."""
+    reports = tuple(reports)
+    reasons = {reason for report in reports for reason in report.reasons}
+    if reasons & OF_MODEL:
+        return EvidenceKind.REFUSED
+    if reasons - _OF_KNOWLEDGE:
+        return None
+    is_wide = any(report.valid and not report.mass_bound <= WIDE * report.mass for report in reports)
+    if is_wide or Reason.OUTSIDE_LEARNED_RANGE in reasons:
+        return EvidenceKind.DOUBTFUL
+    return EvidenceKind.GOOD
+
+
+@dataclass(frozen=True, eq=False)
+class EventEvidence:
+    """An event's inputs on its grid, and what was believed of it.
+
+    kind: see `EvidenceKind`; event: its number since the observer started; first_index: device index of the first
+    sample; sample_rate [Hz]; rail_pressure [Pa], needle_lift [m], line_pressure [Pa]: (n,), nan: did not count;
+    opening_pressure: rail pressure at the opening [Pa]; open_time: from the first opening to the last closing [s];
+    belief: JSON content: model, verdict, masses and indicators of its injections.
+    """
+
+    kind: EvidenceKind
+    event: int
+    first_index: int
+    sample_rate: float
+    opening_pressure: float
+    open_time: float
+    belief: dict[str, Any]
+    rail_pressure: NDArray[np.float64]
+    needle_lift: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
+
+    @property
+    def signals(self) -> tuple[NDArray[np.float64], ...]:
+        """Rail pressure, needle lift and line pressure."""
+        return self.rail_pressure, self.needle_lift, self.line_pressure
+
+    def packed(self) -> bytes:
+        """A line of JSON, and the signals behind it, as `unpacked` takes them."""
+        said = {
+            "kind": self.kind.value,
+            "event": self.event,
+            "first_index": self.first_index,
+            "sample_rate": self.sample_rate,
+            "opening_pressure": self.opening_pressure,
+            "open_time": self.open_time,
+            "belief": self.belief,
+            "samples": self.rail_pressure.size,
+        }
+        return json.dumps(said).encode() + b"\n" + np.concatenate(self.signals).tobytes()
+
+    @classmethod
+    def unpacked(cls, line: bytes, values: NDArray[np.float64]) -> Self:
+        """Evidence of a line of JSON and the signals one after the other (3 n,)."""
+        said = json.loads(line)
+        del said["samples"]
+        rail, lift, pressure = np.split(values, 3)
+        signals = {"rail_pressure": rail, "needle_lift": lift, "line_pressure": pressure}
+        return cls(**said | signals | {"kind": EvidenceKind(said["kind"])})
+
+
+@dataclass(frozen=True, eq=False)
+class EventInputs:
+    """Inputs around an event, copied from the ring: position and device index of the first sample, signals (n,)."""
+
+    start: int
+    first_index: int
+    signals: tuple[NDArray[np.float64], ...]
+
+    def until(self, end: int) -> tuple[NDArray[np.float64], ...]:
+        """Signals up to a position."""
+        return tuple(values[: end - self.start] for values in self.signals)
+
+
+def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
+    """Inputs at the positions [start, end) that are remembered, from the last break before `start` + LEAD on.
+
+    Values that did not count are nan.
+    """
+    constants = observer.constants
+    c = constants.coefficients
+    start, lead = max(start, end - RING, 0), round(LEAD / constants.interval)
+    broken = np.flatnonzero(remembered(observer.ring["broken"], start, min(start + lead, end)))
+    start += int(broken[-1]) if broken.size else 0
+    bridged = remembered(observer.ring["bridged"], start, end)
+
+    def counted(values: NDArray[np.float64], channel: int) -> NDArray[np.float64]:
+        return np.where(bridged & (1 << channel), np.nan, values)
+
+    pressures = {
+        channel: remembered(observer.ring[name], start, end) * c.pressure_scale + c.chamber_pressure
+        for channel, name in ((RAIL, "rail_pressure"), (LINE, "line_pressure"))
+    }
+    lift = remembered(observer.ring["needle_lift"], start, end)
+    return EventInputs(
+        start,
+        int(observer.ring["index"][start % RING]),
+        (counted(pressures[RAIL], RAIL), counted(lift, LIFT), counted(pressures[LINE], LINE)),
+    )
+
+
+def evidence_of(
+    reports: Sequence[InjectionReport], inputs: EventInputs, constants: Constants, belief: dict[str, Any]
+) -> EventEvidence | None:
+    """Evidence of an event with these injections; None where none is to be kept."""
+    kind = kind_of(reports)
+    if kind is None:
+        return None
+    timing, interval = constants.timing, constants.interval
+    beside = len(reports) * (timing.window_lead + timing.window_tail)
+    rail, lift, line = inputs.until(reports[-1].end - timing.window_tail + round(TAIL / interval))
+    return EventEvidence(
+        kind=kind,
+        event=reports[0].event,
+        first_index=inputs.first_index,
+        sample_rate=1.0 / interval,
+        opening_pressure=reports[0].rail_pressure,
+        open_time=max(sum(report.end - report.start for report in reports) - beside, 0) * interval,
+        belief=belief,
+        rail_pressure=rail,
+        needle_lift=lift,
+        line_pressure=line,
+    )

@@ -1,0 +1,122 @@
+"""Evidence that a daemon kept, as one recording: the events that contradict a model, else those it knew badly."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from observer_rt.config.injector import Meaning
+from observer_rt.engine.reports.evidence import EvidenceKind
+from observer_rt.files.evidence.evidence_file import SUFFIX, KeptEvent, read_evidence
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.console import say
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_hash
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.reading import refuse_sample_rates
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import sized
+
+APART = 10e-3  # s between two events: no sample belongs to both
+FEWEST = 3  # events of a kind, with which it can be asked
+
+
+@dataclass(frozen=True, eq=False)
+class KeptEvidence:
+    """Events of one model, joined: what they are evidence of, and SHA-256 of their files by name."""
+
+    kind: EvidenceKind
+    model_sha256: str
+    injector_file: Path
+    measurement: Measurement
+    hashes: dict[str, str]
+
+
+def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
+    """Events in a folder in the order of time; damaged files are named and left out.
+
+    Raises `UserError` for a folder without any.
+    """
+    found = []
+    paths = sorted(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stem.rsplit("_", 1)[-1])
+    for path in paths:
+        try:
+            found.append(read_evidence(path))
+        except UserError as error:
+            say(console, f"warning: {error.place} is left out: {error.problem}")
+    if not found:
+        raise UserError(
+            f"--from-evidence {folder}",
+            "holds no evidence" if folder.is_dir() else "is no folder",
+            'state [evidence] folder = "..." in the bench file, and let `observer-rt run` see some injections',
+        )
+    return tuple(found)
+
+
+def evidence_against(
+    events: Sequence[KeptEvent], folder: Path, model_sha256: str | None, console: Console
+) -> KeptEvidence:
+    """Evidence of one model, of the newest event where None is given: refused events, else doubtful, else good ones.
+
+    Raises `UserError` where there is none of this model, or too little.
+    """
+    option = f"--from-evidence {folder}"
+    model = model_sha256 or str(events[-1].belief["model_sha256"])
+    own = [one for one in events if one.belief["model_sha256"] == model]
+    if not own:
+        raise UserError(
+            option,
+            "was kept with another model than this one",
+            f"give the model that was in force by --model: {events[-1].belief['injector_file']}",
+        )
+    for kind in EvidenceKind:
+        chosen = [one for one in own if one.kind is kind]
+        if len(chosen) >= FEWEST:
+            break
+    else:
+        raise UserError(
+            option, f"holds fewer than {FEWEST} events of a kind", "let the observer see more injections"
+        )
+    others = {other: sum(one.kind is other for one in own) for other in EvidenceKind if other is not kind}
+    beside = ", ".join(f"{count} {other}" for other, count in others.items())
+    say(console, f"{folder}: {len(chosen)} {kind} events are asked ({beside} are not)")
+    joined = _joined(chosen, folder)
+    (measurement,) = measurements([joined])
+    measurement = replace(measurement, stated=_stated(chosen[-1]))
+    hashes = {str(folder): _digest([file_hash(one.path) for one in chosen])}
+    return KeptEvidence(kind, model, Path(chosen[-1].belief["injector_file"]), measurement, hashes)
+
+
+def _joined(chosen: Sequence[KeptEvent], folder: Path) -> Recording:
+    """One recording of them, nothing being available between two."""
+    recordings = [one.recording for one in chosen]
+    refuse_sample_rates(recordings)
+    rate = recordings[0].sample_rate
+    gap = np.full(round(APART * rate), np.nan)
+
+    def one_after_another(name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        return np.concatenate([part for each in recordings for part in (getattr(each, name), gap)])
+
+    signals = {name: one_after_another(name) for name in ("rail_pressure", "needle_lift", "line_pressure")}
+    samples = signals["needle_lift"].size
+    meaning = Meaning(chosen[-1].belief["meaning"])
+    return Recording(np.arange(samples) / rate, path=folder, meaning=meaning, **signals)
+
+
+def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:
+    """What the bench file stated of the line pressure's channel; other channels were mended before."""
+    return tuple(
+        sized(name, **dict(zip(_PARAMETERS[name], values, strict=True)))
+        for name, values in event.belief["line_sensor"].items()
+    )
+
+
+_PARAMETERS = {"channel_skew": ("d",), "line_pressure_sensor_lag": ("tau",)}
+
+
+def _digest(hashes: Sequence[str]) -> str:
+    """One hexadecimal SHA-256 for several."""
+    return hashlib.sha256("".join(sorted(hashes)).encode()).hexdigest()

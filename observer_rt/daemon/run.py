@@ -21,8 +21,8 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bench
 from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
 from observer_rt.daemon.event_logger import Deduplicator, EventLogger
+from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
 from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.daemon.log import ServiceLog, Voice
 from observer_rt.daemon.notify import Notifier

@@ -89,7 +89,7 @@ def reload_daemon(bench: Bench) -> int | None:
     process = None if folder is None else writer_of(folder / OBSERVER)
     if process is not None:
         with suppress(ProcessLookupError):
-            os.kill(process, signal.SIGHUP)
+            os.kill(process, signal.SIGUSR1)
             return process
     return None
 

@@ -228,7 +228,7 @@ class StopRequest(SignalledEvent):
 def stop_on_signals(reloads: bool = False) -> Iterator[StopRequest]:
     """An event that the first SIGINT or SIGTERM sets while the context lasts, and SIGHUP unless it is ignored.
 
-    reloads: SIGHUP asks to read files again where no terminal can hang up.
+    reloads: SIGUSR1 asks to read files again, and SIGHUP where no terminal can hang up.
     """
     stop = StopRequest()
     handlers: dict[signal.Signals, Callable[..., None]] = dict.fromkeys(
@@ -238,6 +238,8 @@ def stop_on_signals(reloads: bool = False) -> Iterator[StopRequest]:
         is_asked = reloads and not any(map(os.isatty, range(3)))
         # a shell and the kernel both send it when a terminal is closed
         handlers[signal.SIGHUP] = (lambda *_: stop.reload.set()) if is_asked else stop.end
+    if reloads:
+        handlers[signal.SIGUSR1] = lambda *_: stop.reload.set()
     previous = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield stop

@@ -10,7 +10,7 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from observer_rt import __version__
 from observer_rt.desk.cli.fleet import batch, trend
-from observer_rt.desk.cli.live import check, demo, journal, monitor, run
+from observer_rt.desk.cli.live import check, demo, journal, monitor, run, take_over
 from observer_rt.desk.cli.logs import convert, record, replay
 from observer_rt.desk.cli.models import compare, discover, effects, fit
 from observer_rt.desk.cli.offline import evaluate, reproduce, simulate
@@ -136,6 +136,7 @@ for _heading, _commands in {
         (run, "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
         (check, "--bench bench.toml --recording mine.csv"),
         (monitor, "--bench bench.toml"),
+        (take_over, "missing/amended.toml --bench bench.toml"),
         (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
         (replay, "recording.csv --bench bench.toml --speed 0.1"),
         (journal, "injections.sqlite --csv > injections.csv"),

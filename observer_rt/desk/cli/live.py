@@ -17,6 +17,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 
 SHOWN = 10  # injections of a journal in a table
+LOOP_SPEED = 0.2  # of the demonstration of a missing effect, 1: real time
 
 
 def demo(
@@ -29,12 +30,29 @@ def demo(
     figure: Annotated[Path, option("--figure", "Where to write the picture (png, svg, pdf).", "FILE")] = Path(
         "observer_rt_demo.png"
     ),
+    missing_effect: Annotated[
+        bool,
+        option(
+            "--missing-effect",
+            "Instead: an injector with an effect that no model has, drawn by --seed. The daemon refuses, what is "
+            "missing is found and taken over, and injections are valid again.",
+        ),
+    ] = False,
+    outside: Annotated[
+        bool, option("--outside", "With --missing-effect: one that is in no vocabulary, but a law.")
+    ] = False,
+    out: Annotated[
+        Path, option("--out", "With --missing-effect: folder of bench, evidence and report.", "DIR")
+    ] = Path("observer_rt_demo"),
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
     from observer_rt.daemon.view import draw
     from observer_rt.desk.cli.demo import Demo, mass_table, write_figure
 
     check_destination("--figure", figure, FIGURE_SUFFIXES)
+    if missing_effect:
+        _demo_of_loop(seed, outside, out, figure)
+        return
     say(messages, f"simulating {injections} injections of an injector with v_H = {wear:+.2f} ...")
     scene = Demo(wear, injections, seed)
     say(
@@ -47,6 +65,18 @@ def demo(
         write_figure(result, wear, figure)
     results().print(mass_table(result))
     say(messages, f"picture: {figure}")
+
+
+def _demo_of_loop(seed: int, outside: bool, out: Path, figure: Path) -> None:
+    from observer_rt.desk.cli.effect_demo import EffectDemo, hidden_effect, loop_table, write_loop_figure
+
+    hidden = hidden_effect(seed, outside)
+    say(messages, f"hidden: {hidden.words}; the observer knows the nominal injector only")
+    result = EffectDemo(out, hidden, seed, LOOP_SPEED, lambda text: say(messages, text)).run()
+    with file_errors(figure):
+        write_loop_figure(result, figure)
+    results().print(loop_table(result))
+    say(messages, f"picture: {figure}; what was found, and why: {result.report}")
 
 
 def run(
@@ -192,6 +222,42 @@ def monitor(
         )
     )
     serve_page(chosen, source, address, port, out, messages)
+
+
+def take_over(
+    amended: Annotated[
+        Path | None, argument("Amended injector file that `discover` wrote.", "AMENDED")
+    ] = None,
+    bench: Annotated[Path | None, file_option("--bench", "Bench file that is to name it.")] = None,
+    undo: Annotated[
+        bool, option("--undo", "Instead: have the bench file name what it named before the last step.")
+    ] = False,
+    injector: options.InjectorOption = None,
+    effects: options.EffectsOption = None,
+) -> None:
+    """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
+    from observer_rt.desk import take_over as taking
+
+    if bench is None:
+        raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
+    if (amended is None) != undo:
+        raise UserError(
+            "AMENDED",
+            "is missing" if amended is None else "and --undo exclude each other",
+            "give one of them",
+        )
+    chosen = load_bench(bench).of(injector)
+    if amended is not None:
+        done = taking.take_over(chosen, amended)
+        say(results(), f"{bench}: {done.before or 'the nominal injector'} -> {done.after}")
+    else:
+        done = taking.undo(bench, chosen.injector.name)
+        say(results(), f"{bench}: {done.after} -> {done.before or 'the nominal injector'}")
+    process = taking.reload_daemon(chosen)
+    if process is None:
+        say(messages, "no daemon keeps evidence for this bench: one that serves it reads the file at SIGUSR1")
+    else:
+        say(messages, f"the daemon (process {process}) reads it between two injections; its log says when")
 
 
 def journal(

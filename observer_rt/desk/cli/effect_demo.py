@@ -44,6 +44,7 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.in_force import TermInForce
+from observer_rt.model.terms.term import TermEquation
 
 BEFORE, AFTER = 18, 12  # injections
 LOG, JOURNAL, FOUND = "observer.log", "injections.sqlite", "missing"
@@ -71,7 +72,7 @@ def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
     drawn = random.Random(seed)
     if outside:
         equation, law, words = drawn.choice(_LAWS)(drawn)
-        return HiddenEffect(words, terms=(TermInForce(equation=equation, law=law),))
+        return HiddenEffect(words, terms=(TermInForce(equation=TermEquation(equation), law=law),))
     name, sizes, words = drawn.choice(_EFFECTS)(drawn)
     return HiddenEffect(words, effects=(sized(name, **sizes),))
 
@@ -238,11 +239,12 @@ class EffectDemo:
         runs = sorted({int(str(row["run"])) for row in rows})
         for row in rows:
             run = runs.index(int(str(row["run"])))
-            rate = scenes[run].truth.injection_rate[int(row["start_index"]) : int(row["end_index"]) + 1]
+            start, end = int(str(row["start_index"])), int(str(row["end_index"]))
+            rate = scenes[run].truth.injection_rate[start : end + 1]
             true = float(np.trapezoid(rate)) / SAMPLE_RATE * c.density
-            mass = math.nan if row["mass_mg"] is None else float(row["mass_mg"]) * MILLIGRAM
+            mass = math.nan if row["mass_mg"] is None else float(str(row["mass_mg"])) * MILLIGRAM
             reasons = tuple(str(row["reasons"]).split(",")) if row["reasons"] else ()
-            pressure = float(row["rail_pressure_MPa"]) * MEGAPASCAL
+            pressure = float(str(row["rail_pressure_MPa"])) * MEGAPASCAL
             injections.append(LoopInjection(pressure, mass, true, bool(row["valid"]), reasons, run > 0))
         findings = json.loads((self.folder / FOUND / FINDINGS).read_text(encoding="utf-8"))
         return LoopResult(self.hidden, tuple(injections), findings, self.folder / FOUND / REPORT)

@@ -209,7 +209,10 @@ def monitor(
     from observer_rt.desk.live_page.server import serve_page
     from observer_rt.desk.live_page.watching import LiveSource, LogSource
 
-    chosen = load_bench(bench, lenient=lenient).of(injector)
+    def read() -> Bench:
+        return load_bench(bench, lenient=lenient).of(injector)
+
+    chosen = read()
     source = (
         LiveSource(chosen)
         if log is None
@@ -221,7 +224,7 @@ def monitor(
             (start, math.inf if stop is None else stop),
         )
     )
-    serve_page(chosen, source, address, port, out, messages)
+    serve_page(chosen, source, address, port, out, messages, read)
 
 
 def take_over(

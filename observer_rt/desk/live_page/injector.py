@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues
-from observer_rt.config.bench import Bench
+from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.daemon.input_monitoring.arrivals import SECOND, Arrivals, message_text
 from observer_rt.daemon.input_monitoring.input_watch import LASTING
 from observer_rt.daemon.input_monitoring.silence import REPORTED_AFTER
@@ -152,6 +152,10 @@ class WatchedInjector:
         """Listening begins at a time [ns since 1970]."""
         self._arrivals.begin(now)
 
+    def use_model(self, fitted: BenchInjector) -> None:
+        """Compare injections with the model that the bench file names now."""
+        self._model = InjectionModel(fitted)
+
     def take(self, came: BusFrame, now: int) -> None:
         """A frame of any bus, that came at a time [ns since 1970]."""
         frame = came.frame
@@ -208,6 +212,9 @@ class WatchedInjector:
             now,
             SampleCurves._make(each.astype(np.float32) for each in curves),
             volume * c.density / MILLIGRAM,
+            float(np.sqrt(np.nanmean((rows["line_pressure"] - nominal.line_pressure) ** 2)))
+            * (c.pressure_scale / MEGAPASCAL),
+            self._model.name,
         )
 
     def _ahead(self, summary: SummaryValues) -> int | None:

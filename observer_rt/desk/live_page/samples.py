@@ -139,13 +139,16 @@ class SampleCurves(NamedTuple):
 class SeenInjection:
     """An injection: its summary as published, when that came [ns since 1970], its samples, None if not known.
 
-    nominal_mass [mg]: by the model as given, nan where that is not known.
+    nominal_mass [mg]: by the model as given, nan where that is not known; gap [MPa]: root mean square of what the
+    measured line pressure differs from that model's; model: file name of that model.
     """
 
     summary: SummaryValues
     moment: int
     curves: SampleCurves | None = None
     nominal_mass: float = np.nan
+    gap: float = np.nan
+    model: str = ""
 
 
 class InputSamples:
@@ -250,16 +253,18 @@ def best_place(published: NDArray[np.float64], modelled: NDArray[np.float64]) ->
 
 
 class Modelled(NamedTuple):
-    """Modelled rate [mm3/ms] (n,) and phi [1/s] (3, n) of n samples, 0 with the needle shut."""
+    """Modelled rate [mm3/ms] (n,) and phi [1/s] (3, n), 0 with the needle shut, and normalised line pressure (n,)."""
 
     rate: NDArray[np.float64]
     phi: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
 
 
 class InjectionModel:
     """Runs the model of an injector open loop over the samples of an injection, from standstill."""
 
     def __init__(self, fitted: BenchInjector) -> None:
+        self.name = fitted.parameters_path.name
         self._constants = bench_constants(fitted)
         self.coefficients: Coefficients = self._constants.coefficients
         self._dead_band = dead_band(configured_noise(fitted).needle_lift)[0]
@@ -280,8 +285,10 @@ class InjectionModel:
         area = np.array([normalised_area(each, c.seat) for each in lift.tolist()])
         state = np.zeros(c.states)
         rest_state(state, float(rail_pressure[0]), c)
-        follower, phi = Follower(self._constants, constant_network(nozzle_wear, seat_wear)), np.empty((3, n))
+        follower = Follower(self._constants, constant_network(nozzle_wear, seat_wear))
+        phi, line_pressure = np.empty((3, n)), np.empty(n)
         follower.begin(state)
         resting = np.cumsum(area) == 0.0  # once it was open, the sac drains by itself
-        rate = follower.run(np.column_stack([rail_pressure, area]), resting, phi=phi)
-        return Modelled(rate / MM3_PER_MS, phi)
+        inputs = np.column_stack([rail_pressure, area])
+        rate = follower.run(inputs, resting, phi=phi, line_pressure=line_pressure)
+        return Modelled(rate / MM3_PER_MS, phi, line_pressure)

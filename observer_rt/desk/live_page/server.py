@@ -9,9 +9,11 @@ import secrets
 import socket
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from tornado.httpserver import HTTPServer
@@ -22,6 +24,7 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
+from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
 from observer_rt.desk.live_page.page.session import Session, pressed
 from observer_rt.desk.live_page.watching import FrameSource, Watching
 from observer_rt.foundation.console import say, stop_on_signals
@@ -36,6 +39,7 @@ _LONGEST = 1000  # bytes of what a browser says
 _CONNECTIONS = 256  # at once; a page takes some seven
 _ELSEWHERE = ("192.0.2.1", 9)  # a computer of RFC 5737, that is nowhere
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
+_WORD = 3  # bytes of it
 _TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
@@ -64,9 +68,9 @@ class _PageFiles(_Guarded, StaticFileHandler):
 class _Channel(_Guarded, WebSocketHandler):
     """Brings what is new to a browser, which answers each message with its number once it is drawn."""
 
-    def initialize(self, watching: Watching, folder: Path) -> None:
-        """folder: where injections are saved."""
-        self._session = Session(watching, folder)
+    def initialize(self, watching: Watching, folder: Path, asks: bool) -> None:
+        """folder: where injections are saved; asks: whether there is a page that asks what is missing."""
+        self._session = Session(watching, folder, asks)
         self._looking = PeriodicCallback(self._draw, _LOOK_EVERY)
         self._alive_due = 0.0  # s
 
@@ -128,20 +132,38 @@ class _PageServer(HTTPServer):
 
 
 def serve_page(
-    bench: Bench, source: FrameSource, address: str, port: int, folder: Path, console: Console
+    bench: Bench,
+    source: FrameSource,
+    address: str,
+    port: int,
+    folder: Path,
+    console: Console,
+    read: Callable[[], Bench],
 ) -> None:
     """Listen to a source and serve its page until SIGINT or SIGTERM; port 0: one that is free; folder: of `Save`.
 
-    Raises `RunError` for a port that is taken.
+    read: the bench file anew. Raises `RunError` for a port that is taken.
     """
-    asyncio.run(_serve(Watching(bench, source), address, port, folder, console))
+    watching = Watching(bench, source)
+    missing = MissingEffects(bench, watching, secrets.token_hex(_WORD), read) if source.is_live else None
+    asyncio.run(_serve(watching, missing, address, port, folder, console))
 
 
-async def _serve(watching: Watching, address: str, port: int, folder: Path, console: Console) -> None:
-    handlers = [
-        ("/drawings", _Channel, {"watching": watching, "folder": folder}),
+async def _serve(
+    watching: Watching,
+    missing: MissingEffects | None,
+    address: str,
+    port: int,
+    folder: Path,
+    console: Console,
+) -> None:
+    asks = missing is not None and missing.is_kept
+    handlers: list[Any] = [
+        ("/drawings", _Channel, {"watching": watching, "folder": folder, "asks": asks}),
         ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
     ]
+    if missing is not None and asks:
+        handlers[:0] = handlers_of(_Guarded, missing)
     try:
         is_local = ip_address(socket.gethostbyname(address)).is_loopback
         token = None if is_local else secrets.token_urlsafe(12)
@@ -171,11 +193,18 @@ async def _serve(watching: Watching, address: str, port: int, folder: Path, cons
         behind = f":{sockets[0].getsockname()[1]}/{asked}"
         urls = " or ".join(f"http://{host}{behind}" for host in _hosts(address))
         say(console, f"{urls} (Ctrl-C ends it)")
+        if missing is not None and asks:
+            say(
+                console,
+                f"to ask what is missing, and to take it over, the page wants the word {missing.word}",
+            )
         sys.setswitchinterval(_TURN)
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         try:
             while not stop.is_set():
                 await asyncio.sleep(_STOP_EVERY)
+                if missing is not None:
+                    missing.look()
         finally:
             watching.close()
 

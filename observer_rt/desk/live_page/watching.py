@@ -252,6 +252,12 @@ class Watching:
             now = self.now
             return tuple(injector.seen(now) for injector in self._injectors)
 
+    def use_models(self, bench: Bench) -> None:
+        """Compare injections with the models that the bench file names now."""
+        with self._lock:
+            for injector, alone in zip(self._injectors, bench.each, strict=True):
+                injector.use_model(alone.injector)
+
     def _begin(self, now: int) -> None:
         for injector in self._injectors:
             injector.begin(now)

@@ -41,10 +41,12 @@ class Follower:
         resting: NDArray[np.bool_],
         knots: NDArray[np.float64] = _NO_KNOTS,
         phi: NDArray[np.float64] | None = None,
+        line_pressure: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """Injection rate (n,) [m3/s] at samples, the first of which the state belongs to: 0 there.
 
-        inputs (n, 2), resting (n,), knots (n, 2): as in `Window`; phi (3, n) [1/s]: filled, if given.
+        inputs (n, 2), resting (n,), knots (n, 2): as in `Window`; phi (3, n) [1/s], line_pressure (n,),
+        normalised: filled, if given.
         """
         it, c = self.constants, self.constants.coefficients
         errors, rate = np.empty((2, len(inputs)))
@@ -52,4 +54,6 @@ class Follower:
         window = Window(inputs, np.zeros(len(inputs)), resting, np.append(self._x, self._x[0]), 0, knots)
         learned = nothing_learned(c)._replace(network=self._network)
         self._x = follow(window, setting, learned, 0, errors, rate, None, NO_SLOPES, self._terms, phi)
+        if line_pressure is not None:
+            np.negative(errors, out=line_pressure)  # of an output that is 0
         return rate

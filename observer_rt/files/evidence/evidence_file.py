@@ -65,8 +65,8 @@ def read_evidence(path: Path) -> KeptEvent:
             with path.open("rb") as file:  # a name may look like an address to the library
                 table = parquet.read_table(file)
             said = json.loads(table.schema.metadata[_BELIEF.encode()])
-            time, *signals = (table.column(column.header).to_numpy() for column in SI[:4])
-            recording = Recording(time, *signals, path=path)
+            time, rail, lift, line = (table.column(column.header).to_numpy() for column in SI[:4])
+            recording = Recording(time, rail, lift, line, path=path)
             return KeptEvent(
                 path,
                 EvidenceKind(said["kind"]),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from observer_rt.config.injector import Meaning
@@ -97,13 +98,12 @@ def _joined(chosen: Sequence[KeptEvent], folder: Path) -> Recording:
     rate = recordings[0].sample_rate
     gap = np.full(round(APART * rate), np.nan)
 
-    def one_after_another(name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        return np.concatenate([part for each in recordings for part in (getattr(each, name), gap)])
+    def one_after_another(name: str) -> NDArray[np.float64]:
+        return np.concatenate([part for each in recordings for part in (each.arrays[name], gap)])
 
-    signals = {name: one_after_another(name) for name in ("rail_pressure", "needle_lift", "line_pressure")}
-    samples = signals["needle_lift"].size
+    rail, lift, line = map(one_after_another, ("rail_pressure", "needle_lift", "line_pressure"))
     meaning = Meaning(chosen[-1].belief["meaning"])
-    return Recording(np.arange(samples) / rate, path=folder, meaning=meaning, **signals)
+    return Recording(np.arange(lift.size) / rate, rail, lift, line, path=folder, meaning=meaning)
 
 
 def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:

@@ -158,7 +158,7 @@ def test_the_findings_are_those_of_discover(
 ) -> None:
     """Of the same recordings, although a worker was killed, others were left out and none had more than a thread."""
     files = sorted(measured.glob("injector_worn/run_?.csv"), key=lambda path: path.stat().st_mtime)
-    discover(files[::-1], tmp_path, bench=EXAMPLE_BENCH, as_json=True)
+    discover(tmp_path, files[::-1], bench=EXAMPLE_BENCH, as_json=True)
     alone = json.loads(capsys.readouterr().out)
     fleet = json.loads((run.folder / run.rows["worn"]["report"]).with_name("findings.json").read_text())
     for varying in ("made", "seconds"):

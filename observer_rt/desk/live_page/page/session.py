@@ -53,8 +53,9 @@ class _Group:
 class Session:
     """Follows the buttons of one browser, and sends it what is new: letters, columns, how the buttons stand."""
 
-    def __init__(self, watching: Watching, folder: Path) -> None:
-        """folder: where injections are saved."""
+    def __init__(self, watching: Watching, folder: Path, asks: bool = False) -> None:
+        """folder: where injections are saved; asks: whether there is a page that asks what is missing."""
+        self._asks = asks
         self._watching = watching
         self._folder = folder
         self._names = [each.name for each in watching.injectors()]
@@ -144,6 +145,7 @@ class Session:
             "place": self._place,
             "last": self._last,
             "said": self._said,
+            "asks": self._asks,
         }
 
     def _new_injections(self, shown: Sequence[Seen]) -> tuple[dict[str, Columns], dict[str, str]]:

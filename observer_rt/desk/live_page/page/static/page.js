@@ -163,7 +163,7 @@ function build(names) {
   for (const [id, panel] of Object.entries(PANELS)) addPanel(id, panel);
 }
 
-function showControls({ names, chosen, held, place, last, said }) {
+function showControls({ names, chosen, held, place, last, said, asks }) {
   if (!element("names").hasChildNodes()) build(names);
   shown = { names, chosen };
   names.forEach((_, k) => {
@@ -176,6 +176,7 @@ function showControls({ names, chosen, held, place, last, said }) {
   element("place").value = place;
   element("place").title = `${place + 1} of ${last + 1} kept`;
   element("said").textContent = said;
+  element("missing").hidden = !asks;
 }
 
 // Whose curves these are; numbers: of the injections of all injectors.

@@ -1,0 +1,136 @@
+"""The page of the missing effect on the server: what it shows, and what its buttons do, for whoever has the word."""
+
+import asyncio
+import hmac
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from tornado.web import RequestHandler
+
+from observer_rt.config.bench import Bench
+from observer_rt.desk.live_page.missing.panel import panel_html
+from observer_rt.desk.live_page.missing.search import MissingSearch
+from observer_rt.desk.live_page.watching import Watching
+from observer_rt.desk.take_over import reload_daemon, take_over, undo
+from observer_rt.foundation.errors import ObserverError, UserError
+
+
+class MissingEffects:
+    """The injectors of a bench whose evidence is kept, and the bench as its file is now."""
+
+    def __init__(self, bench: Bench, watching: Watching, word: str, read: Callable[[], Bench]) -> None:
+        """word: that whoever presses a button must know; read: the bench file anew."""
+        self.word = word
+        self._watching = watching
+        self._read = read
+        self._bench = bench
+        self._stamp = self._files()
+        self._searches: Mapping[str, MissingSearch] = {
+            alone.injector.name: MissingSearch(alone)
+            for alone in bench.each
+            if alone.injector.evidence is not None
+        }
+        self._running: set[asyncio.Task[None]] = set()
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether evidence of any injector is kept."""
+        return bool(self._searches)
+
+    def look(self) -> None:
+        """Compare injections with the model that the bench file names now, should it have changed."""
+        if (stamp := self._files()) == self._stamp:
+            return
+        self._stamp = stamp
+        try:
+            self._bench = self._read()
+            self._watching.use_models(self._bench)
+        except ObserverError:
+            pass  # being written, or wrong: the daemon's log says so
+
+    def html(self) -> str:
+        """All panels."""
+        seen = {each.name: each for each in self._watching.injectors()}
+        return "\n".join(
+            f'<section class="panel">{panel_html(self._bench.of(name or None), seen[name], search)}</section>'
+            for name, search in self._searches.items()
+        )
+
+    def report(self, name: str) -> Path:
+        """The report on an injector. Raises `UserError` for one without."""
+        finding = self._search(name).finding
+        if finding is None:
+            raise UserError("report", "there is none", "search first")
+        return finding.report
+
+    def press(self, button: str, name: str) -> str:
+        """Do what a button asks for; what to say. Raises `ObserverError`."""
+        search, alone = self._search(name), self._bench.of(name or None)
+        if button == "search":
+            task = asyncio.get_running_loop().create_task(search.run())
+            self._running.add(task)
+            task.add_done_callback(self._running.discard)
+            return ""
+        if button == "take_over":
+            finding = search.finding
+            if finding is None or finding.amended is None:
+                raise UserError("finding", "there is nothing to take over", "search first")
+            done = take_over(alone, finding.amended)
+            said = f"{alone.path.name} names {done.after} now"
+        elif button == "undo":
+            done = undo(alone.path, name)
+            said = f"{alone.path.name} names {done.before or 'the nominal injector'} again"
+        else:
+            raise UserError(button, "is no button of this page", "load the page anew")
+        self.look()
+        process = reload_daemon(alone)
+        heard = "the observer reads it between two injections" if process else "no observer runs to read it"
+        return f"{said}; {heard}"
+
+    def _search(self, name: str) -> MissingSearch:
+        if name not in self._searches:
+            raise UserError(
+                name, "is no injector whose evidence is kept", "state [evidence] folder in the bench file"
+            )
+        return self._searches[name]
+
+    def _files(self) -> tuple[int, ...]:
+        """Times of change of the bench file and the injector files."""
+        paths = [self._bench.path, *(each.parameters_path for each in self._bench.injectors)]
+        return tuple(path.stat().st_mtime_ns if path.exists() else 0 for path in paths)
+
+
+def handlers_of(
+    guarded: type[RequestHandler], missing: MissingEffects
+) -> list[tuple[str, type[RequestHandler]]]:
+    """Handlers of its addresses. guarded: the handler that asks for the page's token first."""
+
+    class Now(guarded):  # type: ignore[misc, valid-type]  # a class that is given
+        def get(self) -> None:
+            """The panels as they are now."""
+            self.finish(missing.html())
+
+    class Report(guarded):  # type: ignore[misc, valid-type]
+        def get(self, name: str = "") -> None:
+            """The report on an injector."""
+            try:
+                self.finish(missing.report(name).read_text(encoding="utf-8"))
+            except (ObserverError, OSError):
+                self.send_error(404)
+
+    class Press(guarded):  # type: ignore[misc, valid-type]
+        async def post(self) -> None:
+            """A button was pressed: `button`, `injector`, `word`."""
+            if not hmac.compare_digest(self.get_body_argument("word", "").encode(), missing.word.encode()):
+                self.set_status(403)
+                self.finish("The word is not that which `observer-rt monitor` has written on its terminal.")
+                return
+            try:
+                self.finish(
+                    missing.press(self.get_body_argument("button"), self.get_body_argument("injector", ""))
+                )
+            except ObserverError as error:
+                self.set_status(409)
+                self.finish(str(error))
+
+    return [("/missing/now", Now), ("/missing/report/?(.*)", Report), ("/missing/press", Press)]

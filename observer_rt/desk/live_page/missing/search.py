@@ -1,0 +1,104 @@
+"""A search for what is missing in evidence: `observer-rt discover` as a process of low priority beside the page."""
+
+import asyncio
+import json
+import os
+import re
+import sys
+import time
+from asyncio.subprocess import PIPE
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from observer_rt.config.bench import Bench
+from observer_rt.engine.reports.evidence import EvidenceKind
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.discover import AMENDED, REPORT
+from observer_rt.identification.discovery.report.document import FINDINGS
+
+FOLDER = "missing"  # of the finding, in that of the evidence
+NICE = 15
+_SUFFIX = ".parquet"
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a search found: findings.json, what `discover` wrote on the screen, and its files."""
+
+    document: dict[str, Any]
+    text: str
+    report: Path
+    amended: Path | None
+
+
+class MissingSearch:
+    """Searches in the evidence of one injector, one search at a time."""
+
+    def __init__(self, alone: Bench) -> None:
+        """alone: the bench with this injector only, whose bench file names a folder of evidence."""
+        folder = alone.injector.evidence
+        assert folder is not None
+        self.evidence: Path = folder
+        self.failure = ""
+        """Why the last search failed; empty: it did not."""
+        self._bench = alone
+        self._began: float | None = None
+        self._text = ""
+
+    @property
+    def out(self) -> Path:
+        """Folder of the finding."""
+        return self.evidence / FOLDER
+
+    @property
+    def seconds(self) -> float | None:
+        """How long it has been searching [s]; None: it is not."""
+        return None if self._began is None else time.monotonic() - self._began
+
+    @property
+    def kept(self) -> dict[EvidenceKind, int]:
+        """Events in the folder by kind."""
+        counts = Counter(path.name.partition("_")[0] for path in self.evidence.glob(f"*{_SUFFIX}"))
+        return {kind: counts[kind.value] for kind in EvidenceKind}
+
+    @property
+    def finding(self) -> Finding | None:
+        """The last one; None where there is none, or it is being replaced."""
+        path = self.out / FINDINGS
+        with suppress(OSError, ValueError):
+            document = json.loads(path.read_text(encoding="utf-8"))
+            amended = self.out / AMENDED
+            return Finding(document, self._text, self.out / REPORT, amended if amended.exists() else None)
+        return None
+
+    async def run(self) -> None:
+        """Search. Raises `UserError` where one is on its way."""
+        if self._began is not None:
+            raise UserError("search", "is on its way", "wait for it")
+        self._began, self.failure = time.monotonic(), ""
+        injector = self._bench.injector
+        named = ["--injector", injector.name] if injector.name else []
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(self.evidence)),
+                *("--bench", str(self._bench.path), *named),
+                *("--out", str(self.out), "--accept-term", "1", "--force"),
+                stdout=PIPE,
+                stderr=PIPE,
+                preexec_fn=lambda: os.nice(NICE),
+            )
+            said, errors = await process.communicate()
+        finally:
+            self._began = None
+        if process.returncode:
+            self.failure = _plain(errors)
+        else:
+            self._text = _plain(said)
+
+
+def _plain(text: bytes) -> str:
+    return _COLOURS.sub("", text.decode("utf-8", "replace")).strip()

@@ -153,8 +153,10 @@ class WatchedInjector:
         self._arrivals.begin(now)
 
     def use_model(self, fitted: BenchInjector) -> None:
-        """Compare injections with the model that the bench file names now."""
+        """Compare injections with the model that the bench file names now; which also mends what is recorded."""
         self._model = InjectionModel(fitted)
+        self._samples = InputSamples(fitted, self.bus)
+        self._count_shift = CountShift(self._samples.lookahead, self._rate_hz)
 
     def take(self, came: BusFrame, now: int) -> None:
         """A frame of any bus, that came at a time [ns since 1970]."""

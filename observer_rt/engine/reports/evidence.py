@@ -127,7 +127,7 @@ class EventInputs:
 def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
     """Inputs at the positions [start, end) that are remembered, from the last break before `start` + LEAD on.
 
-    Values that did not count are nan.
+    Values that did not count are nan; what effects in force say of the rail pressure's sensor is not taken out.
     """
     constants = observer.constants
     c = constants.coefficients
@@ -139,15 +139,18 @@ def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
     def counted(values: NDArray[np.float64], channel: int) -> NDArray[np.float64]:
         return np.where(bridged & (1 << channel), np.nan, values)
 
-    pressures = {
-        channel: remembered(observer.ring[name], start, end) * c.pressure_scale + c.chamber_pressure
-        for channel, name in ((RAIL, "rail_pressure"), (LINE, "line_pressure"))
-    }
+    rail, line = (
+        remembered(observer.ring[name], start, end) * c.pressure_scale + c.chamber_pressure
+        for name in ("rail_pressure", "line_pressure")
+    )
+    rail = (rail - constants.inputs.rail_shift) / constants.inputs.rail_factor
     lift = remembered(observer.ring["needle_lift"], start, end)
+    later = remembered(observer.ring["lift_after"], start, end)
+    lift = lift - later * np.diff(lift, prepend=lift[:1])  # at the time of the other two
     return EventInputs(
         start,
         int(observer.ring["index"][start % RING]),
-        (counted(pressures[RAIL], RAIL), counted(lift, LIFT), counted(pressures[LINE], LINE)),
+        (counted(rail, RAIL), counted(lift, LIFT), counted(line, LINE)),
     )
 
 

@@ -53,7 +53,9 @@ class Follower:
         setting = Setting(it.interval, it.substeps, c, np.zeros(c.states), program=it.program)
         window = Window(inputs, np.zeros(len(inputs)), resting, np.append(self._x, self._x[0]), 0, knots)
         learned = nothing_learned(c)._replace(network=self._network)
+        before = float(self._x[0])
         self._x = follow(window, setting, learned, 0, errors, rate, None, NO_SLOPES, self._terms, phi)
         if line_pressure is not None:
             np.negative(errors, out=line_pressure)  # of an output that is 0
+            line_pressure[:1] = before
         return rate

@@ -1,0 +1,137 @@
+"""The daemon's evidence: what a core sees of an event is what its device sent, on disk by a process of its own."""
+
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.config.injector import EvidenceConfig
+from observer_rt.daemon.evidence import OBSERVER, EvidenceKeeper, evidence_keeper
+from observer_rt.daemon.persistence.keeper import writer_of
+from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.engine.reports.evidence import EvidenceKind
+from observer_rt.files.evidence.evidence_file import KeptEvent, read_evidence
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.parameters import EffectInForce, EffectValue
+from tests.daemon.participants import bench_file, until
+from tests.device import core_of, frames_of, hand, worn_recording
+
+INJECTIONS = 5
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    at_its_rate = load_bench(bench_file(tmp_path, "unused"))
+    return at_its_rate.with_sections(evidence=EvidenceConfig(folder="evidence"))
+
+
+@contextmanager
+def keeping(bench: Bench, told: list[str]) -> Iterator[EvidenceKeeper]:
+    """Keeper of a bench's evidence, with its process."""
+    with evidence_keeper(bench.injector, told.append) as keeper:
+        assert keeper is not None
+        with keeper.keeping():
+            yield keeper
+
+
+def observe(keeper: EvidenceKeeper, bench: Bench, recording: Recording) -> None:
+    """Have a fresh core see all of it."""
+    core = core_of(bench, listeners=[keeper.hear])
+    keeper.watch(core)
+    hand(core, frames_of(bench, recording))
+    core.finish()
+
+
+def kept(bench: Bench) -> list[KeptEvent]:
+    folder = bench.injector.evidence
+    assert folder is not None
+    return [read_evidence(path) for path in sorted(folder.glob("*.parquet"))]
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.02])
+def test_what_is_kept_is_what_was_sent(bench: Bench, gain: float) -> None:
+    """Also where the model in force mends the rail pressure: else `discover` would mend it twice."""
+    size = EffectInForce(id="rail_pressure_sensor_gain", parameters={"g": EffectValue(value=gain, unit="-")})
+    in_force = (size,) if gain else ()
+    bench = bench.with_parameters(bench.injector.parameters.model_copy(update={"effects": in_force}))
+    told: list[str] = []
+    recording = worn_recording(INJECTIONS)
+    with keeping(bench, told) as keeper:
+        observe(keeper, bench, recording)
+    assert (keeper.kept, keeper.lost, told) == (INJECTIONS, 0, [])
+    events = kept(bench)
+    if not gain:
+        assert {one.kind for one in events} <= {EvidenceKind.GOOD, EvidenceKind.DOUBTFUL}
+    for one in events:
+        assert one.belief["model_sha256"] == model_hash(bench.injector.parameters)
+        (injection,) = one.belief["injections"]
+        assert injection["mass_mg"] > 0.0
+        first = round(one.recording.time[0] * recording.sample_rate)
+        same = slice(first, first + one.recording.samples)
+        for name, step in (("rail_pressure", 5e3), ("needle_lift", 1e-8), ("line_pressure", 5e3)):
+            np.testing.assert_allclose(one.recording.arrays[name], recording.arrays[name][same], atol=step)
+        opened = np.flatnonzero(one.recording.needle_lift > 20e-6)
+        assert opened[0] >= round(3e-3 * recording.sample_rate)
+        assert one.recording.samples - opened[-1] >= round(12e-3 * recording.sample_rate)
+
+
+def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    processes: list[subprocess.Popen[bytes]] = []
+    start = subprocess.Popen
+
+    def started(*arguments: object, **options: object) -> "subprocess.Popen[bytes]":
+        processes.append(start(*arguments, **options))  # type: ignore[call-overload]
+        return processes[-1]
+
+    monkeypatch.setattr("observer_rt.daemon.evidence.subprocess.Popen", started)
+    recording = worn_recording(INJECTIONS)
+    with keeping(bench, told) as keeper:
+        observe(keeper, bench, recording)
+        until(lambda: keeper.kept >= INJECTIONS - 1)
+        os.kill(processes[0].pid, signal.SIGKILL)
+        processes[0].wait()
+        observe(keeper, bench, recording)
+        until(lambda: keeper.kept + keeper.lost >= 2 * INJECTIONS - 2)
+    assert keeper.lost <= 1
+    assert len(processes) == 2
+    assert len(told) == keeper.lost
+
+
+def test_a_full_disk_is_told_once_with_its_remedy(bench: Bench, tmp_path: Path) -> None:
+    told: list[str] = []
+    with keeping(bench, told) as keeper:
+        folder = tmp_path / "evidence"
+        folder.rename(tmp_path / "elsewhere")
+        folder.write_text("in the way")
+        observe(keeper, bench, worn_recording(INJECTIONS))
+        until(lambda: keeper.lost >= INJECTIONS - 1)
+        folder.unlink()
+        folder.mkdir()
+    assert len(told) == 1
+    assert "cannot be kept" in told[0]
+    assert "remedy" in told[0]
+
+
+def test_a_folder_belongs_to_one_daemon(bench: Bench, tmp_path: Path) -> None:
+    folder = tmp_path / "evidence"
+    assert writer_of(folder / OBSERVER) is None
+    with evidence_keeper(bench.injector, print):
+        assert writer_of(folder / OBSERVER) == os.getpid()
+        with pytest.raises(UserError, match="in use by process"), evidence_keeper(bench.injector, print):
+            pass
+    assert writer_of(folder / OBSERVER) is None
+
+
+def test_nothing_is_kept_where_no_folder_is_named() -> None:
+    with evidence_keeper(load_bench().injector, print) as keeper:
+        assert keeper is None

@@ -1,0 +1,65 @@
+"""Evidence: which events are kept and as what, their inputs as they were, and the way to another process."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer_rt.engine.reports.evidence import OF_MODEL, EventEvidence, EvidenceKind, kind_of
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.stream.state import Reason
+from tests.daemon.samples import some_report
+
+
+def report(*reasons: Reason, half: float = 0.001) -> InjectionReport:
+    """A report with these reasons, whose mass is known to a share of it."""
+    mass = 100e-6
+    first, *further = reasons or (Reason.NONE,)
+    return replace(
+        some_report(),
+        mass=mass,
+        mass_ci95=((1 - half) * mass, (1 + half) * mass),
+        valid=first is Reason.NONE,
+        reason=first,
+        further=tuple(further),
+    )
+
+
+@pytest.mark.parametrize("reason", sorted(OF_MODEL))
+def test_what_contradicts_the_model_is_refused(reason: Reason) -> None:
+    assert kind_of([report(), report(Reason.TOO_FEW_EVENTS, reason)]) is EvidenceKind.REFUSED
+
+
+@pytest.mark.parametrize(
+    "reason",
+    [Reason.SAMPLES_LOST, Reason.INPUT_FROZEN, Reason.NEEDLE_STUCK, Reason.INPUT_CLIPPED, Reason.STARTING],
+)
+def test_doubtful_inputs_are_evidence_of_nothing(reason: Reason) -> None:
+    assert kind_of([report(), report(reason)]) is None
+
+
+def test_a_mass_known_badly_is_a_doubt() -> None:
+    assert kind_of([report()]) is EvidenceKind.GOOD
+    assert kind_of([report(Reason.TOO_FEW_EVENTS)]) is EvidenceKind.GOOD
+    assert kind_of([report(half=0.02)]) is EvidenceKind.DOUBTFUL
+    assert kind_of([report(Reason.OUTSIDE_LEARNED_RANGE)]) is EvidenceKind.DOUBTFUL
+
+
+values = st.lists(st.floats(width=64), min_size=1, max_size=40)
+
+
+@given(values, values, st.sampled_from(EvidenceKind), st.text())
+def test_what_is_packed_is_unpacked(
+    rail: list[float], lift: list[float], kind: EvidenceKind, text: str
+) -> None:
+    samples = min(len(rail), len(lift))
+    one, two = np.array(rail[:samples]), np.array(lift[:samples])
+    packed = EventEvidence(kind, 7, 123, 1e5, 60e6, 1e-3, {"said": text}, one, two, -one).packed()
+    stream = io.BytesIO(packed)
+    line = stream.readline()
+    unpacked = EventEvidence.unpacked(line, np.frombuffer(stream.read()))
+    assert unpacked.packed() == packed
+    assert (unpacked.kind, unpacked.event, unpacked.first_index) == (kind, 7, 123)

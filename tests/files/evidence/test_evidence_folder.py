@@ -1,0 +1,91 @@
+"""A folder of evidence: bounded, by kind and operating point, whole files only, and read as any recording."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
+from observer_rt.files.evidence.evidence_file import read_evidence, write_evidence
+from observer_rt.files.evidence.evidence_folder import EvidenceFolder, FolderLimits
+from observer_rt.files.formats import open_recording
+from observer_rt.foundation.errors import UserError
+
+BEGIN = datetime(2026, 5, 1, tzinfo=UTC)
+SAMPLES = 2000
+
+
+def event(
+    kind: EvidenceKind, number: int, pressure: float = 100e6, open_time: float = 1.2e-3
+) -> EventEvidence:
+    random = np.random.default_rng(number)
+    rail, lift, line = random.normal(size=(3, SAMPLES))
+    belief = {"model_sha256": "ab", "injections": [{"number": number}]}
+    return EventEvidence(kind, number, 1000 * number, 1e5, pressure, open_time, belief, rail, lift, line)
+
+
+def numbers(folder: Path) -> list[int]:
+    """Numbers of the events that are there."""
+    return sorted(read_evidence(path).belief["injections"][0]["number"] for path in folder.glob("*.parquet"))
+
+
+def fill(folder: Path, events: list[EventEvidence], most_mib: float = 100.0, per_point: int = 3) -> None:
+    keeper = EvidenceFolder(folder, FolderLimits(most_mib, per_point))
+    for number, one in enumerate(events):
+        keeper.take(one, BEGIN + timedelta(seconds=number))
+
+
+def test_refused_events_are_the_newest_of_each_operating_point(tmp_path: Path) -> None:
+    refused = [event(EvidenceKind.REFUSED, n, (60e6, 100e6)[n % 2]) for n in range(10)]
+    fill(tmp_path, refused)
+    assert numbers(tmp_path) == [4, 5, 6, 7, 8, 9]
+
+
+def test_good_events_are_a_fair_sample(tmp_path: Path) -> None:
+    """Each of many has the chance of any other: over many folders first and last halves are kept alike."""
+    kept = []
+    for trial in range(30):
+        folder = tmp_path / str(trial)
+        fill(folder, [event(EvidenceKind.GOOD, n) for n in range(12)])
+        assert len(numbers(folder)) == 3
+        kept += numbers(folder)
+    assert 0.3 < np.mean(np.array(kept) < 6) < 0.7
+    assert len(set(kept)) > 8
+
+
+def test_the_folder_is_bounded_and_keeps_what_there_is_least_of(tmp_path: Path) -> None:
+    many = [event(EvidenceKind.REFUSED, n, 60e6) for n in range(30)]
+    one = event(EvidenceKind.REFUSED, 99, 140e6)
+    fill(tmp_path, [one, *many], most_mib=1.0, per_point=1000)
+    size = sum(path.stat().st_size for path in tmp_path.iterdir())
+    assert 0.8 * 2**20 < size <= 2**20
+    assert {29, 99} <= set(numbers(tmp_path))
+
+
+def test_an_event_comes_back_to_the_bit_and_reads_as_a_recording(tmp_path: Path) -> None:
+    written = event(EvidenceKind.DOUBTFUL, 3)
+    written.needle_lift[10:20] = np.nan
+    write_evidence(tmp_path / "one.parquet", written, "2026-05-01T00:00:00.000+00:00")
+    kept = read_evidence(tmp_path / "one.parquet")
+    assert (kept.kind, kept.belief, kept.open_time) == (written.kind, written.belief, written.open_time)
+    for name in ("rail_pressure", "needle_lift", "line_pressure"):
+        np.testing.assert_array_equal(kept.recording.arrays[name], getattr(written, name))
+    assert kept.recording.time[0] == pytest.approx(written.first_index / written.sample_rate)
+    assert open_recording(tmp_path / "one.parquet").grid_samples == SAMPLES
+
+
+def test_what_a_killed_writer_left_is_gone_and_what_is_damaged_is_refused(tmp_path: Path) -> None:
+    left = tmp_path / ".refused_100MPa_1200us_x.parquet"
+    left.write_bytes(b"PAR1")
+    fill(tmp_path, [event(EvidenceKind.REFUSED, 1)])
+    assert not left.exists()
+    (path,) = tmp_path.glob("*.parquet")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(UserError, match="damaged"):
+        read_evidence(path)
+    path.write_bytes(b"something else")
+    with pytest.raises(UserError, match="no evidence"):
+        read_evidence(path)

@@ -89,7 +89,17 @@ def _rising_stiffness(drawn: random.Random) -> tuple[str, Any, str]:
     )
 
 
-_EFFECTS: Sequence[_Drawn] = (_rising_stiffness,)
+def _rail_gain(drawn: random.Random) -> tuple[str, Any, str]:
+    g = drawn.choice((-1.0, 1.0)) * drawn.uniform(0.012, 0.03)
+    return "rail_pressure_sensor_gain", {"g": g}, f"a rail pressure sensor whose gain is {100 * g:+.1f} % off"
+
+
+def _lift_offset(drawn: random.Random) -> tuple[str, Any, str]:
+    x_0 = drawn.uniform(7.0, 12.0)
+    return "lift_offset", {"x_0": x_0 * 1e-6}, f"a needle lift recorded {x_0:.1f} um too low"
+
+
+_EFFECTS: Sequence[_Drawn] = (_rising_stiffness, _rail_gain, _lift_offset)
 
 
 def _coking(drawn: random.Random) -> tuple[str, Any, str]:
@@ -98,7 +108,20 @@ def _coking(drawn: random.Random) -> tuple[str, Any, str]:
     return "nozzle_flow", law, f"a nozzle that loses up to {100 * share:.0f} % within each injection"
 
 
-_LAWS: Sequence[_Drawn] = (_coking,)
+def _seat_by_speed(drawn: random.Random) -> tuple[str, Any, str]:
+    share = drawn.uniform(0.15, 0.25)
+    law = f"-{share:.4g} * tanh(lift_rate / 0.3)"
+    words = f"a seat that passes {100 * share:.0f} % less while the needle opens, and more while it closes"
+    return "seat_flow", law, words
+
+
+def _kinked_loss(drawn: random.Random) -> tuple[str, Any, str]:
+    loss, from_flow = drawn.uniform(0.04, 0.1), drawn.uniform(20.0, 30.0)
+    law = f"{loss:.4g} * max(line_flow - {from_flow:.3g}, 0)"
+    return "line_flow", law, f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms"
+
+
+_LAWS: Sequence[_Drawn] = (_coking, _seat_by_speed, _kinked_loss)
 
 
 @dataclass(frozen=True)

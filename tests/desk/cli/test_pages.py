@@ -35,6 +35,11 @@ from tools.benchmarks.command_line import app as bench
 
 NOT_RUN = {  # with the reason, and what looks after it instead
     "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",
+    "tools/demo --missing-effect": "it is `observer-rt demo`, which test_effect_demo.py runs",
+    "tools/demo --missing-effect --outside --seed 2": "it is `observer-rt demo`, which test_effect_demo.py runs",
+    "observer-rt discover --from-evidence evidence --out missing": "it needs a daemon's events: test_effect_demo.py",
+    "observer-rt take-over missing/amended.toml --bench bench.toml": "it needs that answer: test_take_over.py",
+    "observer-rt take-over --undo --bench bench.toml": "it needs that step: test_take_over.py",
     "tools/test": "it runs these tests",
     "source .venv/bin/activate": "these tests run in that environment",
     "pip install -e '.[batch,monitor]'": "below: the package has these extras",

@@ -8,6 +8,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.error import HTTPError
 from urllib.parse import urlencode
 from urllib.request import urlopen
@@ -31,11 +32,11 @@ _STARTED = re.compile(r"(http://\S+)|wants the word (\w+)")
 
 @pytest.fixture
 def bench(tmp_path: Path, vcan: str) -> Path:
-    document = tomlkit.parse(EXAMPLE_BENCH.read_text())
-    document["link"]["channel"] = vcan  # type: ignore[index]
-    document["learning"]["lockstep"] = True  # type: ignore[index]
-    document["evidence"]["folder"] = "evidence"  # type: ignore[index]
-    document["model"]["file"] = "injector.toml"  # type: ignore[index]
+    document: Any = tomlkit.parse(EXAMPLE_BENCH.read_text())
+    document["link"]["channel"] = vcan
+    document["learning"]["lockstep"] = True
+    document["evidence"]["folder"] = "evidence"
+    document["model"]["file"] = "injector.toml"
     shutil.copyfile(NOMINAL_INJECTOR, tmp_path / "injector.toml")
     path = tmp_path / "bench.toml"
     path.write_text(tomlkit.dumps(document))

@@ -50,13 +50,14 @@ class Daemon:
         failed_writes: Callable[[], int] = lambda: 0,
         learning: Executor | None = None,
         on_thread: Callable[[], object] = lambda: None,
+        evidence_kept: Callable[[], int] = lambda: 0,
     ) -> None:
         """links: of all buses, in order. knowledge: restored from an earlier run.
 
         on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
         so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
         one after another; None: in a thread of its own. on_thread: called first by the loop's thread, to claim its
-        rights.
+        rights. evidence_kept: events kept so far; for the status.
         """
         self._links = links
         self._bus = bus
@@ -65,6 +66,7 @@ class Daemon:
         self._tell = fan_out(listeners)
         self._on_alive = on_alive
         self._failed_writes = failed_writes
+        self._evidence_kept = evidence_kept
         with_inputs = {layout.bus for layout in bus.received}
         self.ports = tuple(
             Port(named.label, named.config.channel, link, number in with_inputs, self._tell)
@@ -216,6 +218,11 @@ class Daemon:
     def failed_writes(self) -> int:
         """Number of failures to write learned state or journal, and lines of the log that were given up."""
         return self._failed_writes()
+
+    @property
+    def evidence_kept(self) -> int:
+        """Events whose inputs were kept as evidence."""
+        return self._evidence_kept()
 
     @property
     def troubles(self) -> int:

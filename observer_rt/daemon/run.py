@@ -142,6 +142,7 @@ class InjectorService:
                 lambda: self._keeper.failures + self._voice.log.lost,
                 learning,
                 self._on_thread,
+                lambda: self._evidence.kept if self._evidence else 0,
             )
             if self.screen is not None:
                 self.screen.watch(daemon)

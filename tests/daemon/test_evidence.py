@@ -3,8 +3,6 @@
 import os
 import signal
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +10,16 @@ import pytest
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import EvidenceConfig
-from observer_rt.daemon.evidence import OBSERVER, EvidenceKeeper, evidence_keeper
+from observer_rt.daemon.evidence import OBSERVER, evidence_keeper
 from observer_rt.daemon.persistence.keeper import writer_of
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.engine.reports.evidence import EvidenceKind
 from observer_rt.files.evidence.evidence_file import KeptEvent, read_evidence
-from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.daemon.participants import bench_file, until
-from tests.device import core_of, frames_of, hand, worn_recording
+from tests.device import worn_recording
+from tests.kept_evidence import keeping, observe
 
 INJECTIONS = 5
 
@@ -30,23 +28,6 @@ INJECTIONS = 5
 def bench(tmp_path: Path) -> Bench:
     at_its_rate = load_bench(bench_file(tmp_path, "unused"))
     return at_its_rate.with_sections(evidence=EvidenceConfig(folder="evidence"))
-
-
-@contextmanager
-def keeping(bench: Bench, told: list[str]) -> Iterator[EvidenceKeeper]:
-    """Keeper of a bench's evidence, with its process."""
-    with evidence_keeper(bench.injector, told.append) as keeper:
-        assert keeper is not None
-        with keeper.keeping():
-            yield keeper
-
-
-def observe(keeper: EvidenceKeeper, bench: Bench, recording: Recording) -> None:
-    """Have a fresh core see all of it."""
-    core = core_of(bench, listeners=[keeper.hear])
-    keeper.watch(core)
-    hand(core, frames_of(bench, recording))
-    core.finish()
 
 
 def kept(bench: Bench) -> list[KeptEvent]:

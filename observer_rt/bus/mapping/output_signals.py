@@ -179,6 +179,8 @@ class StatusValues(NamedTuple):
         says="Failed writes of the learned state or the journal, and log lines given up.",
         counts="failed writes of state or journal, and log lines given up",
         remedy="room and rights on the disk; the log says which: `kept`, `stream`")]
+    evidence_kept: Annotated[int, OutputSignal("daemon.evidence_kept",
+        counts="events whose inputs were kept as evidence", remedy="`observer-rt discover --from-evidence`, if many")]
     latency_p999: Annotated[float, OutputSignal("daemon.latency.p999", 16, 304, 10, 32, LATENCY,
         says="From the stamp of an input frame until the rates it caused are sent: what 99.9 % stay within; 65533: "
         "longer, 65535: none were sent yet.")]

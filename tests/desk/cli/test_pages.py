@@ -28,8 +28,10 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.model.baseline import Baseline
+from observer_rt.model.effects import sized
 from tests import own_injector, several_injectors
 from tests.desk.cli.conftest import Command, document
+from tests.kept_evidence import keep
 from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
 from tools.benchmarks.command_line import app as bench
 
@@ -37,9 +39,6 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "tools/demo": "it is `observer-rt demo`, which test_demo.py runs, in a virtual environment of its own",
     "tools/demo --missing-effect": "it is `observer-rt demo`, which test_effect_demo.py runs",
     "tools/demo --missing-effect --outside --seed 2": "it is `observer-rt demo`, which test_effect_demo.py runs",
-    "observer-rt discover --from-evidence evidence --out missing": "it needs a daemon's events: test_effect_demo.py",
-    "observer-rt take-over missing/amended.toml --bench bench.toml": "it needs that answer: test_take_over.py",
-    "observer-rt take-over --undo --bench bench.toml": "it needs that step: test_take_over.py",
     "tools/test": "it runs these tests",
     "source .venv/bin/activate": "these tests run in that environment",
     "pip install -e '.[batch,monitor]'": "below: the package has these extras",
@@ -139,6 +138,22 @@ def test_the_commands_for_other_tools(command: Command, desk: Path) -> None:
     command.done("convert", "made.log", "bus.blf")
     run_all(command, without_bus(Page("docs/measurement-tools.md")))
     assert {"bus.asc", "bus.mf4", "signals.mf4", "trace.mf4"} <= {path.name for path in desk.iterdir()}
+
+
+@pytest.mark.slow
+def test_the_commands_on_evidence(command: Command, desk: Path) -> None:
+    page = Page("docs/evidence.md")
+    (section,) = page.fenced("toml")
+    text = re.sub(r"^\[evidence\]\n(?:.+\n)*", lambda _: section, EXAMPLE_BENCH.read_text(), flags=re.M)
+    Path("bench.toml").write_text(text)
+    keep(load_bench(Path("bench.toml")), sized("rail_pressure_sensor_gain", g=0.02))
+    before = load_bench(Path("bench.toml")).injector.parameters
+    *first, undo = without_bus(page)
+    run_all(command, first)
+    amended = load_bench(Path("bench.toml")).injector.parameters
+    assert [effect.id for effect in amended.effects] == ["rail_pressure_sensor_gain"]
+    run_all(command, [undo])
+    assert load_bench(Path("bench.toml")).injector.parameters == before
 
 
 def write_mine(page: Page, like: Path) -> None:

@@ -1,0 +1,40 @@
+"""Evidence in a folder, kept as a daemon keeps it, of recordings that a core observes in lockstep."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from observer_rt.config.bench import Bench
+from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.files.signals.recording import Recording
+from observer_rt.model.effect import SizedEffect
+from tests.device import core_of, frames_of, hand
+
+
+@contextmanager
+def keeping(bench: Bench, told: list[str]) -> Iterator[EvidenceKeeper]:
+    """Keeper of a bench's evidence, with its process."""
+    with evidence_keeper(bench.injector, told.append) as keeper:
+        assert keeper is not None
+        with keeper.keeping():
+            yield keeper
+
+
+def observe(keeper: EvidenceKeeper, bench: Bench, recording: Recording) -> None:
+    """Have a fresh core see all of it."""
+    core = core_of(bench, listeners=[keeper.hear])
+    keeper.watch(core)
+    hand(core, frames_of(bench, recording))
+    core.finish()
+
+
+def keep(bench: Bench, *hidden: SizedEffect, injections: int = 12) -> None:
+    """Keep the evidence of an injector with hidden effects, at three rail pressures and two durations."""
+    schedule = make_schedule([60e6, 100e6, 140e6], injections, 0.05, [0.9e-3, 1.9e-3])
+    rate = bench.injector.config.sampling.rate_hz
+    measured = simulate(bench.injector.parameters, schedule, rate, hidden, SimulatedNoise(), seed=4)
+    told: list[str] = []
+    with keeping(bench, told) as keeper:
+        observe(keeper, bench, measured.recording)
+    assert told == []

@@ -179,8 +179,6 @@ class StatusValues(NamedTuple):
         says="Failed writes of the learned state or the journal, and log lines given up.",
         counts="failed writes of state or journal, and log lines given up",
         remedy="room and rights on the disk; the log says which: `kept`, `stream`")]
-    evidence_kept: Annotated[int, OutputSignal("daemon.evidence_kept",
-        counts="events whose inputs were kept as evidence", remedy="`observer-rt discover --from-evidence`, if many")]
     latency_p999: Annotated[float, OutputSignal("daemon.latency.p999", 16, 304, 10, 32, LATENCY,
         says="From the stamp of an input frame until the rates it caused are sent: what 99.9 % stay within; 65533: "
         "longer, 65535: none were sent yet.")]
@@ -197,6 +195,8 @@ class StatusValues(NamedTuple):
         counts="values of a frozen, clipped or missing input that did not count", remedy="as INPUT_FROZEN, if many")]
     refused_frames: Annotated[int, OutputSignal("supervised.refused",
         counts="good frames of a message whose end-to-end protection is INVALID", remedy="as INPUT_PROTECTION")]
+    evidence_kept: Annotated[int, OutputSignal("daemon.evidence_kept",
+        counts="events whose inputs were kept as evidence", remedy="`observer-rt discover --from-evidence`, if many")]
 # fmt: on
 
 

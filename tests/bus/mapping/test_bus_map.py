@@ -160,7 +160,7 @@ def test_a_message_too_short_for_its_protection(tmp_path: Path) -> None:
     ("message", "names", "pages"),
     [
         ("InjectionSummary", signals_of(SummaryValues), 7),
-        ("ObserverStatus", signals_of(StatusValues)[:-5], 12),
+        ("ObserverStatus", signals_of(StatusValues)[:-6], 12),
     ],
 )
 def test_the_classic_layout_carries_what_the_fd_layout_does(

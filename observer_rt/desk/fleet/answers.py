@@ -56,6 +56,7 @@ class DiscoveredRow(DocumentPart):
     line_pressure_noise_floor_MPa: Number = None  # noqa: N815
     report: str | None = Field(None, description="file below the folder")
     amended: str | None = Field(None, description="file below the folder")
+    moved: str | None = Field(None, description="what wear did before the recordings judged, in words")
     problem: str | None = None
 
     @property
@@ -82,7 +83,7 @@ class DiscoveredRow(DocumentPart):
             f"{missing}, or {self.rivals}" if self.rivals else missing,
             f"{off} -> {after:.2g}" if before is not None and self.effects and after is not None else off,
             f"{self.judged} of {self.recordings}",
-            "; ".join(filter(None, (self.caveats, left_out))) or "-",
+            "; ".join(filter(None, (self.moved, self.caveats, left_out))) or "-",
         )
 
 
@@ -112,6 +113,7 @@ class _Note(DocumentPart):
     key: str
     recordings: int
     left_out: tuple[FailedFile, ...] = ()
+    moved: str = ""
     problem: str = ""
 
 
@@ -139,6 +141,7 @@ class Answers:
             key=key,
             recordings=group.recordings,
             left_out=ended.left_out,
+            moved=group.moved,
             problem=ended.problem,
         )
         place = self.place / group.folder
@@ -172,6 +175,7 @@ class Answers:
             injector=note.injector,
             recordings=note.recordings,
             left_out=len(note.left_out),
+            moved=note.moved or None,
             problem=problem,
             **columns,
         )

@@ -16,6 +16,7 @@ import pyarrow as pa
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
+from observer_rt.desk.fleet.moving_wear import COLUMNS, steady_stretch
 from observer_rt.files.formats import formats, suffixes_of
 from observer_rt.files.signals.recording import TRUTH_SUFFIX
 from observer_rt.foundation.console import suffix_of
@@ -26,7 +27,7 @@ _PATTERN = re.compile(r"[*?\[]")
 _DATE_FORMATS = {8: 6, 12: 10, 14: 12}  # characters of the format by digits
 MOST_RECORDINGS = 16
 """The latest ones of an injector: wear of months is no single size, and a search takes time and memory by samples."""
-NEEDED = ("injector", "sha256", "time")
+NEEDED = ("injector", "sha256", "time", *COLUMNS)
 """Columns of a batch's rows that groups are made of."""
 
 
@@ -147,12 +148,16 @@ class ModelGroup:
 
 @dataclass(frozen=True)
 class Group:
-    """Recordings of an injector, by path and SHA-256, the latest first; recordings: how many there are in all."""
+    """Recordings of an injector, by path and SHA-256, the latest first; recordings: how many there are in all.
+
+    moved: what wear did before these, in words, empty: nothing.
+    """
 
     injector: str
     kind: ModelGroup
     files: tuple[tuple[Path, str], ...]
     recordings: int
+    moved: str = ""
 
     @property
     def folder(self) -> str:
@@ -197,14 +202,14 @@ def groups_of(rows: pa.Table, files: Mapping[str, Path], kinds: Sequence[ModelGr
     files: paths by SHA-256; rows of other files are left out. kinds: one, or those of a bench by their own names.
     """
     own_names = {InjectorNames(None).of(Path(), kind.alone): kind for kind in kinds}
-    first = rows.to_pandas().groupby(["injector", "sha256"], as_index=False)["time"].min()
+    table = rows.to_pandas()
+    first = table.groupby(["injector", "sha256"], as_index=False)["time"].min()
     latest = first[first["sha256"].isin(list(files))].sort_values(["time", "sha256"], ascending=False)
-    return [
-        Group(
-            str(name),
-            kinds[0] if len(kinds) == 1 else own_names[str(name)],
-            tuple((files[sha256], sha256) for sha256 in its["sha256"][:MOST_RECORDINGS]),
-            len(its),
-        )
-        for name, its in latest.groupby("injector")
-    ]
+
+    def group(name: str, recordings: Sequence[str]) -> Group:
+        kind = kinds[0] if len(kinds) == 1 else own_names[name]
+        asked = steady_stretch(table[table["injector"] == name], recordings[:MOST_RECORDINGS])
+        taken = tuple((files[sha256], sha256) for sha256 in asked.recordings)
+        return Group(name, kind, taken, len(recordings), asked.says)
+
+    return [group(str(name), list(its["sha256"])) for name, its in latest.groupby("injector")]

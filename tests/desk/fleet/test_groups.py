@@ -35,7 +35,7 @@ def grouped(*tables: pa.Table, files: dict[str, Path] | None = None) -> list[Gro
 
 def test_an_injector_is_a_group_its_latest_recording_first() -> None:
     two, one = grouped(
-        rows("aa", "worn", [0.1, 0.2], day=3), rows("bb", "worn", [0.1], day=7), rows("cc", "new", [0.1])
+        rows("aa", "worn", [0.2, 0.1], day=3), rows("bb", "worn", [0.1], day=7), rows("cc", "new", [0.1])
     )[::-1]
     assert (one.injector, two.injector) == ("new", "worn")
     assert two.files == ((Path("bb.csv"), "bb"), (Path("aa.csv"), "aa"))

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import effects_after_alignment
@@ -26,6 +26,7 @@ from observer_rt.engine.reports.evidence import (
 from observer_rt.engine.reports.injection_report import InjectionReport, injection_record
 from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.core import Core
+from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.console import check_folder
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MILLISECOND
@@ -52,6 +53,14 @@ def evidence_keeper(fitted: BenchInjector, tell: Callable[[str], None]) -> Itera
     check_folder(fitted.place("evidence.folder"), folder)
     with sole_writer(folder / OBSERVER):
         yield EvidenceKeeper(fitted, folder, tell)
+
+
+class _Heard(NamedTuple):
+    """Event that waits to be written: its injections, its inputs, the constants in force."""
+
+    reports: tuple[InjectionReport, ...]
+    inputs: EventInputs
+    constants: Constants
 
 
 class EvidenceKeeper:
@@ -87,7 +96,7 @@ class EvidenceKeeper:
         self._core: Core | None = None  # before it runs
         self._reports: list[InjectionReport] = []  # of one event
         self._inputs: EventInputs | None = None
-        self._waiting: queue.Queue[EventEvidence | None] = queue.Queue(MOST_WAITING)
+        self._waiting: queue.Queue[_Heard | None] = queue.Queue(MOST_WAITING)
         self._is_reported = False
 
     def watch(self, core: Core) -> None:
@@ -121,25 +130,29 @@ class EvidenceKeeper:
             thread.join(LAST_EVENTS)
 
     def _hand_on(self) -> None:
-        """Queue the event at hand, if it is evidence of anything."""
+        """Queue the event at hand."""
         reports, inputs, core = self._reports, self._inputs, self._core
         self._reports, self._inputs = [], None
         if not reports or inputs is None or core is None:
             return
-        constants = core.compiled.observer.constants
-        injections = [injection_record(one, constants.coefficients, self._has_energizing) for one in reports]
-        found = evidence_of(reports, inputs, constants, {**self._model, "injections": injections})
-        if found is None:
-            return
         try:
-            self._waiting.put_nowait(found)
+            self._waiting.put_nowait(_Heard(tuple(reports), inputs, core.compiled.observer.constants))
         except queue.Full:
             self.lost += 1
+
+    def _evidence(self, heard: "_Heard") -> EventEvidence | None:
+        """Evidence of an event; None where it is of nothing."""
+        c, energizing = heard.constants.coefficients, self._has_energizing
+        injections = [injection_record(report, c, energizing) for report in heard.reports]
+        belief = {**self._model, "injections": injections}
+        return evidence_of(heard.reports, heard.inputs, heard.constants, belief)
 
     def _write(self) -> None:
         """Hand waiting events to the process, which is started anew should it have ended."""
         process: subprocess.Popen[bytes] | None = None
-        while (event := self._waiting.get()) is not None:
+        while (heard := self._waiting.get()) is not None:
+            if (event := self._evidence(heard)) is None:
+                continue
             if process is None or process.poll() is not None:
                 process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
             try:

@@ -11,6 +11,7 @@ from tools.benchmarks import (  # noqa: F401
     damage,
     formats,
     history,
+    loop,
     surgery,
     wave_recordings,
 )

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite
+from pathlib import Path
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.injector import Seen
@@ -71,6 +72,7 @@ def _floor_log10(value: float) -> int:
 def panel_html(alone: Bench, seen: Seen, search: MissingSearch) -> str:
     """All of it: evidence, the model in force with its steps, the search, the finding, the gaps."""
     injector = alone.injector
+    finding = search.finding
     done: Sequence[TakeOver] = [step for step in steps(alone.path) if step.injector == injector.name]
     return _TEMPLATES.get_template("missing.html").render(
         name=injector.name,
@@ -79,12 +81,21 @@ def panel_html(alone: Bench, seen: Seen, search: MissingSearch) -> str:
         model=injector.parameters_path.name,
         steps=done,
         search=search,
-        finding=search.finding,
+        finding=finding,
+        is_in_force=finding is not None and _same(finding.amended, injector.parameters_path),
         drawing=gap_drawing(seen),
         width=WIDTH,
         height=HEIGHT,
         step=WIDTH / GAPS,
     )
+
+
+def _same(one: Path | None, other: Path) -> bool:
+    """Whether two files have the same content."""
+    try:
+        return one is not None and one.read_bytes() == other.read_bytes()
+    except OSError:  # being replaced
+        return False
 
 
 _TEMPLATES = templates_of("observer_rt.desk.live_page.page")

@@ -16,6 +16,8 @@ from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
 
+_PAIR = 2  # numbers that still stand in a line of their own
+
 
 @dataclass(frozen=True)
 class InjectorFile:
@@ -55,6 +57,17 @@ def inline(entry: Mapping[str, Any]) -> InlineTable:
     table = tomlkit.inline_table()
     for key, value in entry.items():
         table.append(key, inline(value) if isinstance(value, Mapping) else value)
+    return table
+
+
+def section_of(entry: Mapping[str, Any]) -> Any:
+    """A section; what holds numbers or pairs stands in one line of it, what holds more is a section below."""
+    table = tomlkit.table()
+    for key, value in entry.items():
+        is_section = isinstance(value, dict) and any(
+            isinstance(one, dict) or (isinstance(one, list) and len(one) > _PAIR) for one in value.values()
+        )
+        table[key] = section_of(value) if is_section else inline(value) if isinstance(value, dict) else value
     return table
 
 

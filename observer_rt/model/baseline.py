@@ -1,4 +1,4 @@
-"""Baseline of the healthy injector in a fitted injector file: [baseline]."""
+"""Remainder of a model: of the healthy injector in [baseline], of terms accepted in part in [remainder]."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -111,6 +111,23 @@ class Baseline(_BaselineSection):
     ci95: Mapping[str, tuple[float, float]] = {}
     recordings: tuple[str, ...] = ()
     healthy: HealthyRemainder | None = None
+    observer: HealthyRemainder | None = None
+    origin: str = ""
+    date: str = ""
+
+
+class Remainder(_BaselineSection):
+    """Residuals of a model whose terms were accepted in part: they belong to its stated uncertainty.
+
+    line_pressure_MPa: rms beyond noise on events held out; mass_share: standard deviation of a mass, as a share, that
+    comes of it; variance: as of `Baseline`, with the terms in force; observer: what the observer leaves of the same
+    recordings, None where it judged none of their events.
+    """
+
+    line_pressure_MPa: Annotated[float, Field(ge=0, allow_inf_nan=False)]  # noqa: N815
+    mass_share: Share
+    sample_rate_Hz: Annotated[float, Field(gt=0)]  # noqa: N815
+    variance: PhaseFigures
     observer: HealthyRemainder | None = None
     origin: str = ""
     date: str = ""

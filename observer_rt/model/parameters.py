@@ -20,7 +20,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 import observer_rt.model.line.lump  # noqa: F401 - the lines every injector may have
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import ZERO_CELSIUS
-from observer_rt.model.baseline import Baseline
+from observer_rt.model.baseline import Baseline, Remainder
 from observer_rt.model.line.interface import known_line
 from observer_rt.model.line.wave import FEWEST_CELLS, MOST_CELLS
 from observer_rt.model.terms.in_force import TermInForce
@@ -165,6 +165,7 @@ class InjectorParameters(_Section):
     scaling: Scaling = Scaling()
     needle: Needle
     baseline: Baseline | None = None  # of the healthy injector, where the file was fitted
+    remainder: Remainder | None = None  # of terms that were accepted in part
 
 
 class Departures(NamedTuple):

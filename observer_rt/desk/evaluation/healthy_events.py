@@ -78,12 +78,12 @@ class _Listener(Learner):
 
 
 def observer_remainder(
-    injector: InjectorParameters, baseline: Baseline, recordings: Sequence[Recording]
+    injector: InjectorParameters, baseline: Baseline | None, recordings: Sequence[Recording]
 ) -> HealthyRemainder | None:
     """Remainder that the observer leaves of healthy recordings; None where it judged no event of them.
 
-    baseline: what else its fit states. Recordings at another sample rate than the first one's are left out. Raises
-    `UserError` as `evaluate`.
+    baseline: what else its fit states, None of one that was not fitted. Recordings at another sample rate than the
+    first one's are left out. Raises `UserError` as `evaluate`.
     """
     rate = recordings[0].sample_rate
     fitted = injector.model_copy(update={"baseline": baseline})

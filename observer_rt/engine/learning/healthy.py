@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.healthy_shape import EventStretch, expected
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.model.baseline import Appearance, Baseline, HealthyRemainder, HealthyShape, PhaseFigures
+from observer_rt.model.baseline import (
+    Appearance,
+    Baseline,
+    HealthyRemainder,
+    HealthyShape,
+    PhaseFigures,
+    Remainder,
+)
 from observer_rt.model.effective import Coefficients
 
 EDGES = (Phase.OPENING, Phase.CLOSING)
@@ -106,6 +113,28 @@ def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = Fa
     )
 
 
+def with_remainder(healthy: Healthy, remainder: Remainder | None, sample_rate: float) -> Healthy:
+    """Healthy injector by a model that leaves a remainder, too; None: it leaves none. sample_rate: [Hz].
+
+    Masses are as uncertain as both make them; an event may leave what either says.
+    """
+    if remainder is None:
+        return healthy
+    widened = replace(healthy, mass_share=math.hypot(healthy.mass_share, remainder.mass_share))
+    left = remainder.observer
+    if left is None or not is_same_rate(remainder.sample_rate_Hz, sample_rate):
+        return widened
+    live_variance = float(_with_scatter(remainder.variance).max())
+    return replace(
+        widened,
+        variance=np.maximum(healthy.variance, _with_scatter(left.variance)),
+        colour=np.maximum(healthy.colour, at_least_noise(left.colour, left.colour)),
+        live_variance=max(healthy.live_variance, live_variance),
+        shape=left.shape,  # of all that the model leaves
+        overdispersion=max(healthy.overdispersion, left.overdispersion),
+    )
+
+
 def healthy_for_naming(
     left: Baseline | HealthyRemainder, adequate: bool, rate: PhaseStatistics | None = None
 ) -> Healthy:
@@ -131,4 +160,9 @@ def _with_scatter(left: PhaseFigures) -> NDArray[np.float64]:
 
 def holds_at(baseline: Baseline, sample_rate: float) -> bool:
     """Whether innovations at a sample rate [Hz] can be compared with a baseline's."""
-    return math.isclose(baseline.sample_rate_Hz, sample_rate, rel_tol=SAME_RATE)
+    return is_same_rate(baseline.sample_rate_Hz, sample_rate)
+
+
+def is_same_rate(one: float, other: float) -> bool:
+    """Whether blocks of innovations at two sample rates [Hz] span the same time."""
+    return math.isclose(one, other, rel_tol=SAME_RATE)

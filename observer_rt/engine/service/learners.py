@@ -15,7 +15,7 @@ from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise
-from observer_rt.engine.learning.healthy import Healthy, healthy_of, holds_at
+from observer_rt.engine.learning.healthy import Healthy, healthy_of, holds_at, with_remainder
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.paper_scheme.learner import PaperLearner
@@ -66,11 +66,10 @@ def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowled
 
 
 def healthy_injector(fitted: BenchInjector) -> Healthy:
-    """Remainder of the healthy injector by its model, if fitted."""
-    config = fitted.config
-    return healthy_of(
-        fitted.parameters.baseline, config.sampling.rate_hz, config.learning.on_inadequate_model
-    )
+    """Remainder of the healthy injector by its model, if fitted, and of terms accepted in part."""
+    config, rate = fitted.config, fitted.config.sampling.rate_hz
+    healthy = healthy_of(fitted.parameters.baseline, rate, config.learning.on_inadequate_model)
+    return with_remainder(healthy, fitted.parameters.remainder, rate)
 
 
 class FitDoubt(NamedTuple):

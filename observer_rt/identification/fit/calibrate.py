@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomlkit
 from numpy.typing import NDArray
 from tomlkit.items import Float, Trivia
 
-from observer_rt.config.injector_file import InjectorFile, inline
+from observer_rt.config.injector_file import InjectorFile, section_of
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
@@ -64,7 +63,6 @@ LEAST_MASS_SHARE = (
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
 _DIGITS = 7
-_PAIR = 2
 _OF_LINE = ("model", "cells", "wall_viscosity", "inlet_loss_factor", "impedance_ratio", "impedance_step")
 """Keys of [line] that a structure changes."""
 
@@ -307,18 +305,7 @@ def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Bas
             number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
             content[parameter.section][parameter.key] = number
         content.pop(BASELINE, None)
-        content[BASELINE] = _tables(baseline.model_dump(mode="json", exclude_none=True))
-
-
-def _tables(entry: Mapping[str, Any]) -> Any:
-    """A section; what holds numbers or pairs stands in one line of it, what holds more is a section below."""
-    table = tomlkit.table()
-    for key, value in entry.items():
-        is_section = isinstance(value, dict) and any(
-            isinstance(one, dict) or (isinstance(one, list) and len(one) > _PAIR) for one in value.values()
-        )
-        table[key] = _tables(value) if is_section else inline(value) if isinstance(value, dict) else value
-    return table
+        content[BASELINE] = section_of(baseline.model_dump(mode="json", exclude_none=True))
 
 
 def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:

@@ -7,8 +7,9 @@ import pytest
 
 from observer_rt.engine.estimation.phases import BLOCKS, PHASES, Phase, PhaseStatistics
 from observer_rt.engine.learning.adequacy import Objection, inadequate_phase, objections
-from observer_rt.engine.learning.healthy import NOT_FITTED, healthy_of
+from observer_rt.engine.learning.healthy import NOT_FITTED, healthy_of, with_remainder
 from observer_rt.engine.stream.state import Reason
+from observer_rt.model.baseline import Remainder
 from tests.baselines import WHITE, baseline
 
 COUNT = 4000.0  # samples of a phase
@@ -68,3 +69,37 @@ def test_a_model_that_fits_nobody() -> None:
         objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5, trusted=True)) == []
     )
     assert objections(white, 0.0, 0.0, NOT_FITTED) == []
+
+
+def _remainder(rate: float = 1e5) -> Remainder:
+    return Remainder.model_validate(
+        {
+            "line_pressure_MPa": 0.2,
+            "mass_share": 0.003,
+            "sample_rate_Hz": rate,
+            "variance": WHITE,
+            "observer": {
+                "variance": WHITE,
+                "colour": WHITE | {"opening": COLOUR},
+                "overdispersion": 2.0,
+                "shape": dict.fromkeys(("opening", "opening_slope", "closing", "closing_slope"), (0.0,)),
+            },
+        }
+    )
+
+
+def test_what_terms_accepted_in_part_leave_is_not_held_against_an_event_and_widens_masses() -> None:
+    white = healthy_of(baseline(mass_share=0.004), 1e5)
+    healthy = with_remainder(white, _remainder(), 1e5)
+    assert inadequate_phase(white.relative(statistics(COLOUR))) is Phase.OPENING
+    assert inadequate_phase(healthy.relative(statistics(COLOUR))) is None
+    assert inadequate_phase(healthy.relative(statistics(2.0 * COLOUR))) is Phase.OPENING
+    assert healthy.mass_share == pytest.approx(0.005)
+    assert healthy.overdispersion == 2.0
+    assert with_remainder(white, None, 1e5) is white
+
+
+def test_a_remainder_at_another_sample_rate_widens_masses_only() -> None:
+    healthy = with_remainder(NOT_FITTED, _remainder(rate=5e4), 1e5)
+    assert healthy.mass_share == pytest.approx(0.003)
+    assert inadequate_phase(healthy.relative(statistics(COLOUR))) is Phase.OPENING

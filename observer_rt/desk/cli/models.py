@@ -157,6 +157,13 @@ def discover(
             min=0,
         ),
     ] = 0,
+    in_part: Annotated[
+        bool,
+        option(
+            "--in-part",
+            "With --accept-term: also a proposal that closes two thirds of the gap; the rest widens all intervals.",
+        ),
+    ] = False,
     force: Annotated[bool, option("--force", "Replace the report and the amended model in DIR.")] = False,
     data: Annotated[
         bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
@@ -170,6 +177,7 @@ def discover(
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
+    from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.second_opinion import second_opinion
     from observer_rt.identification.discovery.discover import (
         AMENDED,
@@ -188,6 +196,8 @@ def discover(
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
 
+    if in_part and not accept_term:
+        raise UserError("--in-part", "says nothing of which proposal", "add --accept-term N")
     begin = time.monotonic()
     if (from_evidence is None) == (not recordings):
         raise UserError(
@@ -205,8 +215,9 @@ def discover(
         )
     refuse_replacing(out, asked.model, force)
     amendable = InjectorFile.read(asked.model)
+    observed = observer_remainder if in_part else None
     task = DiscoveryTask(
-        load_injector(asked.model), asked.measured, asked.healthy, asked.hashes, chosen, accept_term
+        load_injector(asked.model), asked.measured, asked.healthy, asked.hashes, chosen, accept_term, observed
     )
     refuse_incomparable(task, str(asked.model))
     make_folder(out)

@@ -9,21 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from observer_rt.config.injector_file import InjectorFile, tables_in_force
+from observer_rt.config.injector_file import InjectorFile, section_of, tables_in_force
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.identification.discovery.findings import starts_anew
 from observer_rt.identification.discovery.report.text import printed
 from observer_rt.identification.discovery.search.hypothesis import Sizing, minimum_from
 from observer_rt.identification.discovery.search.results import (
+    INCOMPLETE,
     Discovery,
     FittedEffect,
     FittedParameter,
+    Proposal,
+    Refusal,
     Verdict,
 )
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import shortened
-from observer_rt.model.baseline import HealthyShape
+from observer_rt.model.baseline import HealthyShape, Remainder
 from observer_rt.model.effects import effective_model, sized_in_force
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 from observer_rt.model.stability import in_stable_cells
@@ -31,6 +35,7 @@ from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.term import Term
 
 ORIGIN = "observer-rt discover"
+REMAINDER = "remainder"
 
 
 def amended_effects(
@@ -69,27 +74,43 @@ def amended_effects(
 
 
 def accepted(
-    parameters: InjectorParameters, found: Discovery, number: int, recordings: Mapping[str, str]
+    parameters: InjectorParameters,
+    found: Discovery,
+    number: int,
+    recordings: Mapping[str, str],
+    in_part: bool = False,
 ) -> tuple[tuple[EffectInForce, ...], tuple[TermInForce, ...]]:
     """All effects and terms that the amended file has in force with a proposal, 1 for the first.
 
-    Raises `UserError` where there is no such proposal, or it may not enter a model.
+    in_part: also one that leaves something. Raises `UserError` where there is no such proposal, or it may not enter
+    a model.
     """
     option, many = f"--accept-term {number}", len(found.proposals)
     if not 1 <= number <= many:
         there = f"there are {many}" if many else f"the verdict is '{found.verdict.value}'"
         raise UserError(option, f"there is no such proposal: {there}", "see the report")
     proposal = found.proposals[number - 1]
-    if proposal.refusal is not None:
-        raise UserError(
-            option, f"no model may have this proposal: {proposal.refusal.reason}", proposal.refusal.remedy
-        )
+    if proposal.refusal is not None and not (in_part and proposal.may_enter_in_part):
+        refusal = refusal_in_part(proposal) or proposal.refusal
+        raise UserError(option, f"no model may have this proposal: {refusal.reason}", refusal.remedy)
     evidence = f"-2 log L falls by {proposal.gain:.0f}; {', '.join(shortened(recordings))}"
+    if proposal.part is not None:
+        evidence += f"; in part: closes {proposal.part.closed:.0%} of the gap held out, see [remainder]"
+    evidence = "; ".join((evidence, *starts_anew(proposal.terms)))
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
     sizes = dict(zip(proposal.found.ids, proposal.found.parameters, strict=True))
     effects = [EffectInForce(id=one, parameters=printed(one, sizes[one]), **why) for one in proposal.effects]
     terms = [TermInForce.of(_rounded(term), str(term.equation.unit), **why) for term in proposal.terms]
     return (*parameters.effects, *effects), (*parameters.terms, *terms)
+
+
+def refusal_in_part(proposal: Proposal) -> Refusal | None:
+    """Objection to a proposal that leaves something; None where it has no other."""
+    if proposal.part is None:
+        return None
+    return proposal.part.refusal or Refusal(
+        INCOMPLETE.reason, "add --in-part: what it leaves is then part of the model's stated uncertainty"
+    )
 
 
 def _rounded(term: Term) -> Term:
@@ -117,10 +138,11 @@ def write_amended(
     effects: Sequence[EffectInForce],
     cells: int | None = None,
     terms: Sequence[TermInForce] = (),
+    remainder: Remainder | None = None,
 ) -> None:
     """Write the file given with these effects and terms in force, and no others.
 
-    cells: its line's, None: as they are.
+    cells: its line's, None: as they are; remainder: what terms accepted in part leave.
 
     Raises `RunError` when it would not be taken back.
     """
@@ -130,6 +152,9 @@ def write_amended(
             content.pop(name, None)
             if entries:
                 content[name] = tables_in_force(entries)
+        content.pop(REMAINDER, None)
+        if remainder is not None:
+            content[REMAINDER] = section_of(remainder.model_dump(mode="json", exclude_none=True))
         if cells is not None:
             content["line"]["cells"] = cells
 

@@ -5,8 +5,8 @@ import json
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import datetime
+from dataclasses import dataclass, replace
+from datetime import date, datetime
 from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
@@ -17,7 +17,14 @@ from observer_rt.foundation.console import check_folder
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.file_kinds import refuse_other_kind
 from observer_rt.foundation.files import file_errors
-from observer_rt.identification.discovery.amend import accepted, amended_effects, stable_cells, write_amended
+from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.identification.discovery.amend import (
+    ORIGIN,
+    accepted,
+    amended_effects,
+    stable_cells,
+    write_amended,
+)
 from observer_rt.identification.discovery.findings import (
     Findings,
     Opinion,
@@ -25,27 +32,40 @@ from observer_rt.identification.discovery.findings import (
     is_level_measured,
     is_like_inertance,
     remedies,
+    shown_of,
 )
-from observer_rt.identification.discovery.gaps import disagreements, gaps_of, typical_overlays
+from observer_rt.identification.discovery.gaps import disagreements, gaps_of
+from observer_rt.identification.discovery.in_part import variance_by_phase, with_parts
+from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
+from observer_rt.identification.discovery.pairs import with_alternatives
 from observer_rt.identification.discovery.report.data import remove_data, write_data
 from observer_rt.identification.discovery.report.document import FINDINGS, document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import FitMemory, FitStore, problem_key
-from observer_rt.identification.discovery.search.results import Verdict
+from observer_rt.identification.discovery.search.results import (
+    Candidate,
+    Cell,
+    Discovery,
+    Part,
+    Verdict,
+)
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
+from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
 from observer_rt.model.stability import refuse_unstable_cells
+from observer_rt.model.terms.in_force import TermInForce
 
 _HEALTHY, _NAMED, _SHOWN = 0.4, 0.85, 0.9  # shares of the work done after these steps
 
@@ -62,6 +82,10 @@ _FIRST = {
 
 ObserverCheck = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None]
 """Asks the learning observer for its opinion of recordings; raises `ObserverError` where it cannot take them."""
+ObserverRemainder = Callable[
+    [InjectorParameters, Baseline | None, Sequence[Recording]], HealthyRemainder | None
+]
+"""Measures what the learning observer leaves of recordings with a model; see `desk.evaluation.healthy_events`."""
 _INADEQUATE = (
     "The fit of this model to healthy recordings was not adequate: what is named here may be its error. Fit again "
     "with another structure or more recordings."
@@ -85,7 +109,8 @@ class DiscoveryTask:
 
     healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
     user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
-    proposal whose terms the amended model is to have, 0: none.
+    proposal whose terms the amended model is to have, 0: none; in_part: what measures the remainder of one that
+    leaves something, None: only one that explains all is accepted.
     """
 
     parameters: InjectorParameters
@@ -94,6 +119,7 @@ class DiscoveryTask:
     hashes: Mapping[str, str]
     chosen: tuple[str, ...] = ()
     accepted: int = 0
+    in_part: ObserverRemainder | None = None
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
@@ -136,30 +162,44 @@ def answer(
         task.chosen,
     )
     found = name_effects(nominal, measured, options)
-    gaps = gaps_of(found, measured, nominal, baseline.shape)
-    progress(_SHOWN)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
+    proposals = with_alternatives(found.proposals, likelihood, nominal)
+    found = replace(found, proposals=with_parts(proposals, likelihood, nominal))
+    shown = shown_of(found, task.accepted if task.accepted <= len(found.proposals) else 0)
+    gaps = gaps_of(shown, measured, nominal, baseline.shape)
+    progress(_SHOWN)
+    where = disagreements(found, shown, likelihood, nominal)
     files, in_part = tuple(task.hashes), map(chosen_words, task.measured)
     several = Counter(point.file for point in points)
     names = tuple(
         files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
         for point in points
     )
-    amended = found.named.model(nominal)
+    amended = shown.model(nominal)
     in_force: tuple[EffectInForce, ...] = ()
     if (found.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(found):
         in_force = amended_effects(task.parameters, found, measured, task.hashes, baseline.shape)
-    terms, refused = task.parameters.terms if in_force else (), ""
+    terms, refused, remainder, taken = task.parameters.terms if in_force else (), "", None, 0
     if task.accepted:
         try:
-            in_force, terms = accepted(task.parameters, found, task.accepted, task.hashes)
+            in_force, terms = accepted(
+                task.parameters, found, task.accepted, task.hashes, task.in_part is not None
+            )
+            taken = task.accepted
+            part = found.proposals[taken - 1].part
+            if part is not None and task.in_part is not None:
+                remainder = _remainder(
+                    task, task.in_part, part, in_force, terms, [one.after for one in where]
+                )
         except UserError as error:
             refused = str(error)
     return Findings(
         discovery=found,
-        where=disagreements(found, likelihood, nominal),
+        where=where,
         gaps=gaps,
-        checks=standstill_checks(task.measured, likelihood, nominal, amended),
+        checks=standstill_checks(
+            task.measured, likelihood, nominal, amended, known.line_pressure_offset_MPa * MEGAPASCAL
+        ),
         opinion=_opinion(observer_check, task),
         healthy_warning=warning,
         like_inertance=is_like_inertance(nominal, amended),
@@ -169,13 +209,45 @@ def answer(
         in_force=in_force,
         terms=terms,
         not_accepted=refused,
-        overlays=typical_overlays(found, gaps, measured, nominal),
+        accepted=taken,
+        remainder=remainder,
+        overlays=typical_overlays(shown, gaps, measured, nominal),
+        injections=injection_gaps(gaps, measured, nominal),
+        masses=mass_changes(shown, measured, nominal, _left_of_masses(found, shown)),
         files=files,
         in_part=tuple(f"{name}: {chosen}" for name, chosen in zip(files, in_part, strict=True) if chosen),
         points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
         healthy=None if baseline.shape is None else baseline,
+    )
+
+
+def _left_of_masses(found: Discovery, shown: Candidate) -> float:
+    """Half width of the 95 % interval of a mass, as a share, by what the proposal shown leaves."""
+    parts = (one.part for one in found.proposals if one.found is shown)
+    return next((part.mass_half for part in parts if part is not None), 0.0)
+
+
+def _remainder(
+    task: DiscoveryTask,
+    observed: ObserverRemainder,
+    part: Part,
+    effects: tuple[EffectInForce, ...],
+    terms: tuple[TermInForce, ...],
+    cells: Sequence[Cell],
+) -> Remainder:
+    """States what a model with terms accepted in part leaves. cells: of the map, with the terms in force."""
+    amended = task.parameters.model_copy(update={"effects": effects, "terms": terms, "remainder": None})
+    recordings = [one.recording for one in task.measured]
+    return Remainder(
+        line_pressure_MPa=float(f"{part.left / MEGAPASCAL:.3g}"),
+        mass_share=float(f"{part.mass_half / NORMAL_975:.3g}"),
+        sample_rate_Hz=recordings[0].sample_rate,
+        variance=variance_by_phase(cells),
+        observer=observed(amended, amended.baseline, recordings),
+        origin=ORIGIN,
+        date=date.today().isoformat(),
     )
 
 
@@ -279,10 +351,14 @@ def write_findings(
     sources = Sources(
         model=injector.name,
         model_hash=injector.sha256,
-        in_force=tuple(effect.id for effect in task.parameters.effects),
+        in_force=(
+            *(effect.id for effect in task.parameters.effects),
+            *(f"{term.equation}: {term.law}" for term in task.parameters.terms),
+        ),
         recordings=task.hashes,
         healthy=tuple(path.name for path in healthy),
         made=datetime.now(),
+        folder=str(folder),
     )
     document = json.dumps(document_of(found, sources).as_json(), indent=2)
     with file_errors(folder):
@@ -293,7 +369,7 @@ def write_findings(
             write_data(folder / DATA, found)
         if found.amended_model is not None:
             cells = stable_cells(task.parameters, found.in_force, task.measured)
-            write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms)
+            write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms, found.remainder)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
     return document

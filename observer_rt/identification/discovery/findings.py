@@ -1,7 +1,7 @@
 """Findings of `discover`: what they rest on, the learning observer's opinion, and caveats."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -9,19 +9,31 @@ from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps, Overlay
-from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
+from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
+from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
+from observer_rt.identification.discovery.search.results import (
+    Candidate,
+    Discovery,
+    FittedEffect,
+    Proposal,
+    Verdict,
+)
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct
+from observer_rt.model.baseline import Appearance, Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
+from observer_rt.model.terms.term import Term
+from observer_rt.model.terms.variable import Variable
 
+NOTHING_USUAL: Mapping[str, Appearance] = {}
 SIGNIFICANT = 4.0  # standard deviations
 AGREES = 0.1  # of the larger size, that both may differ besides their intervals
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
+_COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
 RECORD_MORE = "record at least three rail pressures and two durations"
 
 
@@ -49,9 +61,16 @@ class Opinion(DocumentPart):
     contradictions: tuple[str, ...] = ()
 
 
-def stands_out(effect_id: str, learned: PrintedFigure) -> bool:
-    """Whether an indicator is beyond its own uncertainty and the effect's dead zone."""
+def stands_out(effect_id: str, learned: PrintedFigure, usual: Appearance | None = None) -> bool:
+    """Whether an indicator is beyond its own uncertainty and the effect's dead zone.
+
+    usual: what the effect appears to be on the healthy injector, which is taken off.
+    """
     value, sigma = _si(effect_id, learned)
+    if usual is not None:
+        si = VOCABULARY[effect_id].parameters[0].si
+        value -= usual.mean * si
+        sigma = math.hypot(sigma, usual.uncertainty * si, usual.scatter * si)
     return abs(value) > max(VOCABULARY[effect_id].parameters[0].dead_zone, SIGNIFICANT * sigma)
 
 
@@ -61,13 +80,18 @@ def _si(effect_id: str, learned: PrintedFigure) -> tuple[float, float]:
     return si * (learned.value or 0.0), si * (learned.sigma or 0.0)
 
 
-def contradictions(found: Discovery, opinion: Opinion) -> tuple[str, ...]:
-    """Contradictions of discovery and learning observer, each in a sentence."""
+def contradictions(
+    found: Discovery, opinion: Opinion, usual: Mapping[str, Appearance] = NOTHING_USUAL
+) -> tuple[str, ...]:
+    """Contradictions of discovery and learning observer, each in a sentence.
+
+    usual: effects the healthy injector appears to have, by id.
+    """
     if found.verdict is Verdict.UNKNOWN:
         return ()
     if found.verdict is Verdict.NONE:
-        return tuple(_of_nothing(opinion))
-    return tuple(_of_effects(found, opinion))
+        return tuple(_of_nothing(opinion, usual))
+    return tuple(_of_effects(found, opinion, usual))
 
 
 def remark(found: Discovery, opinion: Opinion) -> str:
@@ -85,11 +109,11 @@ def remark(found: Discovery, opinion: Opinion) -> str:
     return ""
 
 
-def _of_nothing(opinion: Opinion) -> list[str]:
+def _of_nothing(opinion: Opinion, usual: Mapping[str, Appearance]) -> list[str]:
     result = [
         f"discovery finds nothing missing, the observer learned {name}"
         for name, learned in opinion.indicators.items()
-        if stands_out(name, learned)
+        if stands_out(name, learned, usual.get(name))
     ]
     inadequate = _inadequate(opinion)
     if inadequate:
@@ -105,7 +129,7 @@ def _inadequate(opinion: Opinion) -> int:
     return opinion.reasons.get("MODEL_INADEQUATE", 0) + opinion.reasons.get("LIFT_SENSOR_LAG", 0)
 
 
-def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:
+def _of_effects(found: Discovery, opinion: Opinion, usual: Mapping[str, Appearance]) -> list[str]:
     """Compared only where the observer has a term for everything found: elsewhere it must put it down to others."""
     named = {effect.id: effect for effect in found.effects}
     if not named.keys() <= opinion.indicators.keys():
@@ -121,7 +145,7 @@ def _of_effects(found: Discovery, opinion: Opinion) -> list[str]:
     result += [
         f"the observer learned {name} besides"
         for name, learned in opinion.indicators.items()
-        if stands_out(name, learned) and name not in like | named.keys()
+        if stands_out(name, learned, usual.get(name)) and name not in like | named.keys()
     ]
     return result
 
@@ -209,7 +233,8 @@ def _of_names(findings: "Findings") -> Iterator[Caveat]:
 def _of_level(findings: "Findings") -> Iterator[Caveat]:
     """Without a measured rate, now or when the model was fitted, the level of all flows is the line's inertance."""
     found = findings.discovery
-    if findings.gaps.injection_rate is not None or found.verdict is Verdict.UNKNOWN:
+    nobody_believes = found.verdict is Verdict.UNKNOWN and not found.proposals
+    if findings.gaps.injection_rate is not None or nobody_believes:
         return
     if findings.like_inertance:
         settled = " (right when the model was fitted: another fuel since then, say)"
@@ -232,6 +257,24 @@ def _of_level(findings: "Findings") -> Iterator[Caveat]:
         )
 
 
+def starts_anew(terms: Sequence[Term]) -> tuple[str, ...]:
+    """Says of each variable of laws that is counted from the start that it is."""
+    counted = {variable: None for term in terms for variable in sorted(term.law.variables & _COUNTED)}
+    return tuple(
+        f"{one.word} starts anew with every recording and every start of the daemon" for one in counted
+    )
+
+
+def _of_counting(findings: "Findings") -> Iterator[Caveat]:
+    for words in starts_anew(findings.shown.terms):
+        yield Caveat(
+            "starts_anew",
+            words,
+            f"The law goes by what is counted from the start: {words}. It describes these recordings; later ones, "
+            "and an injector that stays as it is now, need a law without it.",
+        )
+
+
 @dataclass(frozen=True)
 class Findings:
     """Results of a discovery with what they rest on.
@@ -241,7 +284,9 @@ class Findings:
     the line would make as well; level_measured: whether the fit of the model had a measured rate or mass; chosen:
     effects the user chose among those that explain as much; amended_model: name of the file beside the document,
     None when nothing is added; in_force, terms: all effects and terms that it has then; not_accepted: why a proposal
-    that the user accepts is not in it, empty where it is; overlays: injections to be shown; files:
+    that the user accepts is not in it, empty where it is; accepted: number of the proposal in it, 0 for none;
+    remainder: what that leaves where it is accepted in part; overlays: injections to be shown; injections: what is
+    missed of each; masses: by operating point; files:
     names of the recordings; in_part: which of these were too long to be judged as a whole, and how injections
     were chosen of them; points: of their operating points, each of which counts as a recording; fitted_on,
     held_out: of these; seconds: it took; healthy:
@@ -269,11 +314,31 @@ class Findings:
     healthy: Healthy | None = None
     terms: tuple[TermInForce, ...] = ()
     not_accepted: str = ""
+    accepted: int = 0
+    remainder: Remainder | None = None
+    injections: tuple[InjectionGap, ...] = ()
+    masses: tuple[MassChange, ...] = ()
+
+    @property
+    def proposal(self) -> Proposal | None:
+        """The proposal accepted, else the first; None without any."""
+        proposals = self.discovery.proposals
+        return proposals[max(self.accepted, 1) - 1] if proposals else None
+
+    @property
+    def shown(self) -> Candidate:
+        """What was found: the effects named, else a proposal; without effects where there is neither."""
+        return shown_of(self.discovery, self.accepted)
 
     @property
     def contradictions(self) -> tuple[str, ...]:
         """Contradictions by the learning observer."""
-        return () if self.opinion is None else contradictions(self.discovery, self.opinion)
+        return () if self.opinion is None else contradictions(self.discovery, self.opinion, self.usual)
+
+    @property
+    def usual(self) -> Mapping[str, Appearance]:
+        """Effects the healthy injector appears to have, by id."""
+        return NOTHING_USUAL if self.healthy is None else self.healthy.appears
 
     @property
     def held_apart(self) -> bool:
@@ -283,7 +348,7 @@ class Findings:
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """Reservations, the gravest first."""
-        every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_level)
+        every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_counting, _of_level)
         return tuple(caveat for arising in every for caveat in arising(self))
 
     @property
@@ -296,8 +361,8 @@ class Findings:
 class Sources:
     """Model and recordings that findings were made from.
 
-    model, model_hash: name and SHA-256 of the injector file; in_force: effects in it already; recordings: SHA-256 by
-    file name; healthy: names of healthy recordings.
+    model, model_hash: name and SHA-256 of the injector file; in_force: effects and terms in it already; recordings:
+    SHA-256 by file name; healthy: names of healthy recordings; folder: that the answer is written to.
     """
 
     model: str
@@ -306,6 +371,16 @@ class Sources:
     recordings: Mapping[str, str]
     healthy: tuple[str, ...]
     made: datetime
+    folder: str = ""
+
+
+def shown_of(found: Discovery, accepted: int = 0) -> Candidate:
+    """What was found, with half widths of its sizes: see `Findings.shown`. accepted: proposal's number, 0: none."""
+    if found.effects:
+        return next(one for one in found.ranking if one.ids == found.named.ids)
+    if found.proposals:
+        return found.proposals[max(accepted, 1) - 1].found
+    return found.named
 
 
 def explained_share(found: Discovery) -> float:

@@ -1,4 +1,4 @@
-"""The gap between model and measurement before and after: signal by phase by operating point, and as curves.
+"""The gap between model and measurement before and after: by operating point, and signal by phase.
 
 Operating points are those the model was not fitted to.
 """
@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
 from observer_rt.identification.discovery.search.hypothesis import Sizing
-from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
+from observer_rt.identification.discovery.search.results import Candidate, Cell, Discovery
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import (
     GAIN_ERROR,
@@ -26,8 +26,9 @@ from observer_rt.identification.likelihood.measurement import Measurement, every
 from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, noisier, simulated
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.baseline import HealthyShape
-from observer_rt.model.effect import Equation
+from observer_rt.model.effect import Effect, Equation, Place
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.parameters import LineOutflow
 
 NOISE_RUNS = 3  # with noise added, for the noise floor
 PHASE_NAMES = {
@@ -38,7 +39,6 @@ PHASE_NAMES = {
     Phase.AFTER: "after",
 }
 _Key = tuple[Signal, Phase, int]
-SHOWN_RINGING = 6e-3  # s after the last closing
 
 
 @dataclass(frozen=True)
@@ -110,23 +110,23 @@ class ModelGaps(SignalGaps):
 
 
 def gaps_of(
-    found: Discovery,
+    shown: Candidate,
     measured: Sequence[Measurement],
     nominal: EffectiveModel,
     healthy: HealthyShape | None = None,
 ) -> ModelGaps:
-    """The gaps: with the winner refitted to every second operating point, on the others.
+    """The gaps: with what was found refitted to every second operating point, on the others.
 
-    With one operating point there is nothing to hold out: it is fitted and shown. healthy: what is taken out when the
-    winner is refitted.
+    With one operating point there is nothing to hold out: it is fitted and shown. shown: what was found; healthy:
+    what is taken out when that is refitted.
     """
-    amended = found.named.model(nominal)
+    amended = shown.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
-    named, hypothesis = found.named, found.named.hypothesis
+    hypothesis = shown.hypothesis
     sizing = Sizing(joint_likelihood([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
-    again = fit(sizing, named.theta, hypothesis.ranges())
-    refitted = hypothesis.model(nominal, named.theta if again is None else again.at.theta)
+    again = fit(sizing, shown.theta, hypothesis.ranges())
+    refitted = hypothesis.model(nominal, shown.theta if again is None else again.at.theta)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
     return ModelGaps(
@@ -153,9 +153,9 @@ def _point(
     noise = measurement.noise.line_pressure
     line = measurement.recording.line_pressure
     pressure = Gap(
-        _rms([one.line_pressure - line[one.samples] for one in before]),
-        _rms([one.line_pressure - line[one.samples] for one in after]),
-        math.hypot(_rms(_moves(noisy, after, "line_pressure")), noise),
+        rms([one.line_pressure - line[one.samples] for one in before]),
+        rms([one.line_pressure - line[one.samples] for one in after]),
+        math.hypot(rms(_moves(noisy, after, "line_pressure")), noise),
     )
     models = nominal, refitted, amended
     mass_gap, injected = _mass_gap(measurement, models, (before, after, reference), noisy)
@@ -173,19 +173,19 @@ def _rate_gap(
         return None
     spraying = [in_mass_window(measurement, one.event, one.rate_samples) for one in before]
 
-    def rms(parts: Sequence[NDArray[np.float64]]) -> float:
-        return _rms(
+    def in_window(parts: Sequence[NDArray[np.float64]]) -> float:
+        return rms(
             [part[s] for part, s in zip(parts, [*spraying] * (len(parts) // len(spraying)), strict=True)]
         )
 
     floor = (
         measurement.rate_noise,
-        rms(_moves(noisy, after, "rate")),
-        GAIN_ERROR * rms([one.rate for one in after]),
+        in_window(_moves(noisy, after, "rate")),
+        GAIN_ERROR * in_window([one.rate for one in after]),
     )
     return Gap(
-        rms([one.rate - measured[one.rate_samples] for one in before]),
-        rms([one.rate - measured[one.rate_samples] for one in after]),
+        in_window([one.rate - measured[one.rate_samples] for one in before]),
+        in_window([one.rate - measured[one.rate_samples] for one in after]),
         math.hypot(*floor),
     )
 
@@ -212,9 +212,9 @@ def _mass_gap(
         gain_error = GAIN_ERROR * float(np.mean(truth))
     moves = [masses(refitted, ones) - of_after for ones in noisy]
     gap = Gap(
-        _rms([masses(nominal, before) - truth]),
-        _rms([of_after - truth]),
-        math.hypot(_rms(moves), gain_error),
+        rms([masses(nominal, before) - truth]),
+        rms([of_after - truth]),
+        math.hypot(rms(moves), gain_error),
     )
     return gap, float(np.mean(truth))
 
@@ -230,7 +230,8 @@ def _moves(
     ]
 
 
-def _rms(parts: Sequence[NDArray[np.float64]]) -> float:
+def rms(parts: Sequence[NDArray[np.float64]]) -> float:
+    """Root mean square of all parts together."""
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
@@ -246,7 +247,7 @@ def _together(gaps: Sequence[Gap]) -> Gap:
 
 @dataclass(frozen=True)
 class Disagreement:
-    """One signal in one phase of one recording, with the nominal model and with the winner of the search.
+    """One signal in one phase of one recording, with the nominal model and with what was found, or is nearest.
 
     equation: which is violated; None where the nominal model does not disagree significantly, or nobody knows.
     """
@@ -257,11 +258,19 @@ class Disagreement:
 
 
 def disagreements(
-    found: Discovery, likelihood: JointLikelihood, nominal: EffectiveModel
+    found: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> tuple[Disagreement, ...]:
-    """The map of disagreement, in the order of the recordings."""
-    after = {_key(cell): cell for cell in found.after}
-    equations = _equations(found, likelihood, nominal)
+    """The map of disagreement, in the order of the recordings, before and after what is shown: the nearest, if empty.
+
+    shown: effects or terms found.
+    """
+    left = found.after
+    if shown.ids != found.best.ids and shown.ids:
+        model = shown.model(nominal)
+        judged = likelihood.judge(model)
+        left = () if judged is None else cells_of(likelihood, judged, model)
+    after = {_key(cell): cell for cell in left}
+    equations = _equations(found, shown, likelihood, nominal)
     result = []
     for cell in found.before:
         equation = equations.get(_key(cell)) if cell.excess > SIGNIFICANT else None
@@ -270,75 +279,28 @@ def disagreements(
 
 
 def _equations(
-    found: Discovery, likelihood: JointLikelihood, nominal: EffectiveModel
+    found: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> dict[_Key, Equation]:
     """Finds for every cell the equation of that effect without which it is explained worst."""
-    if found.verdict is Verdict.UNKNOWN and found.unexplained is not None:
+    if not shown.ids and found.unexplained is not None:
         return {_key(cell): found.unexplained.equation for cell in found.before}
     worst: dict[_Key, tuple[float, Equation]] = {}
-    for number, effect in enumerate(found.named.hypothesis.effects):
-        others = found.named.model_without(number, nominal)
+    for number, effect in enumerate(shown.hypothesis.effects):
+        others = shown.model_without(number, nominal)
         judged = likelihood.judge(others)
         for cell in found.before if judged is None else cells_of(likelihood, judged, others):
             key, loss = _key(cell), cell.variance
             if key not in worst or loss > worst[key][0]:
-                worst[key] = loss, effect.equation
+                worst[key] = loss, violated(effect, nominal)
     return {key: equation for key, (_, equation) in worst.items()}
+
+
+def violated(effect: Effect, model: EffectiveModel) -> Equation:
+    """The equation of a model that is violated while an effect is missing."""
+    if effect.place is Place.NOZZLE and model.injector.line_outflow is LineOutflow.SEAT:
+        return Equation.SAC_PRESSURE  # the nozzle flow is in no other
+    return effect.equation
 
 
 def _key(cell: Cell) -> _Key:
     return cell.signal, cell.phase, cell.recording
-
-
-@dataclass(frozen=True, eq=False)
-class Overlay:
-    """One injection: time [s] (n,) from its opening, and signals (n,) in SI; None for what there is not.
-
-    noise_floor: of the line pressure [Pa]: what noise alone leaves between model and measurement.
-    """
-
-    title: str
-    time: NDArray[np.float64]
-    lift: NDArray[np.float64]
-    line_pressure: NDArray[np.float64]
-    nominal_pressure: NDArray[np.float64]
-    amended_pressure: NDArray[np.float64] | None
-    measured_rate: NDArray[np.float64] | None
-    nominal_rate: NDArray[np.float64]
-    amended_rate: NDArray[np.float64] | None
-    noise_floor: float
-
-
-def typical_overlays(
-    found: Discovery, gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
-) -> tuple[Overlay, ...]:
-    """First injections of two held-out operating points: the one in the middle by its gap, and the one worst off."""
-    ranked = sorted(gaps.points, key=lambda point: point.line_pressure.before)
-    chosen = {point.recording: point for point in (ranked[(len(ranked) - 1) // 2], ranked[-1])}
-    amended = gaps.refitted if found.effects else None
-    return tuple(_overlay(point, measured[number], nominal, amended) for number, point in chosen.items())
-
-
-def _overlay(
-    point: PointGap, measurement: Measurement, nominal: EffectiveModel, amended: EffectiveModel | None
-) -> Overlay:
-    recording = measurement.recording
-    before = simulated(measurement, nominal)[0]
-    after: Simulated | None = None if amended is None else simulated(measurement, amended)[0]
-    last = before.event.openings[-1].last + round(SHOWN_RINGING * recording.sample_rate)
-    shown = slice(0, max(1, last - int(before.samples[0])))
-    samples = before.samples[shown]
-    rate = recording.injection_rate
-    pressure, duration = measurement.rail_pressure / MEGAPASCAL, measurement.duration / MILLISECOND
-    return Overlay(
-        title=f"{pressure:.0f} MPa, needle open {duration:.2f} ms",
-        time=(samples - samples[0]) * measurement.interval,
-        lift=recording.needle_lift[samples],
-        line_pressure=recording.line_pressure[samples],
-        nominal_pressure=before.line_pressure[shown],
-        amended_pressure=None if after is None else after.line_pressure[shown],
-        measured_rate=None if rate is None else rate[before.rate_samples[shown]],
-        nominal_rate=before.rate[shown],
-        amended_rate=None if after is None else after.rate[shown],
-        noise_floor=point.line_pressure.noise_floor,
-    )

@@ -11,7 +11,8 @@ from rich.text import Text
 
 from observer_rt.foundation.console import plain_table
 from observer_rt.identification.discovery.report.document import FINDINGS, FindingsDocument
-from observer_rt.identification.discovery.report.text import Size, shown, significant
+from observer_rt.identification.discovery.report.numbers import shown, significant
+from observer_rt.identification.discovery.report.text import Size
 
 SCHEMA = 1
 GAPS = (

@@ -44,15 +44,17 @@ def standstill_checks(
     likelihood: JointLikelihood,
     nominal: EffectiveModel,
     amended: EffectiveModel,
+    usual_offset: float = 0.0,
 ) -> tuple[StandstillFigure, ...]:
     """Offset, slope and noise of every recording, and apparent sizes of sensor effects over all recordings.
 
-    Apparent offset and leak come from the settled needle alone. A lag does not show there, a ringing recorded late
-    being a ringing like any other: it is what is left of one beside the amended model, from opening to ringing.
+    usual_offset: of the line-pressure sensor on the healthy injector [Pa]. Apparent offset and leak come from the
+    settled needle alone. A lag does not show there, a ringing recorded late being a ringing like any other: it is
+    what is left of one beside the amended model, from opening to ringing.
     """
     result: list[StandstillFigure] = []
     for number, measurement in enumerate(measured):
-        result += _of_recording(number, measurement, nominal.coefficients)
+        result += _of_recording(number, measurement, nominal.coefficients, usual_offset)
     told = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
     # of the settled needle, sensors first; then of what is left
     for effect in sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR)):
@@ -65,7 +67,9 @@ def standstill_checks(
     return tuple(result)
 
 
-def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> list[StandstillFigure]:
+def _of_recording(
+    number: int, measurement: Measurement, c: Coefficients, usual_offset: float
+) -> list[StandstillFigure]:
     noise = measurement.noise
     result = []
     period = 2.0 * math.pi / c.line.mode
@@ -73,7 +77,14 @@ def _of_recording(number: int, measurement: Measurement, c: Coefficients) -> lis
     if blocks is not None:
         offset, each = float(np.mean(blocks.differences)), float(np.std(blocks.differences, ddof=1))
         result.append(
-            _check("rail_line_offset", number, offset, each / math.sqrt(blocks.runs.size), MEGAPASCAL, "MPa")
+            _check(
+                "rail_line_offset",
+                number,
+                offset - usual_offset,
+                each / math.sqrt(blocks.runs.size),
+                MEGAPASCAL,
+                "MPa",
+            )
         )
         slope, sigma = _slope(blocks)
         result.append(_check("line_pressure_slope", number, slope, sigma, MEGAPASCAL, "MPa/s"))

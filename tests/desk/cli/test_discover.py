@@ -50,6 +50,11 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     assert not (found / "amended.toml").exists()  # that of another question
 
 
+def test_what_is_accepted_in_part_is_named(command: Command, worn: Path, tmp_path: Path) -> None:
+    said = command.refused("discover", "--out", tmp_path / "found", "--in-part", worn)
+    assert "--accept-term N" in said
+
+
 @pytest.mark.parametrize("named_by", ["--model", "--bench"])
 def test_the_model_is_never_overwritten(
     command: Command, worn: Path, bench: Path, tmp_path: Path, named_by: str

@@ -17,7 +17,7 @@ from tests.identification.discovery.hidden import NOMINAL, recordings
 
 WEAR = 0.1
 SOURCES = Sources(
-    "a & b.toml", "0" * 64, ("seat_area",), {"a.csv": "1" * 64}, (), datetime(2026, 1, 31, 12, 0)
+    "a & b.toml", "0" * 64, ("seat_area",), {"a.csv": "1" * 64}, (), datetime(2026, 1, 31, 12, 0), "found"
 )
 WORN_POINTS = ((60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.9e-3))
 

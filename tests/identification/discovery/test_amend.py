@@ -13,6 +13,7 @@ from observer_rt.config.injector_file import InjectorFile, tables_in_force
 from observer_rt.identification.discovery.amend import amended_effects, stable_cells, write_amended
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.baseline import HealthyRemainder, HealthyShape, PhaseFigures, Remainder
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.identification.discovery.conftest import WEAR, Worn
@@ -40,6 +41,29 @@ def test_every_line_of_the_file_is_kept(tmp_path: Path) -> None:
     loaded = load_injector(amended)
     assert loaded.effects == (WORN,)
     assert loaded.model_copy(update={"effects": ()}) == load_injector()
+
+
+def test_what_is_left_of_terms_accepted_in_part_is_stated_until_the_file_is_amended_again(
+    tmp_path: Path,
+) -> None:
+    path, shape = (
+        tmp_path / "injector.toml",
+        HealthyShape(opening=(0.1, 0.2, 0.3), opening_slope=(0.0,), closing=(0.0,), closing_slope=(0.0,)),
+    )
+    observer = HealthyRemainder(
+        variance=PhaseFigures(open=1.5), colour=PhaseFigures(open=2.0), overdispersion=1.2, shape=shape
+    )
+    left = Remainder(
+        line_pressure_MPa=0.2,
+        mass_share=0.003,
+        sample_rate_Hz=1e5,
+        variance=PhaseFigures(open=1.4),
+        observer=observer,
+    )
+    write_amended(path, InjectorFile.read(NOMINAL_INJECTOR), [WORN], remainder=left)
+    assert load_injector(path).remainder == left
+    write_amended(path, InjectorFile.read(path), [WORN])
+    assert load_injector(path).remainder is None
 
 
 def test_effects_in_force_are_replaced_and_comments_stay(tmp_path: Path) -> None:

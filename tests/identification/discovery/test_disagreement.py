@@ -33,7 +33,7 @@ def test_each_of_two_effects_has_its_places() -> None:
     measured = measurements(recordings(hidden))
     nominal = effective_model(NOMINAL)
     found = name_effects(nominal, measured, SearchOptions(workers=2))
-    where = disagreements(found, joint_likelihood(measured, nominal), nominal)
+    where = disagreements(found, found.named, joint_likelihood(measured, nominal), nominal)
     shut = {item.equation for item in where if item.before.phase is Phase.STANDSTILL}
     opened = {item.equation for item in where if item.before.phase is Phase.OPEN}
     assert shut <= {Equation.OUTPUT, Equation.INPUT}
@@ -45,6 +45,6 @@ def test_a_healthy_map_is_empty() -> None:
     nominal = effective_model(NOMINAL)
     found = name_effects(nominal, measured, SearchOptions(workers=2))
     assert found.verdict is Verdict.NONE
-    where = disagreements(found, joint_likelihood(measured, nominal), nominal)
+    where = disagreements(found, found.named, joint_likelihood(measured, nominal), nominal)
     assert {item.equation for item in where} == {None}
     assert all(item.before == item.after for item in where)

@@ -12,6 +12,7 @@ from observer_rt.identification.discovery.search.results import (
     FittedParameter,
     Verdict,
 )
+from observer_rt.model.baseline import Appearance
 from tests.identification.discovery.conftest import Worn, opinion_of
 
 QUIET = {"orifice_area": 0.002, "seat_area": 0.005, "guide_leakage": 0.0, "line_pressure_sensor_lag": 0.0}
@@ -49,6 +50,17 @@ def test_of_nothing_missing_nothing_is_learned(worn: Worn) -> None:
     assert contradictions(nothing, _with({"MODEL_INADEQUATE": 3}))
     # an indicator beyond its own uncertainty, but too small to matter
     assert contradictions(nothing, _with(orifice_area=(0.002, 1e-5))) == ()
+
+
+def test_what_the_healthy_injector_appears_to_have_is_no_contradiction(worn: Worn) -> None:
+    opinion = _with(orifice_area=(0.1, 0.002), line_pressure_sensor_lag=(20e-6, 1e-7))
+    usual = {"line_pressure_sensor_lag": Appearance(mean=19.5, uncertainty=0.3, scatter=0.4, unit="us")}
+    assert contradictions(worn.findings.discovery, opinion)
+    assert contradictions(worn.findings.discovery, opinion, usual) == ()
+    nothing = replace(worn.findings.discovery, verdict=Verdict.NONE, effects=())
+    alone = _with(line_pressure_sensor_lag=(20e-6, 1e-7))
+    assert contradictions(nothing, alone)
+    assert contradictions(nothing, alone, usual) == ()
 
 
 def test_an_effect_the_observer_has_no_term_for_is_no_contradiction(worn: Worn) -> None:

@@ -7,13 +7,17 @@ from pathlib import Path
 
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.gaps import PHASE_NAMES, Overlay
+from observer_rt.identification.discovery.gaps import PHASE_NAMES
+from observer_rt.identification.discovery.injections import Overlay
 from observer_rt.identification.discovery.report.figures import overlay_figure
 from observer_rt.identification.discovery.report.page import held_out_figure, with_words
 from observer_rt.identification.discovery.report.text import printed
 from observer_rt.identification.discovery.search.results import Cell
 
-_TABLES = ("effects.csv", "candidates.csv", "disagreement.csv", "gaps.csv", "standstill.csv")
+_TABLES = (
+    *("effects.csv", "candidates.csv", "disagreement.csv", "gaps.csv", "standstill.csv"),
+    *("residuals.csv", "masses.csv"),
+)
 _INJECTIONS_FIGURE, _GAPS_FIGURE = "injections.svg", "gaps.svg"
 _XML = '<?xml version="1.0" encoding="utf-8"?>\n'
 
@@ -23,10 +27,13 @@ Row = Sequence[str | float | int | None]
 def write_data(folder: Path, findings: Findings) -> None:
     """Tables and figures into a folder, which is made."""
     folder.mkdir(exist_ok=True)
-    rows = (_effect_rows, _candidate_rows, _disagreement_rows, _gap_rows, _standstill_rows)
+    rows = (
+        *(_effect_rows, _candidate_rows, _disagreement_rows, _gap_rows, _standstill_rows),
+        *(_residual_rows, _mass_rows),
+    )
     for name, table in zip(_TABLES, rows, strict=True):
         _write(folder / name, table(findings))
-    label = with_words(findings.discovery)
+    label = with_words(findings)
     for number, overlay in enumerate(findings.overlays, start=1):
         _write(folder / f"injection_{number}.csv", _injection_rows(overlay))
     for name, svg in (
@@ -112,7 +119,7 @@ def _numbers(cell: Cell) -> Row:
 
 def _gap_rows(findings: Findings) -> Iterator[Row]:
     """Rms of model minus measurement; of the mass against the model with what was found where none is measured."""
-    after = bool(findings.discovery.effects)
+    after = bool(findings.shown.ids)
     yield "operating_point", "signal", "unit", "before", "after", "noise_alone"
     for point in findings.gaps.points:
         for gap in point.printed.values():
@@ -125,6 +132,21 @@ def _standstill_rows(findings: Findings) -> Iterator[Row]:
     for check in findings.checks:
         name = "" if check.recording is None else findings.files[check.recording]
         yield name, check.id, check.value, check.sigma, check.unit, int(check.passed), int(check.explained)
+
+
+def _residual_rows(findings: Findings) -> Iterator[Row]:
+    """Rms of model minus measured line pressure, injection by injection."""
+    yield "operating_point", "injection", "before_MPa", "after_MPa"
+    for one in findings.injections:
+        yield findings.points[one.recording], one.number, one.before / MEGAPASCAL, one.after / MEGAPASCAL
+
+
+def _mass_rows(findings: Findings) -> Iterator[Row]:
+    """Change of the mean mass of an injection by what was found."""
+    yield "operating_point", "as_given_mg", "change_mg", "ci95_half_mg"
+    for one in findings.masses:
+        change, half = one.change / MILLIGRAM, one.half / MILLIGRAM
+        yield findings.points[one.recording], one.nominal / MILLIGRAM, change, half
 
 
 def _injection_rows(one: Overlay) -> Iterator[Row]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from observer_rt.foundation.documents import Document, DocumentPart, Figures, Number
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILLISECOND
 from observer_rt.identification.discovery.findings import (
     Caveat,
     Findings,
@@ -16,6 +16,9 @@ from observer_rt.identification.discovery.findings import (
     gap_share,
 )
 from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
+from observer_rt.identification.discovery.injections import MassChange
+from observer_rt.identification.discovery.report.formula import formula
+from observer_rt.identification.discovery.report.law_words import as_if
 from observer_rt.identification.discovery.report.text import Size, definition, printed, proposal_words
 from observer_rt.identification.discovery.search.results import (
     Candidate,
@@ -28,6 +31,7 @@ from observer_rt.identification.discovery.search.results import (
 )
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
+from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.term import Term
 
 FINDINGS = "findings.json"
@@ -81,18 +85,47 @@ class CellOfMap(DocumentPart):
 
 
 class ProposedTerm(DocumentPart):
-    """A law added to an equation."""
+    """A law added to an equation. sentence: in words, behind `as if`; latex: with its coefficient and units."""
 
     equation: str
     law: str
+    sentence: str = ""
+    latex: str = ""
     coefficient: PrintedFigure
     hardly_told_from: tuple[str, ...]
     depends_on: tuple[str, ...]
 
 
+class PartEntry(DocumentPart):
+    """What a proposal that leaves something may be accepted for. closed: share of the gap held out; left_MPa: rest of
+    it beyond noise; mass_ci95_pct: half width of the interval it gives masses; refused: why it may not, empty where
+    it may."""
+
+    closed: Number
+    left_MPa: Number  # noqa: N815
+    mass_ci95_pct: Number
+    refused: str = ""
+
+
+class AlternativeEntry(DocumentPart):
+    """Terms of another equation that line pressure cannot tell from a proposal."""
+
+    terms: tuple[ProposedTerm, ...]
+    moves: Figures
+
+
+class LostEntry(DocumentPart):
+    """What was fitted and explains less. gain: of -2 log L."""
+
+    terms: tuple[ProposedTerm, ...]
+    effects: tuple[str, ...] = ()
+    gain: Number
+
+
 class ProposalEntry(DocumentPart):
     """Terms that would explain the recordings. gain: of -2 log L; adequate: nothing but noise is left; sound: bounded
-    over the whole domain; may_enter: whether an amended model may have it."""
+    over the whole domain; may_enter: whether an amended model may have it; in_part: of one that leaves something but
+    has no other objection; lost: of the first, the best of what was fitted beside it."""
 
     number: int
     sentence: str
@@ -105,6 +138,9 @@ class ProposalEntry(DocumentPart):
     may_enter: bool | None = None
     gap_held_out: Figures | None = None
     moves: Figures | None = None
+    in_part: PartEntry | None = None
+    alternatives: tuple[AlternativeEntry, ...] = ()
+    lost: tuple[LostEntry, ...] = ()
 
 
 class Unknown(DocumentPart):
@@ -139,8 +175,26 @@ class StandstillCheck(DocumentPart):
     explained: bool
 
 
+class InjectionEntry(DocumentPart):
+    """What the models miss of the line pressure on one injection, rms. number: in the recording, from 1."""
+
+    recording: str
+    number: int
+    before_MPa: Number  # noqa: N815
+    after_MPa: Number  # noqa: N815
+
+
+class MassEntry(DocumentPart):
+    """By how much what was found changes the mass of an injection at an operating point."""
+
+    recording: str
+    nominal_mg: Number
+    change_pct: Number
+    ci95_pct: tuple[Number, Number]
+
+
 class ModelSource(DocumentPart):
-    """The injector file, its SHA-256, and the effects in it already."""
+    """The injector file, its SHA-256, and the effects and terms in it already."""
 
     file: str
     sha256: str
@@ -169,6 +223,12 @@ class FindingsDocument(Document):
     observer: Opinion | None = None
     healthy_warning: str = ""
     amended_model: str | None
+    accepted_proposal: int = Field(
+        default=0, description="number of the one in the amended model, 0 for none"
+    )
+    in_part: bool = Field(default=False, description="whether that leaves something, stated as [remainder]")
+    injections: tuple[InjectionEntry, ...] = ()
+    masses: tuple[MassEntry, ...] = ()
     model: ModelSource
     recordings: dict[str, str] = Field(description="SHA-256 by file name")
     judged_in_part: tuple[str, ...] = ()
@@ -230,6 +290,18 @@ def document_of(findings: Findings, sources: Sources) -> FindingsDocument:
         and findings.opinion.model_copy(update={"contradictions": findings.contradictions}),
         healthy_warning=findings.healthy_warning,
         amended_model=findings.amended_model,
+        accepted_proposal=findings.accepted,
+        in_part=findings.remainder is not None,
+        injections=tuple(
+            InjectionEntry(
+                recording=findings.points[one.recording],
+                number=one.number,
+                before_MPa=one.before / MEGAPASCAL,
+                after_MPa=one.after / MEGAPASCAL,
+            )
+            for one in findings.injections
+        ),
+        masses=tuple(_mass(one, findings.points[one.recording]) for one in findings.masses),
         model=ModelSource(file=sources.model, sha256=sources.model_hash, in_force=sources.in_force),
         recordings=dict(sources.recordings),
         judged_in_part=findings.in_part,
@@ -238,6 +310,16 @@ def document_of(findings: Findings, sources: Sources) -> FindingsDocument:
         fitted_on=findings.fitted_on,
         held_out=findings.held_out,
         seconds=round(findings.seconds, 3),
+    )
+
+
+def _mass(one: MassChange, point: str) -> MassEntry:
+    change, half = (100.0 * value / one.nominal for value in (one.change, one.half))
+    return MassEntry(
+        recording=point,
+        nominal_mg=one.nominal / MILLIGRAM,
+        change_pct=change,
+        ci95_pct=(change - half, change + half),
     )
 
 
@@ -311,11 +393,13 @@ def _unknown(found: Discovery) -> Unknown | None:
 
 def _proposal(number: int, one: Proposal) -> ProposalEntry:
     before, after = one.held_out
+    lift = None if one.largest_lift is None else one.largest_lift / MILLIMETRE
+    base = one.found.statistic + one.gain
     sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
     return ProposalEntry(
         number=number,
         sentence=proposal_words(one),
-        terms=tuple(map(_term, one.terms)),
+        terms=_terms(one.found, lift),
         effects=tuple(NamedEffect(id=name, parameters=printed(name, sizes[name])) for name in one.effects),
         gain=one.gain,
         phase=PHASE_NAMES[one.phase],
@@ -324,14 +408,40 @@ def _proposal(number: int, one: Proposal) -> ProposalEntry:
         may_enter=one.may_enter,
         gap_held_out={"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
         moves=_moves(one.moves),
+        in_part=None
+        if one.part is None
+        else PartEntry(
+            closed=one.part.closed,
+            left_MPa=one.part.left / MEGAPASCAL,
+            mass_ci95_pct=100.0 * one.part.mass_half,
+            refused="" if one.part.refusal is None else one.part.refusal.reason,
+        ),
+        alternatives=tuple(
+            AlternativeEntry(terms=_terms(each.found, lift), moves=_moves(each.moves))
+            for each in one.alternatives
+        ),
+        lost=tuple(
+            LostEntry(
+                terms=_terms(each, lift),
+                effects=tuple(effect.id for effect in each.hypothesis.effects if not is_term(effect)),
+                gain=base - each.statistic,
+            )
+            for each in one.lost
+        ),
     )
 
 
-def _term(term: Term) -> ProposedTerm:
+def _terms(found: Candidate, largest_lift: float | None) -> tuple[ProposedTerm, ...]:
+    return tuple(_term(term, largest_lift) for term in found.terms)
+
+
+def _term(term: Term, largest_lift: float | None) -> ProposedTerm:
     low, high = term.interval or (None, None)
     return ProposedTerm(
         equation=term.equation,
         law=str(term.law),
+        sentence=as_if(term, largest_lift),
+        latex=formula(term, largest_lift).latex,
         coefficient=PrintedFigure(value=term.coefficient, low=low, high=high, unit=str(term.equation.unit)),
         hardly_told_from=term.equation.alike,
         depends_on=tuple(sorted(variable.word for variable in term.law.variables)),

@@ -10,11 +10,13 @@ from matplotlib.figure import Figure
 
 from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, svg_figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
-from observer_rt.identification.discovery.gaps import Gap, Overlay
-from observer_rt.identification.discovery.report.text import sign
+from observer_rt.identification.discovery.gaps import Gap
+from observer_rt.identification.discovery.injections import Overlay
+from observer_rt.identification.discovery.report.numbers import sign
 from observer_rt.identification.discovery.search.results import LawCurve
 
 _FEWEST_PLACES = 3  # beside each other, for which there is room
+_CROWDED = 9  # operating points, from which on labels are small
 _WRAPPED = 30  # characters of a label beside a low figure
 
 
@@ -128,6 +130,47 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     axes.set_xlim(-spare, places.size - 1.0 + spare)
     axes.set_ylabel(f"rms [{bars.unit}]")
     axes.set_title(bars.title, loc="left", fontsize=10.5, fontweight="bold")
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Rms of the line pressure's gap on each injection of a recording [MPa], before and after."""
+
+    title: str
+    before: Sequence[float]
+    after: Sequence[float]
+    held_out: bool
+
+
+def residual_figure(groups: Sequence[Residuals], floor: float, amended: str | None) -> str:
+    """Every injection in order, recordings beside each other; those held out on grey.
+
+    floor: what noise alone leaves [MPa]; amended: what the legend calls the amended model, None without one.
+    """
+    with svg_figure(10.4, 2.9) as (figure, svg):
+        axes = figure.add_subplot()
+        start = 0.0
+        for number, one in enumerate(groups):
+            x = start + np.arange(len(one.before))
+            label = number == 0
+            axes.plot(x, one.before, "o", ms=4, color=GIVEN, label="model as given" if label else None)
+            if amended is not None:
+                axes.plot(x, one.after, "o", ms=4, color=FOUND, label=amended if label else None)
+            if one.held_out:
+                axes.axvspan(x[0] - 0.7, x[-1] + 0.7, color="#eef1f4", lw=0, zorder=0)
+            start = x[-1] + 2.4
+        axes.axhline(floor, color=MEASURED, lw=1.2, label="noise alone")
+        widths = [len(one.before) for one in groups]
+        starts = np.cumsum([0.0, *(width + 1.4 for width in widths[:-1])])
+        middles = [first + (width - 1) / 2.0 for first, width in zip(starts, widths, strict=True)]
+        axes.set_xticks(middles, [one.title.replace(", ", "\n") for one in groups])
+        axes.tick_params(axis="x", length=0, labelsize=8 if len(groups) > _CROWDED else None)
+        axes.grid(axis="x", visible=False)
+        axes.set_ylim(bottom=0.0)
+        axes.margins(x=0.02)
+        axes.set_ylabel("line pressure,\nrms [MPa]")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
+    return svg()
 
 
 def laws_figure(curves: Sequence[LawCurve]) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.files import templates_of
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
 from observer_rt.identification.discovery.findings import (
     LEAST_MASS,
     Findings,
@@ -18,15 +18,22 @@ from observer_rt.identification.discovery.findings import (
 )
 from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
 from observer_rt.identification.discovery.report import text
-from observer_rt.identification.discovery.report.figures import Bars, gap_figure, laws_figure, overlay_figure
+from observer_rt.identification.discovery.report.figures import (
+    Bars,
+    Residuals,
+    gap_figure,
+    laws_figure,
+    overlay_figure,
+    residual_figure,
+)
+from observer_rt.identification.discovery.report.formula import formula, law_text
+from observer_rt.identification.discovery.report.law_words import as_if
+from observer_rt.identification.discovery.report.numbers import shown, sign, significant
 from observer_rt.identification.discovery.report.text import (
     UNITS,
     Size,
     candidate_words,
     printed,
-    shown,
-    sign,
-    significant,
     visible_words,
     where_words,
 )
@@ -37,6 +44,7 @@ from observer_rt.identification.discovery.search.results import (
     Cell,
     Consequence,
     Discovery,
+    Proposal,
     Verdict,
 )
 from observer_rt.identification.discovery.standstill import StandstillFigure
@@ -44,6 +52,7 @@ from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.operating_points import point_name
 from observer_rt.model.effect import Apparent
 from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.term_effect import is_term
 
 _LONGEST_BAR = 120  # px
 _STANDSTILL = {
@@ -84,7 +93,8 @@ def title(findings: Findings) -> str:
     if found.verdict is Verdict.NONE:
         return "Nothing is missing: the model explains the recordings"
     if found.verdict is Verdict.UNKNOWN:
-        return f"Something is missing that no effect of the vocabulary explains{where_words(found)}"
+        shows = where_words(found, findings.accepted)
+        return f"Something is missing that no effect of the vocabulary explains{shows}"
     by_ids = {candidate.ids: candidate for candidate in found.ranking}
     tied = [candidate_words(by_ids[ids]) for ids in (found.named.ids, *found.rivals)]
     words = "; or ".join(tied)
@@ -109,16 +119,19 @@ def tiles(findings: Findings) -> list[Tile]:
     """Confidence, and gaps before and after."""
     found, gaps = findings.discovery, findings.gaps
     sure = "confidence that this is right"
-    if found.rivals:
+    if found.verdict is Verdict.UNKNOWN:
+        sure = "confidence that something unknown is missing; how sure a law is: its interval, and what is held out"
+    elif found.rivals:
         sure = f"confidence that it is {' and '.join(found.named.ids)}"
     elif findings.caveats:
         sure = "confidence, with the reservations above"
     result = [Tile(f"{found.confidence:.0%}", "", sure)]
     for gap in gaps.printed.values():
         if gap.measured:
-            value = f"{gap.before:.2g}" + (f" → {gap.after:.2g}" if found.effects else "")
-            result.append(Tile(value, sign(gap.unit), f"{gap.words}, model minus measured, rms"))
-        elif found.effects:
+            value = f"{gap.before:.2g}" + (f" → {gap.after:.2g}" if findings.shown.ids else "")
+            apart = ", held out" if findings.shown.ids and findings.held_apart else ""
+            result.append(Tile(value, sign(gap.unit), f"{gap.words}, model minus measured, rms{apart}"))
+        elif findings.shown.ids:
             least = LEAST_MASS / MILLIGRAM
             value = f"{gap.before:.2g}" if gaps.mass.before >= LEAST_MASS else f"< {least:g}"
             result.append(Tile(value, gap.unit, f"{gap.words}, what the model given is wrong"))
@@ -129,10 +142,10 @@ def tiles(findings: Findings) -> list[Tile]:
 
 def held_out_figure(findings: Findings) -> str:
     """The gaps at operating points the sizes were not fitted to, as <svg>."""
-    gaps, amended = findings.gaps, bool(findings.discovery.effects)
+    gaps, amended = findings.gaps, bool(findings.shown.ids)
     places = {i.before.recording: (i.before.rail_pressure, i.before.duration) for i in findings.where}
     labels = [point_name(*places[point.recording]).replace(", ", "\n") for point in gaps.points]
-    label = with_words(findings.discovery) if amended else None
+    label = with_words(findings) if amended else None
     of_points = [point.printed for point in gaps.points]
     groups = []
     for name, gap in gaps.printed.items():
@@ -183,16 +196,106 @@ def explained_ids(found: Discovery) -> tuple[str, ...]:
 
 def role(point: str, findings: Findings) -> str:
     """Names the use of an operating point."""
-    if not findings.discovery.effects:
+    if not findings.shown.ids:
         return "shown" if point in findings.held_out else "judged"
     if not findings.held_apart:
         return "sizes fitted, and shown"
     return "shown" if point in findings.held_out else "sizes fitted"
 
 
-def with_words(found: Discovery) -> str:
+def with_words(findings: Findings) -> str:
     """The model with what was found, for a legend."""
-    return f"with {' and '.join(found.named.ids)}"
+    found = findings.discovery
+    if found.effects or findings.proposal is None:
+        return f"with {' and '.join(found.named.ids)}"
+    return f"with proposal {found.proposals.index(findings.proposal) + 1}"
+
+
+def injections_figure(findings: Findings) -> str:
+    """What the models miss of every injection, recording by recording, as <svg>."""
+    held_out = set(findings.gaps.held_out) if findings.held_apart else set()
+    groups = []
+    for number in dict.fromkeys(one.recording for one in findings.injections):
+        of_one = [one for one in findings.injections if one.recording == number]
+        before, after = ([getattr(one, name) / MEGAPASCAL for one in of_one] for name in ("before", "after"))
+        groups.append(Residuals(_place(findings, number), before, after, number in held_out))
+    floor = findings.gaps.line_pressure.noise_floor / MEGAPASCAL
+    return residual_figure(groups, floor, with_words(findings) if findings.shown.ids else None)
+
+
+def _place(findings: Findings, recording: int) -> str:
+    cell = next(one.before for one in findings.where if one.before.recording == recording)
+    return point_name(cell.rail_pressure, cell.duration)
+
+
+@dataclass(frozen=True)
+class MassRow:
+    """An operating point: mass of an injection as given, and by how much what was found changes it."""
+
+    point: str
+    nominal: str
+    change: str
+    share: str
+
+
+def mass_rows(findings: Findings) -> list[MassRow]:
+    """Lists every operating point, by rail pressure and duration."""
+    rows = []
+    for one in findings.masses:
+        half = one.half / one.nominal
+        step = 10.0 * significant(max(100.0 * half, 1e-3))
+        share = f"{shown(100.0 * one.change / one.nominal, step)} ± {shown(100.0 * half, step)} %"
+        share = share if one.change < 0.0 else f"+{share}"
+        nominal, change = f"{one.nominal / MILLIGRAM:.4g} mg", f"{one.change / MILLIGRAM:+.2g} mg"
+        rows.append(
+            (
+                (_sort_key(findings, one.recording)),
+                MassRow(_place(findings, one.recording), nominal, change, share),
+            )
+        )
+    return [row for _, row in sorted(rows, key=lambda pair: pair[0])]
+
+
+def _sort_key(findings: Findings, recording: int) -> tuple[float, float, int]:
+    cell = next(one.before for one in findings.where if one.before.recording == recording)
+    return cell.rail_pressure, cell.duration, recording
+
+
+@dataclass(frozen=True)
+class LawRow:
+    """A law as a formula and as text, and its sentence."""
+
+    sentence: str
+    mathml: str
+    latex: str
+    text: str
+
+
+def law_rows(one: Proposal) -> list[LawRow]:
+    """The laws of a proposal."""
+    lift = None if one.largest_lift is None else one.largest_lift / MILLIMETRE
+    rows = []
+    for term in one.terms:
+        drawn = formula(term, lift)
+        rows.append(LawRow(as_if(term, lift), drawn.mathml, drawn.latex, law_text(term)))
+    return rows
+
+
+def fitted_words(one: Candidate, largest_lift: float | None) -> str:
+    """Laws and effects fitted together, in words."""
+    lift = None if largest_lift is None else largest_lift / MILLIMETRE
+    effects = [effect.id for effect in one.hypothesis.effects if not is_term(effect)]
+    return " and ".join([*(as_if(term, lift) for term in one.terms), *effects])
+
+
+def violated_words(findings: Findings) -> str:
+    """Names the equations that are violated, as the model has them; of a law its own."""
+    one = findings.proposal
+    if one is not None and not findings.discovery.effects and one.terms:
+        return " and ".join(dict.fromkeys(f"{term.equation.words} ({term.equation})" for term in one.terms))
+    equations = dict.fromkeys(item.equation for item in findings.where if item.equation is not None)
+    injector = findings.gaps.refitted.injector
+    return " and ".join(text.equation_words(equation, injector) for equation in equations)
 
 
 def bar(share: float) -> int:
@@ -280,6 +383,22 @@ def visible_rows(findings: Findings) -> list[VisibleRow]:
     return rows
 
 
+def usual_size(findings: Findings, effect_id: str) -> str:
+    """Prints the size an effect appears to have on the healthy injector."""
+    known = findings.usual.get(effect_id)
+    if known is None:
+        return "–"
+    sigma = math.hypot(known.uncertainty, known.scatter)
+    step = significant(sigma)
+    return f"{shown(known.mean, step)} ± {shown(1.96 * sigma, step)} {sign(known.unit)}"
+
+
+def amended_path(findings: Findings, sources: Sources) -> str:
+    """The amended model as a command takes it."""
+    name = findings.amended_model or ""
+    return f"{sources.folder}/{name}" if sources.folder else name
+
+
 def found_size(found: Discovery, effect_id: str) -> str:
     """Prints the size found of an effect."""
     sized = [size_words(printed(e.id, e.parameters[:1])) for e in found.effects if e.id == effect_id]
@@ -298,17 +417,15 @@ _PAGES.globals |= {
 def report(findings: Findings, sources: Sources) -> str:
     """The page."""
     found, where = findings.discovery, findings.where
-    after = "With what was found" if found.effects else f"Nearest, not enough: {' + '.join(found.best.ids)}"
-    equations = dict.fromkeys(
-        text.EQUATION_WORDS[item.equation] for item in where if item.equation is not None
-    )
+    nearest = f"Nearest, not enough: {' + '.join(found.best.ids)}"
+    after = f"{with_words(findings)[:1].upper()}{with_words(findings)[1:]}" if findings.shown.ids else nearest
     return _PAGES.get_template("report.html.j2").render(
         findings=findings,
         found=found,
         sources=sources,
         map_before=_gap_map("Model as given", [(item.before, item) for item in where], findings.points),
         map_after=_gap_map(after, [(item.after, item) for item in where], findings.points),
-        violated=" and ".join(equations),
+        violated=violated_words(findings),
         legend={
             "colours": [_colour(_WORST ** (i / 4.0)) for i in range(5)],
             "worst": _WORST,

@@ -1,13 +1,15 @@
-"""The answer in words, for the screen and the first lines of the report; terms in the words of an engineer."""
+"""The answer in words, for the screen and the first lines of the report."""
 
-import re
 from collections.abc import Mapping, Sequence
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLIMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.findings import Caveat, Findings, gap_share
-from observer_rt.identification.discovery.search.curves import AXES, SINCE
+from observer_rt.identification.discovery.report.formula import law_text
+from observer_rt.identification.discovery.report.law_words import as_if
+from observer_rt.identification.discovery.report.numbers import shown, sign, significant
 from observer_rt.identification.discovery.search.results import (
+    Alternative,
     Candidate,
     Discovery,
     FittedParameter,
@@ -17,22 +19,11 @@ from observer_rt.identification.discovery.search.results import (
 )
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.model.parameters import EffectValue, Finite
-from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.parameters import EffectValue, Finite, InjectorParameters, LineOutflow
 
-_SIGNS = {"um": "µm", "us": "µs", "mm3/ms": "mm³/ms", "m3/(s Pa)": "m³/(s Pa)", "-": ""}
-"""Units as people write them, by those of files."""
 UNITS = {"MPa": MEGAPASCAL, "mm³/ms": MM3_PER_MS, "mg": MILLIGRAM, "µm": MICROMETRE}
 """SI values of the units of signals, as people write them."""
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
-EQUATION_WORDS = {
-    Equation.LINE_PRESSURE: "the balance of the line, p_L' = K_L/V_L (Q_L - Q_H), (20)",
-    Equation.LINE_FLOW: "the flow through the line, Q_L' = ..., (19)",
-    Equation.SAC_PRESSURE: "the balance of the sac, p_S' = K_C/V_S (Q_S - Q_H), with (21) and (23)",
-    Equation.INPUT: "an input: rail pressure, lift or chamber pressure is not what it is taken for",
-    Equation.OUTPUT: "the output: the line-pressure sensor does not show p_L",
-}
 PHASE_WORDS = {
     Phase.STANDSTILL: "while the needle is shut",
     Phase.OPENING: "while the needle opens",
@@ -40,81 +31,6 @@ PHASE_WORDS = {
     Phase.CLOSING: "while the needle closes",
     Phase.AFTER: "right after the needle has closed",
 }
-_AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
-    TermEquation.LINE_FLOW: ("the line lost more pressure, by", "the line lost {} less", "the line lost {} more"),
-    TermEquation.LINE_PRESSURE: (
-        "fuel left the line beside the nozzle,", "{} came into the line's end", "{} left the line beside the nozzle",
-    ),
-    TermEquation.SEAT_FLOW: (
-        "the flow through the seat were larger by a share of",
-        "the seat let {} less through", "the seat let {} more through",
-    ),
-    TermEquation.NOZZLE_FLOW: (
-        "the flow through the nozzle were larger by a share of",
-        "the nozzle lost {} of its flow", "the nozzle let {} more through",
-    ),
-    TermEquation.STIFFNESS: (
-        "the fuel in the line were stiffer by a share of",
-        "the fuel in the line were softer by {}", "the fuel in the line were stiffer by {}",
-    ),
-    TermEquation.INERTANCE: (
-        "the inertance of the line were larger by a share of",
-        "the line's inertance were {} less", "the line's inertance were {} more",
-    ),
-    TermEquation.CHAMBER_PRESSURE: (
-        "the pressure in the chamber were higher by",
-        "the pressure in the chamber were {} lower", "the pressure in the chamber were {} higher",
-    ),
-    TermEquation.LINE_PRESSURE_SENSOR: (
-        "the line-pressure sensor read more, by",
-        "the line-pressure sensor read {} less", "the line-pressure sensor read {} more",
-    ),
-    TermEquation.NEEDLE_LIFT: (
-        "the needle stood higher than measured, by",
-        "the needle stood {} lower than measured", "the needle stood {} higher than measured",
-    ),
-    TermEquation.RAIL_PRESSURE: (
-        "the rail pressure were higher than measured, by",
-        "the rail pressure were {} lower than measured", "the rail pressure were {} higher than measured",
-    ),
-}  # fmt: skip
-"""By equation: of any law, and of a simple one with a negative coefficient and a positive one."""
-_RINGS = "a tube before the line-pressure sensor rang at {0} kHz with a damping of {1}"
-_AXIS_OF = {str(parse(axis.over)): axis for axis in AXES}
-_NUMBER = r"(-?[\d.]+(?:e[-+]?\d+)?)"
-_OVER = "(" + "|".join(map(re.escape, _AXIS_OF)) + ")"
-_SINCE = r"\(?time_since_opening / 1\)?"
-_DROP = r"\(?\(line_pressure - chamber_pressure\) / 100\)?"
-_LIFT = r"\(?needle_lift / max_lift\)?"
-_WORDS = tuple(
-    (re.compile(rf"c \* \(?{pattern}\)?"), words)
-    for pattern, words in {
-        "1": "all the time",
-        r"line_flow / 60": "at a flow of 60 mm³/ms, in proportion to it",
-        rf"sqrt\({_DROP}\)": "at 100 MPa, as the root of the pressure",
-        rf"sqrt\({_DROP}\) \* closed": "at 100 MPa while the needle is shut, as the root of the pressure",
-        rf"{_DROP} \* closed": "at 100 MPa while the needle is shut, in proportion to the pressure",
-        rf"{_DROP} \* open": "at 100 MPa while the needle is open, in proportion to the pressure",
-        rf"{_LIFT} - lagged\({_LIFT}, {_NUMBER}\)": (
-            "right after it rose by the whole lift, fading in {0} ms, and the other way after it fell"
-        ),
-        r"\(1 \+ tanh\(\(" + _OVER + rf" - {_NUMBER}\) / {_NUMBER}\)\) / 2": "from {0} on",
-        r"exp\(-\(\(" + _OVER + rf" - {_NUMBER}\) / {_NUMBER}\)\^2": "round {0}",
-        rf"exp\(-{_SINCE} / {_NUMBER}": "at every opening, fading in {0} ms",
-        rf"exp\(-{_SINCE} / {_NUMBER}\) \* sin\(6\.283185307 \* {_NUMBER} \* {_SINCE} \+ {_NUMBER}\)": (
-            "at most, ringing at {1} kHz after every opening for {0} ms"
-        ),
-        rf"sin\(6\.283185307 \* {_NUMBER}\[Hz\] \* time \+ {_NUMBER}": "and back, a wave of {0} Hz",
-        rf"injection_number > {_NUMBER}": "from the injection after number {0} on",
-        rf"\(?injection_number - 1\)? / {_NUMBER}": "after {0} injections, growing from one to the next",
-        rf"time / {_NUMBER}": "after {0} s, growing steadily",
-        rf"ringing\(line_pressure / 1, {_NUMBER}, {_NUMBER}\)": _RINGS,
-        "open": "while the needle is open",
-        "closed": "while the needle is shut",
-        "opening": "while the needle opens",
-        "closing": "while the needle closes",
-    }.items()
-)
 
 
 class Size(EffectValue):
@@ -139,9 +55,25 @@ class Size(EffectValue):
         return f"{self.digits[1]} to {self.digits[2]} {sign(self.unit)}".rstrip()
 
 
-def sign(unit: str) -> str:
-    """A unit as people write it."""
-    return _SIGNS.get(unit, unit)
+def equation_words(equation: Equation, injector: InjectorParameters) -> str:
+    """Names an equation as an injector's model has it."""
+    lump, drained = injector.line.model == "lump", injector.line_outflow
+    outflow = "Q_H" if drained is LineOutflow.NOZZLE else "Q_S"
+    match equation:
+        case Equation.LINE_PRESSURE if lump:
+            return f"the balance of the line, p_L' = K_L/V_L (Q_L - {outflow}), (20)"
+        case Equation.LINE_PRESSURE:
+            return f"the balance at the closed end of the line, which {outflow} drains"
+        case Equation.LINE_FLOW if lump:
+            return "the flow through the line, Q_L' = ..., (19)"
+        case Equation.LINE_FLOW:
+            return "the motion of the fuel along the line"
+        case Equation.SAC_PRESSURE:
+            return "the balance of the sac, p_S' = K_C/V_S (Q_S - Q_H), with (21) and (23)"
+        case Equation.INPUT:
+            return "an input: rail pressure, lift or chamber pressure is not what it is taken for"
+        case Equation.OUTPUT:
+            return "the output: the line-pressure sensor does not show p_L"
 
 
 def printed(effect_id: str, parameters: Sequence[FittedParameter]) -> dict[str, Size]:
@@ -159,26 +91,10 @@ def definition(effect_id: str, name: str) -> EffectParameter:
     return next(p for p in VOCABULARY[effect_id].parameters if p.name == name)
 
 
-def significant(uncertainty: float) -> float:
-    """The unit of the second digit of an uncertainty: what a value is rounded to."""
-    return 10.0 ** (int(f"{uncertainty:.0e}".split("e")[1]) - 1) if uncertainty > 0.0 else 0.0
-
-
-def shown(value: float, step: float) -> str:
-    """A value rounded to a step of 10^n; as short as it may be."""
-    if not step > 0.0:
-        return f"{value:.6g}"
-    decimals = -int(f"{step:.0e}".split("e")[1])
-    if -3 <= decimals <= 6:
-        return f"{round(value, decimals):.{max(decimals, 0)}f}"
-    digits = 1 + max(0, int(f"{abs(value) or step:.0e}".split("e")[1]) + decimals)
-    return f"{value:.{digits}g}"
-
-
 def as_text(findings: Findings) -> str:
     """A few lines: verdict, effects with intervals, the gap before and after."""
     found = findings.discovery
-    lines = [headline(found, findings.caveats)]
+    lines = [headline(found, findings.caveats, findings.accepted)]
     for effect in found.effects:
         sizes = ", ".join(_size_words(printed(effect.id, effect.parameters), "95 %: "))
         others = f" [or {', '.join(effect.indistinguishable_from)}]" if effect.indistinguishable_from else ""
@@ -195,8 +111,13 @@ def as_text(findings: Findings) -> str:
         lines.append(f"  {found.unexplained.term}; {best_words(found)}")
     for number, proposal in enumerate(found.proposals, 1):
         lines += [f"  proposal {number}: {proposal_words(proposal)}", f"    {standing_words(proposal)}"]
-    if found.proposals and found.proposals[0].may_enter and findings.amended_model is None:
-        lines.append("  to have it in the amended model: --accept-term 1, and --force")
+        lines += [f"    or {alternative_words(one, proposal.largest_lift)}" for one in proposal.alternatives]
+        lines += [f"    {law_text(term)}" for term in proposal.terms]
+    option = acceptance(findings)
+    if option:
+        lines.append(f"  to have it in the amended model: {option}, and --force")
+    if findings.remainder is not None:
+        lines.append(f"  {part_words(findings)}")
     if found.verdict is Verdict.NONE and found.smallest_visible:  # wear may be there up to these all the same
         wear = (one for one in found.smallest_visible if VOCABULARY[one.id].wear)
         names = (f"{one.id} below {visible_words(one)}" for one in wear)
@@ -205,8 +126,8 @@ def as_text(findings: Findings) -> str:
 
 
 def proposal_words(one: Proposal) -> str:
-    """Describes a proposal in a sentence with the law and its coefficient."""
-    parts = [as_if(term, _sized_law(term)) for term in one.terms]
+    """Describes a proposal in a sentence."""
+    parts = [as_if(term, _millimetres(one.largest_lift)) for term in one.terms]
     sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
     known = [
         f"{name} ({', '.join(_size_words(printed(name, sizes[name]), '95 %: '))})" for name in one.effects
@@ -214,12 +135,38 @@ def proposal_words(one: Proposal) -> str:
     return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *known])
 
 
-def _sized_law(term: Term) -> str:
-    low, high = term.interval or (term.coefficient, term.coefficient)
-    step = significant(0.5 * (high - low))
-    between = f"c = {shown(term.coefficient, step)}, 95 %: {shown(low, step)} to {shown(high, step)}"
-    unit = "" if term.equation.is_share else f"in {sign(str(term.equation.unit))}; "
-    return f"{term.law} ({unit}{between})"
+def _millimetres(lift: float | None) -> float | None:
+    return None if lift is None else lift / MILLIMETRE
+
+
+def alternative_words(one: Alternative, largest_lift: float | None) -> str:
+    """Describes what line pressure cannot tell from a proposal, with its mass. largest_lift: of the needle [m]."""
+    (term,) = one.found.terms
+    words = as_if(term, _millimetres(largest_lift))
+    moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
+    return f"as if {words}, {moved}: line pressure cannot tell the two apart"
+
+
+def acceptance(findings: Findings) -> str:
+    """Options that put a proposal into the amended model; empty where none do, or one is in it."""
+    if findings.amended_model is not None:
+        return ""
+    numbered = enumerate(findings.discovery.proposals, start=1)
+    may = [(number, one.may_enter) for number, one in numbered if one.may_enter or one.may_enter_in_part]
+    number, whole = max(may, key=lambda one: one[1], default=(0, False))
+    return f"--accept-term {number}{'' if whole else ' --in-part'}" if number else ""
+
+
+def part_words(findings: Findings) -> str:
+    """Says what a proposal accepted in part leaves; empty where none is."""
+    one = findings.proposal
+    if findings.remainder is None or one is None or one.part is None:
+        return ""
+    return (
+        f"accepted in part: it closes {one.part.closed:.0%} of the gap held out; the "
+        f"{one.part.left / MEGAPASCAL:.2g} MPa left belong to the model's stated uncertainty, by which masses "
+        f"have ±{one.part.mass_half:.1%} more"
+    )
 
 
 def standing_words(one: Proposal) -> str:
@@ -230,8 +177,12 @@ def standing_words(one: Proposal) -> str:
     )
     moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
     fit = "explains all"
-    if one.refusal is not None:
-        fit = f"no model may have it, for {one.refusal.reason}: {one.refusal.remedy}"
+    refusal = one.refusal if one.part is None else one.part.refusal
+    if one.may_enter_in_part and one.part is not None:
+        closed, half = f"{one.part.closed:.0%}", f"{one.part.mass_half:.1%}"
+        fit = f"closes {closed} of the gap: a model may have it in part, masses ±{half}"
+    elif refusal is not None:
+        fit = f"no model may have it, for {refusal.reason}: {refusal.remedy}"
     alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
     hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
     return "; ".join(filter(None, (fit, apart, moved, hardly)))
@@ -243,18 +194,18 @@ def visible_words(one: SmallestVisible) -> str:
     return f"{one.parameter} = {one.size / unit.si:.2g} {sign(unit.unit)}".rstrip()
 
 
-def headline(found: Discovery, caveats: Sequence[Caveat] = ()) -> str:
-    """The verdict in one sentence, with its reservations."""
+def headline(found: Discovery, caveats: Sequence[Caveat] = (), accepted: int = 0) -> str:
+    """The verdict in one sentence, with its reservations. accepted: number of a proposal, 0 for none."""
     sure = f"(confidence {found.confidence:.2f})"
     but = f", but: {caveat_words(caveats)}" if caveats else ""
-    return f"{found.verdict.value}: {_verdict_words(found)} {sure}{but}"
+    return f"{found.verdict.value}: {_verdict_words(found, accepted)} {sure}{but}"
 
 
-def _verdict_words(found: Discovery) -> str:
+def _verdict_words(found: Discovery, accepted: int) -> str:
     if found.verdict is Verdict.NONE:
         return "the model explains the recordings; no effect is missing"
     if found.verdict is Verdict.UNKNOWN:
-        return f"something is missing that no known effect explains{where_words(found)}"
+        return f"something is missing that no known effect explains{where_words(found, accepted)}"
     names = [" and ".join(ids) for ids in (found.named.ids, *found.rivals)]
     if found.verdict is Verdict.AMBIGUOUS and not found.rivals:
         return f"{names[0]}, which may be one of the two"
@@ -279,16 +230,15 @@ def best_words(found: Discovery) -> str:
     return f"nearest, and not enough: {' with '.join(found.best.ids)}"
 
 
-def where_words(found: Discovery) -> str:
-    """Place at which something unknown acts, to be appended to a sentence."""
+def where_words(found: Discovery, accepted: int) -> str:
+    """Place at which something unknown acts, to be appended to a sentence. accepted: as of `headline`."""
     place = found.unexplained
     if place is None:
         return ""
-    best = found.proposals[0] if found.proposals and found.proposals[0].adequate else None
-    plain = [_plain_words(term) for term in best.terms] if best is not None and not best.effects else []
-    equation = place.equation.value.replace("_", " ")
-    what = " and ".join(plain) if plain and all(plain) else f"the {equation} equation were wrong"
-    return f"; it shows most {PHASE_WORDS[place.phase]}, as if {what}"
+    shows = f"; it shows most {PHASE_WORDS[place.phase]}"
+    if found.proposals:
+        return f"{shows}, {proposal_words(found.proposals[max(accepted, 1) - 1])}"
+    return f"{shows}, as if the {place.equation.value.replace('_', ' ')} equation were wrong"
 
 
 def candidate_words(candidate: Candidate) -> str:
@@ -305,48 +255,16 @@ def _size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
 
 def gap_lines(findings: Findings) -> list[str]:
     """The gaps on held-out operating points."""
-    apart = findings.held_apart and findings.discovery.effects
+    apart = findings.held_apart and findings.shown.ids
     where = "on operating points held out" if apart else "on the recordings"
     lines = []
     for gap in findings.gaps.printed.values():
         if gap.measured:
-            after = f" before, {gap.after:.3g} after" if findings.discovery.effects else ""
+            after = f" before, {gap.after:.3g} after" if findings.shown.ids else ""
             alone = f"(noise alone {gap.noise_floor:.2g})"
             lines.append(f"  {gap.words} {where}: {gap.before:.3g} {gap.unit} off{after} {alone}")
-        elif findings.discovery.effects:
+        elif findings.shown.ids:
             lines.append(
                 f"  {gap.words}: the model given is {gap.before:.2g} {gap.unit} off, if this is right"
             )
     return lines
-
-
-def as_if(term: Term, sized: str) -> str:
-    """Describes a term by its effect. sized: its law with its coefficient."""
-    plain = _plain_words(term)
-    return f"{plain}: {term.equation} = {sized}" if plain else f"{_AS_IF[term.equation][0]} {sized}"
-
-
-def _plain_words(term: Term) -> str:
-    """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`.
-
-    Empty where the law is not so simple.
-    """
-    matches = ((pattern.fullmatch(str(term.law)), words) for pattern, words in _WORDS)
-    found, words = next(((found, words) for found, words in matches if found), (None, ""))
-    if found is None:
-        return ""
-    numbers = list(found.groups())
-    if words is _RINGS:
-        return words.format(*(f"{float(number):.3g}" for number in numbers))
-    if numbers and numbers[0] in _AXIS_OF:
-        axis = _AXIS_OF[numbers[0]]
-        value = f"{axis.offset + axis.scale * float(numbers[1]):.3g}"
-        named = f"a {axis.words} of {value}{'' if axis.unit == '-' else f' {axis.unit}'}"
-        numbers = [f"{value} ms after the opening" if axis is SINCE else named]
-    size = abs(term.coefficient)
-    amount = f"{size:.3g} {sign(str(term.equation.unit))}"
-    if term.equation.is_share:
-        amount = f"{100.0 * size:.3g} %"
-    elif term.equation is TermEquation.NEEDLE_LIFT:
-        amount = f"{size * MILLIMETRE / MICROMETRE:.3g} µm"
-    return f"{_AS_IF[term.equation][1 + (term.coefficient > 0.0)].format(amount)} {words.format(*numbers)}"

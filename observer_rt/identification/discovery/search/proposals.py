@@ -23,8 +23,10 @@ from observer_rt.identification.discovery.search.search import INTERVAL_MARGIN, 
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.identification.discovery.search.term_search import (
     PRICE,
+    TIE,
     TermFit,
     TermSearch,
+    TermSearchResult,
     no_terms,
     scores_of,
 )
@@ -37,7 +39,7 @@ from observer_rt.model.terms.bounds import refuse_unbounded
 
 CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
 SEVERAL = 2  # effects together, of which one law may take the place
-MOST_PROPOSED = 4
+MOST_PROPOSED, MOST_LOST = 4, 8
 
 Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
 
@@ -74,13 +76,26 @@ def propose(
             result.nothing.statistic - fit.statistic,
             phase,
             problem.is_adequate(fit.chosen, fit.theta),
-            _unsound(model, fitter.nominal),
+            unsound(model, fitter.nominal),
             (before, held_out.gap(found)),
             moves(fitter.nominal, model),
         )
 
     first, *others = (proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
-    return (replace(first, curves=_curves(fitter, first, result.best, baseline)), *others)
+    curves = _curves(fitter, first, result.best, baseline)
+    return (replace(first, curves=curves, lost=_lost(problem, result)), *others)
+
+
+def _lost(problem: InjectorTerms, result: TermSearchResult) -> tuple[Candidate, ...]:
+    """Laws that were fitted and are not proposed, the best of each combination of equations first."""
+    proposed = {one.chosen for one in (result.best, *result.rivals)}
+    best: dict[tuple[str, ...], Candidate] = {}
+    for fit in result.tried:
+        hypothesis = problem.hypothesis(fit.chosen)
+        key = tuple(sorted(problem.candidates[number].equation for number in fit.chosen))
+        if fit.chosen not in proposed and fit.statistic > result.best.statistic + TIE * result.best.spread:
+            best.setdefault(key, Candidate(hypothesis, tuple(fit.theta.tolist()), fit.statistic))
+    return tuple(best.values())[:MOST_LOST]
 
 
 def _curves(fitter: Fitter, first: Proposal, best: TermFit, baseline: Healthy) -> tuple[LawCurve, ...]:
@@ -131,7 +146,7 @@ def _span(likelihood: JointLikelihood) -> RecordingSpan:
     return RecordingSpan(max(event.clock.time for event in events), last)
 
 
-def _unsound(model: EffectiveModel, nominal: EffectiveModel) -> Refusal | None:
+def unsound(model: EffectiveModel, nominal: EffectiveModel) -> Refusal | None:
     """Objection to an injector file with the terms that a model has beyond the nominal one; None where it may."""
     domain = term_domain(nominal.injector)
     try:

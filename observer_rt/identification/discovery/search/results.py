@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import islice
+from itertools import islice, zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -109,6 +109,16 @@ class Candidate:
         )
         return tuple(tuple(islice(fitted, len(effect.parameters))) for effect in self.hypothesis.effects)
 
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Terms among the effects, with 95 % intervals of their coefficients where these are known."""
+        sizes = zip_longest(self.hypothesis.effects, self.sizes, self.half)
+        return tuple(
+            term if half is None else replace(term, interval=(size - half, size + half))
+            for effect, size, half in sizes
+            if (term := term_of(effect, size)) is not None
+        )
+
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The nominal model with these effects."""
         return self.hypothesis.model(nominal, self.theta)
@@ -202,6 +212,31 @@ TOO_FREE = Refusal("laws with numbers of their own in several equations would fi
 
 
 @dataclass(frozen=True)
+class Part:
+    """What a proposal that leaves something explains, and what it leaves.
+
+    closed: share of the line pressure's gap held out, beyond noise; left: rest of it, rms [Pa]; mass_half: half
+    width, as a share, of the 95 % interval that this gives a mass; refusal: objection to taking it over in part.
+    """
+
+    closed: float
+    left: float
+    mass_half: float
+    refusal: Refusal | None = None
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """A law of another equation that explains as much as a proposal.
+
+    moves: what it does to line pressure and mass.
+    """
+
+    found: Candidate
+    moves: Consequence
+
+
+@dataclass(frozen=True)
 class Proposal:
     """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
@@ -209,7 +244,9 @@ class Proposal:
     in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold over
     the whole domain, None where all do; held_out: rms of the line pressure's gap on events it was not fitted to,
     before and after [Pa], nan where nothing was held out; moves: what it does to line pressure and mass; curves: of
-    the first proposal, its laws over their variables where they have one.
+    the first proposal, its laws over their variables where they have one; lost: of the first, what else was fitted,
+    the best first; alternatives: what the line pressure cannot tell from it; part: of one that leaves something but
+    has no other objection; largest_lift: of the needle [m], for words.
     """
 
     found: Candidate
@@ -220,16 +257,15 @@ class Proposal:
     held_out: tuple[float, float]
     moves: Consequence
     curves: tuple[LawCurve, ...] = ()
+    lost: tuple[Candidate, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    part: Part | None = None
+    largest_lift: float | None = None
 
     @property
     def terms(self) -> tuple[Term, ...]:
         """Terms, with 95 % intervals of their coefficients."""
-        sizes = zip(self.found.hypothesis.effects, self.found.sizes, self.found.half, strict=True)
-        return tuple(
-            replace(term, interval=(size - half, size + half))
-            for effect, size, half in sizes
-            if (term := term_of(effect, size)) is not None
-        )
+        return self.found.terms
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -238,14 +274,17 @@ class Proposal:
 
     @property
     def refusal(self) -> Refusal | None:
-        """Objection to the proposal in any model; None where it explains all, with few terms, sound everywhere.
+        """Objection to the proposal in any model; None where it explains all, with few terms, sound everywhere."""
+        return self.objection if self.adequate else INCOMPLETE
+
+    @property
+    def objection(self) -> Refusal | None:
+        """Objection to its terms, however much they explain.
 
         What blames several equations must do it without numbers within its laws: with them it would fit anything.
         """
         effects = self.found.hypothesis.effects
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
-        if not self.adequate:
-            return INCOMPLETE
         if len(effects) > MOST_ENTERING:
             return TOO_MANY
         if len({effect.place for effect in effects}) > 1 and any(law.numbers for law in laws):
@@ -256,6 +295,11 @@ class Proposal:
     def may_enter(self) -> bool:
         """Whether a model may be given it."""
         return self.refusal is None
+
+    @property
+    def may_enter_in_part(self) -> bool:
+        """Whether a model may be given it if what it leaves widens the stated uncertainty."""
+        return self.part is not None and self.part.refusal is None
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""

@@ -100,13 +100,15 @@ class TermSearchResult:
     """Result of a search for terms.
 
     best: the terms found, none where nothing is worth one; nothing: the model as it is; adequate: whether the best
-    leaves nothing but noise; rivals: of other equations, the best fit of as many terms that explains as much.
+    leaves nothing but noise; rivals: of other equations, the best fit of as many terms that explains as much; tried:
+    all that was fitted, the best first.
     """
 
     nothing: TermFit
     best: TermFit
     adequate: bool
     rivals: tuple[TermFit, ...]
+    tried: tuple[TermFit, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +234,8 @@ class TermSearch:
         for one in sorted(tried, key=_price):
             if self._is_rival(one, best):
                 rivals.setdefault(frozenset(self._equations(one)), one)
-        return TermSearchResult(nothing, best, adequate, tuple(rivals.values()))
+        ranked = tuple(sorted(tried, key=_price))
+        return TermSearchResult(nothing, best, adequate, tuple(rivals.values()), ranked)
 
     def _firsts(self, fits: Sequence[TermFit], nothing: TermFit) -> list[TermFit]:
         """First terms to go on from: the best, and the best that share no equation with it."""

@@ -51,6 +51,13 @@ def test_the_tables_say_what_the_document_says(worn: Worn, data: Path) -> None:
     }
     assert {row["operating_point"] for row in gaps} == set(document["held_out"])
     assert len(_rows(data / "standstill.csv")) == len(document["checks"])
+    residuals = _rows(data / "residuals.csv")
+    assert [float(row["before_MPa"]) for row in residuals] == pytest.approx(
+        [one["before_MPa"] for one in document["injections"]]
+    )
+    for row, one in zip(_rows(data / "masses.csv"), document["masses"], strict=True):
+        change = 100.0 * float(row["change_mg"]) / float(row["as_given_mg"])
+        assert change == pytest.approx(one["change_pct"])
 
 
 def test_signals_and_figures_of_the_injections_shown(worn: Worn, data: Path) -> None:

@@ -2,7 +2,8 @@
 
 import pytest
 
-from observer_rt.identification.discovery.report.text import printed, shown
+from observer_rt.identification.discovery.report.numbers import shown
+from observer_rt.identification.discovery.report.text import printed
 from observer_rt.identification.discovery.search.results import FittedParameter
 
 

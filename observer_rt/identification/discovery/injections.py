@@ -1,0 +1,142 @@
+"""Injections shown: as curves, by what models miss of each, and by what was found changes of their masses."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.identification.discovery.gaps import ModelGaps, PointGap, rms
+from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.open_loop import Simulated, mass, simulated
+from observer_rt.model.effective import EffectiveModel
+
+SHOWN_RINGING = 6e-3  # s after the last closing
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """One injection: time [s] (n,) from its opening, and signals (n,) in SI; None for what there is not.
+
+    noise_floor: of the line pressure [Pa]: what noise alone leaves between model and measurement.
+    """
+
+    title: str
+    time: NDArray[np.float64]
+    lift: NDArray[np.float64]
+    line_pressure: NDArray[np.float64]
+    nominal_pressure: NDArray[np.float64]
+    amended_pressure: NDArray[np.float64] | None
+    measured_rate: NDArray[np.float64] | None
+    nominal_rate: NDArray[np.float64]
+    amended_rate: NDArray[np.float64] | None
+    noise_floor: float
+
+
+def typical_overlays(
+    shown: Candidate, gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
+) -> tuple[Overlay, ...]:
+    """Two held-out operating points, the one in the middle by its gap, and the one worst off: there the injection
+    the model misses most."""
+    ranked = sorted(gaps.points, key=lambda point: point.line_pressure.before)
+    chosen = {point.recording: point for point in (ranked[(len(ranked) - 1) // 2], ranked[-1])}
+    amended = gaps.refitted if shown.ids else None
+    return tuple(_overlay(point, measured[number], nominal, amended) for number, point in chosen.items())
+
+
+def _overlay(
+    point: PointGap, measurement: Measurement, nominal: EffectiveModel, amended: EffectiveModel | None
+) -> Overlay:
+    recording = measurement.recording
+    every = simulated(measurement, nominal)
+    number = int(np.argmax([_missed(measurement, one) for one in every]))
+    before = every[number]
+    after: Simulated | None = None if amended is None else simulated(measurement, amended)[number]
+    last = before.event.openings[-1].last + round(SHOWN_RINGING * recording.sample_rate)
+    shown = slice(0, max(1, last - int(before.samples[0])))
+    samples = before.samples[shown]
+    rate = recording.injection_rate
+    pressure, duration = measurement.rail_pressure / MEGAPASCAL, measurement.duration / MILLISECOND
+    return Overlay(
+        title=f"{pressure:.0f} MPa, needle open {duration:.2f} ms, injection {number + 1} of {len(every)}",
+        time=(samples - samples[0]) * measurement.interval,
+        lift=recording.needle_lift[samples],
+        line_pressure=recording.line_pressure[samples],
+        nominal_pressure=before.line_pressure[shown],
+        amended_pressure=None if after is None else after.line_pressure[shown],
+        measured_rate=None if rate is None else rate[before.rate_samples[shown]],
+        nominal_rate=before.rate[shown],
+        amended_rate=None if after is None else after.rate[shown],
+        noise_floor=point.line_pressure.noise_floor,
+    )
+
+
+def _missed(measurement: Measurement, one: Simulated) -> float:
+    """Rms of the line pressure's gap on an event [Pa]."""
+    return rms([one.line_pressure - measurement.recording.line_pressure[one.samples]])
+
+
+@dataclass(frozen=True)
+class InjectionGap:
+    """What the model as given and the one refitted miss of the line pressure on one event, rms [Pa].
+
+    recording: its number; number: of the event in it, from 1.
+    """
+
+    recording: int
+    number: int
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class MassChange:
+    """By how much what was found changes the mass of an injection at one operating point, mean [kg].
+
+    recording: its number; nominal: mean mass by the model as given; half: half width of the 95 % interval of the
+    change, from those of the sizes and from what is left.
+    """
+
+    recording: int
+    nominal: float
+    change: float
+    half: float
+
+
+def injection_gaps(
+    gaps: ModelGaps, measured: Sequence[Measurement], nominal: EffectiveModel
+) -> tuple[InjectionGap, ...]:
+    """Every event of every recording, in order."""
+    return tuple(
+        InjectionGap(recording, number, _missed(measurement, before), _missed(measurement, after))
+        for recording, measurement in enumerate(measured)
+        for number, (before, after) in enumerate(
+            zip(simulated(measurement, nominal), simulated(measurement, gaps.refitted), strict=True), start=1
+        )
+    )
+
+
+def mass_changes(
+    shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel, left: float = 0.0
+) -> tuple[MassChange, ...]:
+    """Every recording.
+
+    shown: what was found, with half widths of its sizes; left: half width, as a share, that what it leaves gives a
+    mass.
+    """
+
+    def mean_mass(measurement: Measurement, model: EffectiveModel) -> float:
+        density = model.coefficients.density
+        return float(np.mean([mass(measurement, one, density) for one in simulated(measurement, model)]))
+
+    hypothesis, theta = shown.hypothesis, shown.theta
+    moved = [hypothesis.model(nominal, theta + step) for step in np.diag(shown.half)]
+    result = []
+    for recording, measurement in enumerate(measured):
+        before, after = (mean_mass(measurement, model) for model in (nominal, shown.model(nominal)))
+        half = math.hypot(left * after, *(mean_mass(measurement, model) - after for model in moved))
+        result.append(MassChange(recording, before, after - before, half))
+    return tuple(result)

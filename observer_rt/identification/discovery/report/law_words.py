@@ -1,0 +1,312 @@
+"""Laws in the words of an engineer: one sentence, physical numbers with units, digits as the interval deserves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from observer_rt.foundation.units import MICROMETRE, MILLIMETRE
+from observer_rt.identification.discovery.report.law_reading import (
+    GATES,
+    SINCE,
+    Line,
+    line_of,
+    product_of,
+    with_largest_lift,
+    with_unit,
+)
+from observer_rt.identification.discovery.report.numbers import shown, sign, significant
+from observer_rt.model.terms.law import (
+    ONE,
+    ZERO,
+    Applied,
+    Lagged,
+    Law,
+    Number,
+    Operation,
+    Ringing,
+    Tabulated,
+)
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import Variable
+
+_AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
+    TermEquation.LINE_FLOW: ("the line lost more pressure, by", "the line lost {} less", "the line lost {} more"),
+    TermEquation.LINE_PRESSURE: (
+        "fuel left the line beside the nozzle,", "{} came into the line's end", "{} left the line beside the nozzle",
+    ),
+    TermEquation.SEAT_FLOW: (
+        "the flow through the seat were larger by a share of",
+        "the seat let {} less through", "the seat let {} more through",
+    ),
+    TermEquation.NOZZLE_FLOW: (
+        "the flow through the nozzle were larger by a share of",
+        "the nozzle lost {} of its flow", "the nozzle let {} more through",
+    ),
+    TermEquation.STIFFNESS: (
+        "the fuel in the line were stiffer by a share of",
+        "the fuel in the line were softer by {}", "the fuel in the line were stiffer by {}",
+    ),
+    TermEquation.INERTANCE: (
+        "the inertance of the line were larger by a share of",
+        "the line's inertance were {} less", "the line's inertance were {} more",
+    ),
+    TermEquation.CHAMBER_PRESSURE: (
+        "the pressure in the chamber were higher by",
+        "the pressure in the chamber were {} lower", "the pressure in the chamber were {} higher",
+    ),
+    TermEquation.LINE_PRESSURE_SENSOR: (
+        "the line-pressure sensor read more, by",
+        "the line-pressure sensor read {} less", "the line-pressure sensor read {} more",
+    ),
+    TermEquation.NEEDLE_LIFT: (
+        "the needle stood higher than measured, by",
+        "the needle stood {} lower than measured", "the needle stood {} higher than measured",
+    ),
+    TermEquation.RAIL_PRESSURE: (
+        "the rail pressure were higher than measured, by",
+        "the rail pressure were {} lower than measured", "the rail pressure were {} higher than measured",
+    ),
+}  # fmt: skip
+"""By equation: of any law, and of a simple one with a negative coefficient and a positive one."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A simple law in words.
+
+    size: what the coefficient is multiplied by; per: quantity of which the amount is one of, empty where it is a
+    plain amount; where: when and where it is so much.
+    """
+
+    size: float
+    where: str
+    per: str = ""
+
+
+def as_if(term: Term, largest_lift: float | None = None) -> str:
+    """Describes a term as a sentence that begins with `as if`. largest_lift: of the needle [mm]."""
+    plain = plain_words(term, largest_lift)
+    if plain:
+        return plain
+    unit = "" if term.equation.is_share else f" {sign(str(term.equation.unit))}"
+    return f"{_AS_IF[term.equation][0]} {term.law} with c = {rounded_size(term, 1.0)}{unit}"
+
+
+def plain_words(term: Term, largest_lift: float | None = None) -> str:
+    """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`; empty where no words are simple.
+
+    largest_lift: of the needle [mm]; None where it is not known.
+    """
+    product = product_of(with_largest_lift(term.law, largest_lift))
+    if len(product.gates) > 1 or not product.size:
+        return ""
+    match product.factors:
+        case (Ringing(_, kilohertz, damping),):
+            rings = f"rang at {kilohertz:.3g} kHz with a damping of {damping:.3g}"
+            return f"a tube before the line-pressure sensor {rings}"
+        case (Tabulated() as table,) if not product.gates:
+            return _tabulated(term, table)
+    reading = _read(product.factors)
+    if reading is None:
+        return ""
+    gate = GATES[product.gates[0]] if product.gates else ""
+    size = term.coefficient * product.size * reading.size
+    words = _AS_IF[term.equation][1 + (size > 0.0)].format(_amount(term, product.size * reading.size))
+    per = f"per {reading.per}" if reading.per else ""
+    where = reading.where or ("" if gate else "all the time")
+    return " ".join(filter(None, (words, per, where, gate)))
+
+
+def rounded_size(term: Term, scale: float) -> str:
+    """The coefficient times a scale, to the first digit in which its interval is uncertain."""
+    low, high = term.interval or (term.coefficient, term.coefficient)
+    step = 10.0 * significant(0.5 * abs((high - low) * scale))
+    return shown(term.coefficient * scale, step) if step else f"{term.coefficient * scale:.3g}"
+
+
+def _amount(term: Term, scale: float) -> str:
+    """A size without its sign, in the unit people speak of."""
+    if term.equation.is_share:
+        scale, unit = 100.0 * scale, "%"
+    elif term.equation is TermEquation.NEEDLE_LIFT:
+        scale, unit = MILLIMETRE / MICROMETRE * scale, "µm"
+    else:
+        unit = sign(str(term.equation.unit))
+    return f"{rounded_size(term, scale).removeprefix('-')} {unit}"
+
+
+def _tabulated(term: Term, table: Tabulated) -> str:
+    line = line_of(table.argument)
+    if line is None:
+        return ""
+    unit = "" if term.equation.is_share else f" [{sign(str(term.equation.unit))}]"
+    sizes = [rounded_size(term, value.reckoned) if value.reckoned else "0" for value in table.values]
+    places = [line.zero + point.reckoned / line.slope for point in table.points]
+    knots = ", ".join(f"{size} at {place:.3g}" for size, place in zip(sizes, places, strict=True))
+    over = line.subject.words if line.subject.unit == "-" else f"{line.subject.words} [{line.subject.unit}]"
+    return f"{_AS_IF[term.equation][0]}{unit} {knots} of {over}, straight between"
+
+
+def _read(factors: tuple[Law, ...]) -> Reading | None:
+    """Words for the factors of a law that are neither numbers nor gates."""
+    match factors:
+        case ():
+            return Reading(1.0, "")
+        case (one,):
+            return _read_one(one)
+        case (Applied(Operation.EXP) as fades, Applied(Operation.SIN, (turns,))):
+            decay, swing = _decay(fades), line_of(turns)
+            if decay is None or swing is None or swing.subject.of != SINCE:
+                return None
+            kilohertz = swing.slope / (2.0 * math.pi)
+            return Reading(
+                1.0, f"at most, ringing at {kilohertz:.3g} kHz after every opening for {decay:.3g} ms"
+            )
+        case (one, Applied(Operation.ABS, (other,))):
+            return _squared(line_of(one), line_of(other), "as its square, either way")
+        case (one, other):
+            return _squared(line_of(one), line_of(other), "as its square")
+    return None
+
+
+def _squared(one: Line | None, other: Line | None, words: str) -> Reading | None:
+    """The product of two straight lines over the same quantity, from the same place on."""
+    if one is None or other is None or (one.subject, one.zero) != (other.subject, other.zero):
+        return None
+    found = _power_of(other, words)
+    return None if found is None else replace(found, size=one.slope / other.slope)
+
+
+def _read_one(law: Law) -> Reading | None:
+    line = line_of(law)
+    if line is not None:
+        return _in_proportion(line)
+    match law:
+        case Applied(Operation.MAX, (argument, bound)) if bound == ZERO:
+            return _kinked(line_of(argument), "")
+        case Applied(Operation.SUBTRACT, (Applied(Operation.MAX) as up, Applied(Operation.MAX) as down)):
+            return _either_way(up, down)
+        case Applied(Operation.GREATER, (argument, Number() as bound)):
+            line = line_of(Applied(Operation.SUBTRACT, (argument, bound)))
+            return None if line is None else Reading(1.0, _from(line))
+        case Applied(Operation.ADD, (one, Applied(Operation.TANH, (argument,)))) if one == ONE:
+            line = line_of(argument)
+            if line is None:
+                return None
+            return Reading(2.0, _from(line) if line.slope > 0.0 else f"up to {line.subject.at(line.zero)}")
+        case Applied(Operation.TANH, (argument,)):
+            line = line_of(argument)
+            if line is None:
+                return None
+            return Reading(1.0, f"far above {line.subject.at(line.zero)}, and the other way far below")
+        case Applied(Operation.EXP):
+            decay = _decay(law)
+            if decay is not None:
+                return Reading(1.0, f"at every opening, fading in {decay:.3g} ms")
+            return _bump(law.arguments[0])
+        case Applied(Operation.SQRT, (argument,)):
+            return _power_of(line_of(argument), "as its root")
+        case Applied(Operation.ABS, (argument,)):
+            line = line_of(argument)
+            if line is None or line.zero:
+                return None
+            return Reading(
+                abs(line.slope), f"of the {line.subject.words}, the same both ways", line.subject.unit
+            )
+        case Applied(Operation.POWER, (argument, Number(exponent))):
+            words = {2.0: "as its square", 3.0: "as its cube"}.get(exponent)
+            return None if words is None else _power_of(line_of(argument), words)
+        case Applied(Operation.SIN, (argument,)):
+            line = line_of(argument)
+            if line is None or line.subject.of != {Variable.TIME: 1.0}:
+                return None
+            return Reading(1.0, f"and back, a wave of {line.slope / (2.0 * math.pi):.6g} Hz")
+        case Applied(Operation.SUBTRACT, (one, Lagged(argument, milliseconds))) if one == argument:
+            return _remembered(line_of(one), milliseconds)
+    return None
+
+
+def _in_proportion(line: Line) -> Reading:
+    subject = line.subject
+    if subject.of == {Variable.TIME: 1.0}:
+        return Reading(line.slope, "growing steadily", "s")
+    if subject.of == {Variable.INJECTION_NUMBER: 1.0}:
+        return Reading(line.slope, f"beyond number {line.zero:.3g}", "injection")
+    beyond = (
+        f" above {with_unit(f'{line.zero:.3g}', subject.unit)}, and the other way below" if line.zero else ""
+    )
+    per = subject.unit if subject.unit != "-" else "unit"
+    return Reading(line.slope, f"of {subject.words}{beyond}", per)
+
+
+def _kinked(line: Line | None, further: str) -> Reading | None:
+    if line is None:
+        return None
+    side = "above" if line.slope > 0.0 else "below"
+    subject = line.subject
+    per = subject.unit if subject.unit != "-" else "unit"
+    zero = with_unit(f"{line.zero:.3g}", subject.unit)
+    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}{further}", per)
+
+
+def _either_way(up: Applied, down: Applied) -> Reading | None:
+    """max(u - A, 0) - max(-u - A, 0)."""
+    lines = [line_of(one.arguments[0]) if one.arguments[1] == ZERO else None for one in (up, down)]
+    first, second = lines
+    if first is None or second is None or first.subject != second.subject:
+        return None
+    if not math.isclose(first.slope, -second.slope) or not math.isclose(first.zero, -second.zero):
+        return None
+    return _kinked(first, ", either way")
+
+
+def _from(line: Line) -> str:
+    if line.subject.of == {Variable.INJECTION_NUMBER: 1.0}:
+        return f"from the injection after number {line.zero:.3g} on"
+    return f"from {line.subject.at(line.zero)} on"
+
+
+def _decay(law: Law) -> float | None:
+    """Time [ms] in which exp(-time_since_opening/A) falls."""
+    line = line_of(law.parts[0])
+    fades = line is not None and line.subject.of == SINCE and line.slope < 0.0 and not line.zero
+    return -1.0 / line.slope if line is not None and fades else None
+
+
+def _bump(exponent: Law) -> Reading | None:
+    """exp(-((u - A)/W)^2)."""
+    match exponent:
+        case Applied(Operation.NEGATE, (Applied(Operation.POWER, (argument, Number(2.0))),)):
+            line = line_of(argument)
+            if line is not None:
+                subject = line.subject
+                width = with_unit(f"{abs(1.0 / line.slope):.2g}", subject.unit)
+                return Reading(1.0, f"round {subject.at(line.zero)}, within {width}")
+    return None
+
+
+def _power_of(line: Line | None, words: str) -> Reading | None:
+    """At a round value of the quantity; the law is 0 where that is."""
+    if line is None or line.slope <= 0.0:
+        return None
+    reference, unit = 1.0 / line.slope, line.subject.unit
+    if line.zero:
+        beyond = f"{with_unit(f'{reference:.3g}', unit)} beyond {with_unit(f'{line.zero:.3g}', unit)}"
+        return Reading(1.0, f"{beyond} of {line.subject.words}, {words}")
+    return Reading(1.0, f"at {line.subject.at(reference)}, {words}")
+
+
+def _remembered(line: Line | None, milliseconds: float) -> Reading | None:
+    if line is None:
+        return None
+    if Variable.NEEDLE_LIFT in line.subject.of:
+        return Reading(
+            1.0,
+            f"right after it rose by the whole lift, fading in {milliseconds:.3g} ms, "
+            "and the other way after it fell",
+        )
+    subject = line.subject
+    per = subject.unit if subject.unit != "-" else "unit"
+    return Reading(line.slope, f"of {subject.words} beyond what it was {milliseconds:.3g} ms ago", per)

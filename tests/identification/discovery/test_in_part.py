@@ -1,0 +1,132 @@
+"""Proposals that leave something: what a model may have of them, and what it states then."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.identification.discovery.in_part import LEAST_CLOSED, sizes_by_recording, with_parts
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
+from observer_rt.identification.discovery.search.results import Alternative, Candidate, Consequence, Proposal
+from observer_rt.identification.discovery.search.verdict import consequence
+from observer_rt.identification.likelihood.bounded_fit import fit
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, joint_likelihood
+from observer_rt.identification.likelihood.measurement import measurements
+from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effects import effective_model
+from observer_rt.model.term_effect import term_effect
+from observer_rt.model.terms.parser import parse
+from observer_rt.model.terms.term import Term, TermEquation
+from tests.identification.discovery.conftest import WORN_POINTS
+from tests.identification.discovery.hidden import NOMINAL, recordings
+from tests.identification.discovery.terms import effect_of
+
+MODEL = effective_model(NOMINAL)
+NOZZLE = term_effect(TermEquation.NOZZLE_FLOW, "open")
+GAP = 1.0e6  # Pa, held out before
+LOST = 1e-6  # kg
+
+
+def _likelihood(*laws: str) -> JointLikelihood:
+    """Four operating points; laws: of the nozzle, of all of them, or one a point."""
+    made = []
+    for number, point in enumerate(WORN_POINTS):
+        law = parse(laws[number % len(laws)])
+        hidden = SizedEffect(effect_of(Term(TermEquation.NOZZLE_FLOW, law)), ())
+        made += recordings((hidden,), points=(point,), seed=number + 1)
+    return joint_likelihood(measurements(made), MODEL)
+
+
+@pytest.fixture(scope="module")
+def likelihood() -> JointLikelihood:
+    return _likelihood("-0.2*open")
+
+
+def _proposal(likelihood: JointLikelihood, left: float = 0.25 * GAP, mass: float = -LOST) -> Proposal:
+    """A nozzle that loses flow while it is open, fitted; left: of the gap [Pa]."""
+    hypothesis = Hypothesis((NOZZLE,))
+    found = fit(Sizing(likelihood, MODEL, hypothesis), np.array([-0.1]), hypothesis.ranges())
+    assert found is not None
+    candidate = Candidate(hypothesis, tuple(found.at.theta), found.at.residuals.statistic, (0.002,))
+    moves = Consequence(1e6, mass)
+    return Proposal(candidate, 1e4, Phase.OPEN, False, None, (GAP, left), moves)
+
+
+def test_what_closes_most_of_the_gap_may_enter_in_part(likelihood: JointLikelihood) -> None:
+    (one,) = with_parts([_proposal(likelihood)], likelihood, MODEL)
+
+    assert one.part is not None
+    assert one.part.refusal is None
+    assert not one.may_enter
+    assert one.may_enter_in_part
+    assert LEAST_CLOSED < one.part.closed < 1.0
+    assert one.largest_lift == NOMINAL.seat.max_lift
+
+
+def test_the_interval_is_that_of_a_nozzle_that_leaves_as_much(likelihood: JointLikelihood) -> None:
+    (one,) = with_parts([_proposal(likelihood)], likelihood, MODEL)
+    assert one.part is not None
+    measured = [recorded.measurement for recorded in likelihood.recordings]
+    wider = MODEL.with_term(Term(TermEquation.NOZZLE_FLOW, parse("0.05")))
+    moved = consequence(measured, MODEL, wider)
+    share = one.part.mass_half * moved.line_pressure / one.part.left
+    assert share == pytest.approx(0.05, rel=0.2)  # of a mass, by a nozzle of 5 % more
+
+
+def test_what_closes_less_than_two_thirds_is_refused(likelihood: JointLikelihood) -> None:
+    (one,) = with_parts([_proposal(likelihood, left=0.6 * GAP)], likelihood, MODEL)
+    assert one.part is not None
+    assert one.part.refusal is not None
+    assert "not two thirds" in one.part.refusal.reason
+
+
+def test_a_size_that_differs_between_recordings_is_refused() -> None:
+    changing = _likelihood("-0.1*open", "-0.3*open")
+    one = _proposal(changing)
+    sizes, sigmas = sizes_by_recording(one.found, changing, MODEL)
+    np.testing.assert_allclose(sizes[:, 0], (-0.1, -0.3, -0.1, -0.3), atol=0.03)
+    assert np.all(sigmas < 0.02)
+    (judged,) = with_parts([one], changing, MODEL)
+    assert judged.part is not None
+    assert judged.part.refusal is not None
+    assert "not the same at all operating points" in judged.part.refusal.reason
+
+
+@pytest.mark.parametrize("where", ["proposal", "alternative"])
+def test_a_rival_with_another_mass_is_a_reason_to_refuse(likelihood: JointLikelihood, where: str) -> None:
+    one = _proposal(likelihood)
+    other = _proposal(likelihood, mass=-12.0 * LOST)
+    if where == "alternative":
+        one = replace(one, alternatives=(Alternative(other.found, other.moves),))
+    judged, *_ = with_parts([one, other] if where == "proposal" else [one], likelihood, MODEL)
+    assert judged.part is not None
+    assert judged.part.refusal is not None
+    assert "would inject -11 mg" in judged.part.refusal.reason
+
+
+def test_the_best_of_laws_that_pile_up_is_proposed_alone(likelihood: JointLikelihood) -> None:
+    one = _proposal(likelihood)
+    idle = [term_effect(TermEquation.LINE_PRESSURE_SENSOR, law) for law in ("closed", "opening")]
+    found = replace(
+        one.found,
+        hypothesis=Hypothesis((idle[0], NOZZLE, idle[1])),
+        sizes=(0.01, *one.found.sizes, 0.01),
+        half=(0.01,) * 3,
+    )
+    measured = [recorded.measurement for recorded in likelihood.recordings]
+    moves = consequence(measured, MODEL, one.found.model(MODEL))
+    whole, alone = with_parts([replace(one, found=found, moves=moves)], likelihood, MODEL)
+    assert whole.part is None
+    assert alone.found.hypothesis.effects == (NOZZLE,)
+    assert alone.found.sizes == pytest.approx(one.found.sizes, rel=0.01)
+    assert alone.held_out[1] < 0.3 * GAP
+    assert alone.may_enter_in_part
+
+
+@pytest.mark.parametrize("changes", [{"adequate": True}, {"held_out": (float("nan"), float("nan"))}])
+def test_nothing_is_accepted_in_part_that_explains_all_or_was_not_held_out(
+    likelihood: JointLikelihood, changes: dict[str, object]
+) -> None:
+    (one,) = with_parts([replace(_proposal(likelihood), **changes)], likelihood, MODEL)  # type: ignore[arg-type]
+    assert one.part is None

@@ -165,10 +165,19 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
                 1.0, f"at most, ringing at {kilohertz:.3g} kHz after every opening for {decay:.3g} ms"
             )
         case (one, Applied(Operation.ABS, (other,))):
-            return _squared(line_of(one), line_of(other), "as its square, either way")
+            squared = _squared(line_of(one), line_of(other), "as its square, either way")
         case (one, other):
-            return _squared(line_of(one), line_of(other), "as its square")
-    return None
+            squared = _squared(line_of(one), line_of(other), "as its square")
+        case _:
+            squared = None
+    return squared or _limited(_read(factors[:-1]), _read_one(factors[-1]))
+
+
+def _limited(one: Reading | None, by: Reading | None) -> Reading | None:
+    """A law times another that says when or where it is."""
+    if one is None or by is None or by.per:
+        return None
+    return Reading(one.size * by.size, f"{one.where}, {by.where}", one.per)
 
 
 def _squared(one: Line | None, other: Line | None, words: str) -> Reading | None:
@@ -188,9 +197,12 @@ def _read_one(law: Law) -> Reading | None:
             return _kinked(line_of(argument), "")
         case Applied(Operation.SUBTRACT, (Applied(Operation.MAX) as up, Applied(Operation.MAX) as down)):
             return _either_way(up, down)
-        case Applied(Operation.GREATER, (argument, Number() as bound)):
+        case Applied(Operation.GREATER | Operation.LESS as side, (argument, Number() as bound)):
             line = line_of(Applied(Operation.SUBTRACT, (argument, bound)))
-            return None if line is None else Reading(1.0, _from(line))
+            if line is None:
+                return None
+            below = f"below {line.subject.at(line.zero)}"
+            return Reading(1.0, _from(line) if (side is Operation.GREATER) == (line.slope > 0.0) else below)
         case Applied(Operation.ADD, (one, Applied(Operation.TANH, (argument,)))) if one == ONE:
             line = line_of(argument)
             if line is None:
@@ -200,12 +212,13 @@ def _read_one(law: Law) -> Reading | None:
             line = line_of(argument)
             if line is None:
                 return None
-            return Reading(1.0, f"far above {line.subject.at(line.zero)}, and the other way far below")
+            far = f"far above {line.subject.at(line.zero)}, and the other way far below"
+            return Reading(math.copysign(1.0, line.slope), far)
         case Applied(Operation.EXP):
             decay = _decay(law)
             if decay is not None:
                 return Reading(1.0, f"at every opening, fading in {decay:.3g} ms")
-            return _bump(law.arguments[0])
+            return _bump(law.parts[0]) or _fading(line_of(law.parts[0]))
         case Applied(Operation.SQRT, (argument,)):
             return _power_of(line_of(argument), "as its root")
         case Applied(Operation.ABS, (argument,)):
@@ -285,6 +298,14 @@ def _bump(exponent: Law) -> Reading | None:
                 width = with_unit(f"{abs(1.0 / line.slope):.2g}", subject.unit)
                 return Reading(1.0, f"round {subject.at(line.zero)}, within {width}")
     return None
+
+
+def _fading(line: Line | None) -> Reading | None:
+    """exp(-(u - A)/W)."""
+    if line is None or not line.slope < 0.0:
+        return None
+    width = with_unit(f"{-1.0 / line.slope:.2g}", line.subject.unit)
+    return Reading(1.0, f"at {line.subject.at(line.zero)}, fading over {width} above")
 
 
 def _power_of(line: Line | None, words: str) -> Reading | None:

@@ -121,6 +121,12 @@ LARGEST_LIFT = 0.3  # mm
         ),
         (
             "nozzle_flow",
+            "c*exp(-(needle_lift/max_lift)/0.176)",
+            -0.6,
+            "the nozzle lost 60 % of its flow at a needle lift of 0 mm, fading over 0.053 mm above",
+        ),
+        (
+            "nozzle_flow",
             "c*(injection_number > 12)",
             -0.15,
             "the nozzle lost 15 % of its flow from the injection after number 12 on",
@@ -130,6 +136,32 @@ LARGEST_LIFT = 0.3  # mm
             "c*((injection_number - 1)/23)",
             -0.23,
             "the nozzle lost 1 % of its flow per injection beyond number 1",
+        ),
+        (
+            "line_flow",
+            "c*(line_flow/60*abs(line_flow/60)*exp(-(time_since_opening/1)/0.7))",
+            0.5,
+            "the line lost 0.5 MPa more at a flow through the line of 60 mm³/ms, as its square, either way, at "
+            "every opening, fading in 0.7 ms",
+        ),
+        (
+            "line_flow",
+            "c*(line_flow/60*(line_flow/60 < 0))",
+            0.6,
+            "the line lost 0.01 MPa more per mm³/ms of flow through the line, below a flow through the line of "
+            "0 mm³/ms",
+        ),
+        (
+            "seat_flow",
+            "c*tanh((0.15 - needle_lift)/0.02)",
+            0.1,
+            "the seat let 10 % less through far above a needle lift of 0.15 mm, and the other way far below",
+        ),
+        (
+            "nozzle_flow",
+            "c*(0.6 - time_since_opening > 0)*open",
+            0.1,
+            "the nozzle let 10 % more through below 0.6 ms after the opening while the needle is open",
         ),
         ("nozzle_flow", "c*1", 0.1, "the nozzle let 10 % more through all the time"),
         (

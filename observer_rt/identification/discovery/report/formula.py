@@ -183,7 +183,7 @@ def _term(as_: _Notation, term: Term, largest_lift: float | None) -> str:
         falls = shell is not None and line.slope < 0.0
         size *= abs(line.slope) if falls else line.slope
         unit = _per(unit, line.subject.unit)
-        bare, zero = _quantity(as_, line), as_.number(f"{line.zero:.4g}", line.subject.unit)
+        bare, zero = _quantity(as_, line), as_.number(f"{line.zero:.3g}", line.subject.unit)
         beyond = bare if not line.zero else as_.row(bare, *_signed(as_, -line.zero, line.subject.unit))
         beyond = as_.row(zero, as_.sign("−"), bare) if falls else beyond
         loose = bool(line.zero) or len(line.subject.of) > 1
@@ -209,7 +209,7 @@ def _per(unit: str, other: str) -> str:
 
 def _signed(as_: _Notation, value: float, unit: str) -> tuple[str, str]:
     """A number that is added or taken away."""
-    return as_.sign("−" if value < 0.0 else "+"), as_.number(f"{abs(value):.4g}", unit)
+    return as_.sign("−" if value < 0.0 else "+"), as_.number(f"{abs(value):.3g}", unit)
 
 
 def _gate(as_: _Notation, gate: Variable) -> str:
@@ -253,7 +253,7 @@ def _straight(as_: _Notation, line: Line, in_product: bool) -> str:
     above = as_.row(bare, *_signed(as_, -line.zero, line.subject.unit)) if line.zero else bare
     if width == 1.0:
         return as_.fenced(above) if in_product and (line.zero or len(line.subject.of) > 1) else above
-    share = as_.fraction(above, as_.number(f"{abs(width):.4g}", line.subject.unit))
+    share = as_.fraction(above, as_.number(f"{abs(width):.3g}", line.subject.unit))
     return as_.row(as_.sign("−"), share) if width < 0.0 else share
 
 

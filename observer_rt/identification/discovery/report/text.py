@@ -141,10 +141,13 @@ def _millimetres(lift: float | None) -> float | None:
 
 def alternative_words(one: Alternative, largest_lift: float | None) -> str:
     """Describes what line pressure cannot tell from a proposal, with its mass. largest_lift: of the needle [m]."""
-    (term,) = one.found.terms
-    words = as_if(term, _millimetres(largest_lift))
     moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
-    return f"as if {words}, {moved}: line pressure cannot tell the two apart"
+    return f"{_law_words(one, largest_lift)}, {moved}: line pressure cannot tell the two apart, a measured rate may"
+
+
+def _law_words(one: Alternative, largest_lift: float | None) -> str:
+    (term,) = one.found.terms
+    return f"as if {as_if(term, _millimetres(largest_lift))}"
 
 
 def acceptance(findings: Findings) -> str:
@@ -237,7 +240,9 @@ def where_words(found: Discovery, accepted: int) -> str:
         return ""
     shows = f"; it shows most {PHASE_WORDS[place.phase]}"
     if found.proposals:
-        return f"{shows}, {proposal_words(found.proposals[max(accepted, 1) - 1])}"
+        one = found.proposals[max(accepted, 1) - 1]
+        either = [_law_words(other, one.largest_lift) for other in one.alternatives]
+        return ", or ".join((f"{shows}, {proposal_words(one)}", *either))
     return f"{shows}, as if the {place.equation.value.replace('_', ' ')} equation were wrong"
 
 

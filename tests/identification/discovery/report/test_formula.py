@@ -30,7 +30,7 @@ def _of(equation: str, law: str, c: float) -> Formula:
             "seat_flow",
             "c*exp(-((needle_lift/max_lift - 0.466)/0.138)^2)",
             -0.334,
-            r"\frac{\Delta Q_{S}}{Q_{S}} = -0.334 \cdot \exp\left(- \left(\frac{x - 0.1398\,\mathrm{mm}}"
+            r"\frac{\Delta Q_{S}}{Q_{S}} = -0.334 \cdot \exp\left(- \left(\frac{x - 0.14\,\mathrm{mm}}"
             r"{0.0414\,\mathrm{mm}}\right)^{2}\right)",
         ),
         (

@@ -133,7 +133,7 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
 
 
 @dataclass(frozen=True)
-class Residuals:
+class RecordingResiduals:
     """Rms of the line pressure's gap on each injection of a recording [MPa], before and after."""
 
     title: str
@@ -142,7 +142,7 @@ class Residuals:
     held_out: bool
 
 
-def residual_figure(groups: Sequence[Residuals], floor: float, amended: str | None) -> str:
+def residual_figure(groups: Sequence[RecordingResiduals], floor: float, amended: str | None) -> str:
     """Every injection in order, recordings beside each other; those held out on grey.
 
     floor: what noise alone leaves [MPa]; amended: what the legend calls the amended model, None without one.

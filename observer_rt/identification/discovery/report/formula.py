@@ -9,7 +9,7 @@ from html import escape
 
 from observer_rt.identification.discovery.report.law_reading import (
     LIFT_SHARE,
-    Line,
+    StraightLaw,
     line_of,
     product_of,
     with_largest_lift,
@@ -239,7 +239,7 @@ def _law(as_: _Notation, law: Law, in_product: bool = False) -> str:
     return as_.symbol("c", "")
 
 
-def _quantity(as_: _Notation, line: Line) -> str:
+def _quantity(as_: _Notation, line: StraightLaw) -> str:
     """The bare quantity of a line."""
     first, *others = (as_.symbol(*_SYMBOLS[variable]) for variable, sign in line.subject.of.items() if sign)
     if line.subject is LIFT_SHARE:
@@ -247,7 +247,7 @@ def _quantity(as_: _Notation, line: Line) -> str:
     return as_.row(first, as_.sign("−"), others[0]) if others else first
 
 
-def _straight(as_: _Notation, line: Line, in_product: bool) -> str:
+def _straight(as_: _Notation, line: StraightLaw, in_product: bool) -> str:
     """(u - zero) over what makes it 1."""
     bare, width = _quantity(as_, line), 1.0 / line.slope
     above = as_.row(bare, *_signed(as_, -line.zero, line.subject.unit)) if line.zero else bare
@@ -257,7 +257,7 @@ def _straight(as_: _Notation, line: Line, in_product: bool) -> str:
     return as_.row(as_.sign("−"), share) if width < 0.0 else share
 
 
-def _turns(as_: _Notation, line: Line) -> str:
+def _turns(as_: _Notation, line: StraightLaw) -> str:
     """2 pi times a frequency times time, and a phase."""
     frequency = as_.number(f"{line.slope / (2.0 * math.pi):.6g}", _PER_TIME.get(line.subject.unit, ""))
     turns = as_.row(

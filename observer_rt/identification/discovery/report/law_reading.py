@@ -76,7 +76,7 @@ LIFT_SHARE = Subject("needle lift over the largest", "-", {Variable.NEEDLE_LIFT:
 
 
 @dataclass(frozen=True)
-class Line:
+class StraightLaw:
     """slope times (a physical quantity less zero)."""
 
     subject: Subject
@@ -138,7 +138,7 @@ def product_of(law: Law) -> Product:
     return Product(1.0, (), (law,))
 
 
-def line_of(law: Law) -> Line | None:
+def line_of(law: Law) -> StraightLaw | None:
     """A law that is a straight line over one physical quantity; None of any other."""
     found = _combination(law)
     if found is None:
@@ -148,14 +148,14 @@ def line_of(law: Law) -> Line | None:
     if first is None:
         return None
     if first == _SHARE and len(slopes) == 1:
-        return Line(LIFT_SHARE, slopes[first], -constant / slopes[first])
+        return StraightLaw(LIFT_SHARE, slopes[first], -constant / slopes[first])
     for subject in SUBJECTS:
         slope = slopes.get(next(iter(subject.of)), 0.0)
         alike = slopes.keys() == subject.of.keys() and all(
             isclose(slopes[variable], slope * sign) for variable, sign in subject.of.items()
         )
         if alike:
-            return Line(subject, slope, -constant / slope + 0.0)
+            return StraightLaw(subject, slope, -constant / slope + 0.0)
     return None
 
 

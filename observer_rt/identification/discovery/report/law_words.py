@@ -10,7 +10,7 @@ from observer_rt.foundation.units import MICROMETRE, MILLIMETRE
 from observer_rt.identification.discovery.report.law_reading import (
     GATES,
     SINCE,
-    Line,
+    StraightLaw,
     line_of,
     product_of,
     with_largest_lift,
@@ -180,7 +180,7 @@ def _limited(one: Reading | None, by: Reading | None) -> Reading | None:
     return Reading(one.size * by.size, f"{one.where}, {by.where}", one.per)
 
 
-def _squared(one: Line | None, other: Line | None, words: str) -> Reading | None:
+def _squared(one: StraightLaw | None, other: StraightLaw | None, words: str) -> Reading | None:
     """The product of two straight lines over the same quantity, from the same place on."""
     if one is None or other is None or (one.subject, one.zero) != (other.subject, other.zero):
         return None
@@ -241,7 +241,7 @@ def _read_one(law: Law) -> Reading | None:
     return None
 
 
-def _in_proportion(line: Line) -> Reading:
+def _in_proportion(line: StraightLaw) -> Reading:
     subject = line.subject
     if subject.of == {Variable.TIME: 1.0}:
         return Reading(line.slope, "growing steadily", "s")
@@ -254,7 +254,7 @@ def _in_proportion(line: Line) -> Reading:
     return Reading(line.slope, f"of {subject.words}{beyond}", per)
 
 
-def _kinked(line: Line | None, further: str) -> Reading | None:
+def _kinked(line: StraightLaw | None, further: str) -> Reading | None:
     if line is None:
         return None
     side = "above" if line.slope > 0.0 else "below"
@@ -275,7 +275,7 @@ def _either_way(up: Applied, down: Applied) -> Reading | None:
     return _kinked(first, ", either way")
 
 
-def _from(line: Line) -> str:
+def _from(line: StraightLaw) -> str:
     if line.subject.of == {Variable.INJECTION_NUMBER: 1.0}:
         return f"from the injection after number {line.zero:.3g} on"
     return f"from {line.subject.at(line.zero)} on"
@@ -300,7 +300,7 @@ def _bump(exponent: Law) -> Reading | None:
     return None
 
 
-def _fading(line: Line | None) -> Reading | None:
+def _fading(line: StraightLaw | None) -> Reading | None:
     """exp(-(u - A)/W)."""
     if line is None or not line.slope < 0.0:
         return None
@@ -308,7 +308,7 @@ def _fading(line: Line | None) -> Reading | None:
     return Reading(1.0, f"at {line.subject.at(line.zero)}, fading over {width} above")
 
 
-def _power_of(line: Line | None, words: str) -> Reading | None:
+def _power_of(line: StraightLaw | None, words: str) -> Reading | None:
     """At a round value of the quantity; the law is 0 where that is."""
     if line is None or line.slope <= 0.0:
         return None
@@ -319,7 +319,7 @@ def _power_of(line: Line | None, words: str) -> Reading | None:
     return Reading(1.0, f"at {line.subject.at(reference)}, {words}")
 
 
-def _remembered(line: Line | None, milliseconds: float) -> Reading | None:
+def _remembered(line: StraightLaw | None, milliseconds: float) -> Reading | None:
     if line is None:
         return None
     if Variable.NEEDLE_LIFT in line.subject.of:

@@ -20,7 +20,7 @@ from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement,
 from observer_rt.identification.discovery.report import text
 from observer_rt.identification.discovery.report.figures import (
     Bars,
-    Residuals,
+    RecordingResiduals,
     gap_figure,
     laws_figure,
     overlay_figure,
@@ -218,7 +218,7 @@ def injections_figure(findings: Findings) -> str:
     for number in dict.fromkeys(one.recording for one in findings.injections):
         of_one = [one for one in findings.injections if one.recording == number]
         before, after = ([getattr(one, name) / MEGAPASCAL for one in of_one] for name in ("before", "after"))
-        groups.append(Residuals(_place(findings, number), before, after, number in held_out))
+        groups.append(RecordingResiduals(_place(findings, number), before, after, number in held_out))
     floor = findings.gaps.line_pressure.noise_floor / MEGAPASCAL
     return residual_figure(groups, floor, with_words(findings) if findings.shown.ids else None)
 
@@ -229,7 +229,7 @@ def _place(findings: Findings, recording: int) -> str:
 
 
 @dataclass(frozen=True)
-class MassRow:
+class PointMass:
     """An operating point: mass of an injection as given, and by how much what was found changes it."""
 
     point: str
@@ -238,7 +238,7 @@ class MassRow:
     share: str
 
 
-def mass_rows(findings: Findings) -> list[MassRow]:
+def mass_rows(findings: Findings) -> list[PointMass]:
     """Lists every operating point, by rail pressure and duration."""
     rows = []
     for one in findings.masses:
@@ -250,7 +250,7 @@ def mass_rows(findings: Findings) -> list[MassRow]:
         rows.append(
             (
                 (_sort_key(findings, one.recording)),
-                MassRow(_place(findings, one.recording), nominal, change, share),
+                PointMass(_place(findings, one.recording), nominal, change, share),
             )
         )
     return [row for _, row in sorted(rows, key=lambda pair: pair[0])]

@@ -153,7 +153,7 @@ for _heading, _commands in {
         (reproduce, "--out reproduced"),
     ),
     "Discovery": (
-        (discover, "--model injector.toml --out found worn_1.csv worn_2.csv"),
+        (discover, "--model injector.toml --out found --plan worn_1.csv worn_2.csv"),
         (compare, "found_spring found_autumn"),
         (effects, "channel_skew seat_area"),
     ),

@@ -168,6 +168,13 @@ def discover(
     data: Annotated[
         bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
     ] = False,
+    plan: Annotated[
+        bool,
+        option(
+            "--plan",
+            "Also plan what to measure next: operating points that decide between what is left, as a schedule (CSV).",
+        ),
+    ] = False,
     bench: options.DecoderOption = None,
     from_channel: options.FromChannelOption = None,
     injector: options.InjectorOption = None,
@@ -179,20 +186,24 @@ def discover(
     from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.second_opinion import second_opinion
+    from observer_rt.desk.simulation.simulate import two_injections
     from observer_rt.identification.discovery.discover import (
         AMENDED,
         DATA,
         FITS,
+        PLAN,
         REPORT,
         DiscoveryTask,
         answer,
         fits_in,
         make_folder,
+        planned,
         refuse_incomparable,
         refuse_replacing,
         write_findings,
     )
     from observer_rt.identification.discovery.report.document import FINDINGS
+    from observer_rt.identification.discovery.report.plan import print_plan
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
 
@@ -235,6 +246,9 @@ def discover(
                 f"interrupted; {store.kept} fitted candidates are kept in {out / FITS}\n"
                 "  remedy: give the same command again to go on"
             ) from None
+    if plan:
+        with progress_bar(messages, "planning what to measure next", 1.0) as progress:
+            found = planned(found, task, two_injections, progress)
     found = replace(found, seconds=time.monotonic() - begin)
     document = write_findings(out, task, found, amendable, asked.references, data)
     if found.not_accepted:
@@ -243,9 +257,14 @@ def discover(
         print(document)
     else:
         say(results(), as_text(found))
-        more = [
-            name for name, is_there in ((AMENDED, found.amended_model is not None), (DATA, data)) if is_there
-        ]
+        if plan:
+            print_plan(found.plan, results())
+        written = (
+            (AMENDED, found.amended_model is not None),
+            (PLAN, found.plan is not None),
+            (DATA, data),
+        )
+        more = [name for name, is_there in written if is_there]
         say(messages, f"{out}: {', '.join([REPORT, FINDINGS, *more])}")
 
 

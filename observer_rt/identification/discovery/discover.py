@@ -42,6 +42,7 @@ from observer_rt.identification.discovery.report.data import remove_data, write_
 from observer_rt.identification.discovery.report.document import FINDINGS, document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import headline
+from observer_rt.identification.discovery.rivals import next_measurement
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import FitMemory, FitStore, problem_key
 from observer_rt.identification.discovery.search.results import (
@@ -59,6 +60,7 @@ from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
+from observer_rt.identification.planning.plan import SimulateInjections, write_schedule
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -100,7 +102,8 @@ _OTHER_RATE = (
 )
 AMENDED, REPORT, FITS = "amended.toml", "report.html", "fits.jsonl"
 DATA = "data"
-ANSWER = (REPORT, FINDINGS, AMENDED, DATA)
+PLAN = "plan.csv"
+ANSWER = (REPORT, FINDINGS, AMENDED, PLAN, DATA)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +254,21 @@ def _remainder(
     )
 
 
+def planned(
+    found: Findings, task: DiscoveryTask, simulate: SimulateInjections, progress: Callable[[float], None]
+) -> Findings:
+    """Adds what to measure next to findings; progress is given the share done."""
+    plan = next_measurement(
+        found.discovery,
+        task.measured,
+        effective_model(task.parameters),
+        found.healthy or NOT_FITTED,
+        simulate,
+        progress,
+    )
+    return replace(found, plan=plan)
+
+
 def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[Healthy, str]:
     """Reads the healthy injector from a fitted model, with a warning about that fit, empty without one."""
     fitted = nominal.injector.baseline
@@ -303,6 +321,7 @@ def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
         (REPORT, None),
         (FINDINGS, file_kinds.FINDINGS),
         (AMENDED, None),
+        (PLAN, file_kinds.PLAN),
         (FITS, file_kinds.FITS),
     ):
         refuse_other_kind("--out", folder / name, kind)
@@ -364,6 +383,9 @@ def write_findings(
     with file_errors(folder):
         (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
         (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        (folder / PLAN).unlink(missing_ok=True)
+        if found.plan is not None:
+            write_schedule(folder / PLAN, found.plan)
         remove_data(folder / DATA)
         if data:
             write_data(folder / DATA, found)

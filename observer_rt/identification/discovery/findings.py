@@ -21,6 +21,7 @@ from observer_rt.identification.discovery.search.results import (
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct
+from observer_rt.identification.planning.plan import MeasurementPlan
 from observer_rt.model.baseline import Appearance, Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
@@ -290,7 +291,8 @@ class Findings:
     names of the recordings; in_part: which of these were too long to be judged as a whole, and how injections
     were chosen of them; points: of their operating points, each of which counts as a recording; fitted_on,
     held_out: of these; seconds: it took; healthy:
-    what the model leaves of the healthy injector, None where nothing is known of it.
+    what the model leaves of the healthy injector, None where nothing is known of it; plan: what to measure next, None
+    where that was not asked or nothing is left to decide.
     """
 
     discovery: Discovery
@@ -318,6 +320,7 @@ class Findings:
     remainder: Remainder | None = None
     injections: tuple[InjectionGap, ...] = ()
     masses: tuple[MassChange, ...] = ()
+    plan: MeasurementPlan | None = None
 
     @property
     def proposal(self) -> Proposal | None:

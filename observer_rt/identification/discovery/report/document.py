@@ -30,6 +30,7 @@ from observer_rt.identification.discovery.search.results import (
     Verdict,
 )
 from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.planning.plan import MeasurementPlan
 from observer_rt.model.effect import Equation
 from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.term import Term
@@ -236,6 +237,7 @@ class FindingsDocument(Document):
     made: str = Field(default="", description="local time, ISO 8601")
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
+    plan: MeasurementPlan | None = None
     seconds: float
 
     @property
@@ -309,6 +311,7 @@ def document_of(findings: Findings, sources: Sources) -> FindingsDocument:
         made=sources.made.isoformat(timespec="seconds"),
         fitted_on=findings.fitted_on,
         held_out=findings.held_out,
+        plan=findings.plan,
         seconds=round(findings.seconds, 3),
     )
 

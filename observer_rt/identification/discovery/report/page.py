@@ -29,6 +29,7 @@ from observer_rt.identification.discovery.report.figures import (
 from observer_rt.identification.discovery.report.formula import formula, law_text
 from observer_rt.identification.discovery.report.law_words import as_if
 from observer_rt.identification.discovery.report.numbers import shown, sign, significant
+from observer_rt.identification.discovery.report.plan import HEADINGS, plan_rows, plan_words
 from observer_rt.identification.discovery.report.text import (
     UNITS,
     Size,
@@ -411,6 +412,9 @@ _PAGES.globals |= {
     "stands_out": stands_out,
     "overlay_figure": overlay_figure,
     "laws_figure": laws_figure,
+    "PLAN_HEADINGS": HEADINGS,
+    "plan_rows": plan_rows,
+    "plan_words": plan_words,
 }
 
 

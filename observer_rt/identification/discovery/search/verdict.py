@@ -341,17 +341,15 @@ def confidence_of(found: SearchOutcome) -> float:
     """Probability that the winner is right; of the nominal model, that nothing is missing."""
     if not found.adequate:
         return HIGHEST * (1.0 - 0.5 / found.ratio)
-    handicap = 0.0 if found.winner.hypothesis.effects else found.threshold  # of those who would be accepted
-    return HIGHEST * _share(found.winner, [*found.contenders, found.nominal], handicap)
+    winner = found.winner
+    handicap = 0.0 if winner.hypothesis.effects else found.threshold  # of those who would be accepted
+    others = [one for one in (*found.contenders, found.nominal) if one is not winner]
+    return confidence_before(price(one) + handicap - price(winner) for one in others)
 
 
-def _share(winner: Candidate, others: Sequence[Candidate], handicap: float) -> float:
-    weights = [
-        math.exp(min(0.0, -(price(one) + handicap - price(winner)) / (2.0 * TEMPER)))
-        for one in others
-        if one is not winner
-    ]
-    return 1.0 / (1.0 + sum(weights))
+def confidence_before(behind: Iterable[float]) -> float:
+    """Probability of a candidate, others being behind it by these amounts of -2 log L with its price."""
+    return HIGHEST / (1.0 + sum(math.exp(min(0.0, -one / (2.0 * TEMPER))) for one in behind))
 
 
 def consequence(

@@ -1,0 +1,69 @@
+"""Rivals that a discovery leaves, and the measurement that would decide between them."""
+
+import os
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.identification.discovery.report.text import candidate_words, proposal_words
+from observer_rt.identification.discovery.search.results import Candidate, Discovery, Verdict
+from observer_rt.identification.discovery.search.search import price
+from observer_rt.identification.discovery.search.verdict import confidence_before
+from observer_rt.identification.likelihood.appearance import with_healthy_offset
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.planning.plan import MeasurementPlan, Planner, SimulateInjections, points_for
+from observer_rt.identification.planning.separation import Rival, known_of
+from observer_rt.model.effective import EffectiveModel
+
+
+def next_measurement(
+    found: Discovery,
+    measured: Sequence[Measurement],
+    nominal: EffectiveModel,
+    healthy: Healthy,
+    simulate: SimulateInjections,
+    progress: Callable[[float], None],
+) -> MeasurementPlan | None:
+    """Plans what to measure next after a discovery in recordings; None where a single explanation is left.
+
+    healthy: what the model leaves of the healthy injector; progress is given the share done.
+    """
+    rivals = rivals_of(found, nominal)
+    if len(rivals) < 2:
+        return None
+    measured = [with_healthy_offset(one, healthy) for one in measured]
+    known = known_of(measured, joint_likelihood(measured, nominal, healthy.shape), rivals)
+    planner = Planner(rivals, nominal, known, simulate, confidence_before)
+    return planner.plan(points_for(measured), len(os.sched_getaffinity(0)), progress)
+
+
+def rivals_of(found: Discovery, nominal: EffectiveModel) -> list[Rival]:
+    """Explanations that are left, the leading one first: those tied, else the answer and the next best."""
+    proposed = {one.found.ids: (proposal_words(one), one.found) for one in found.proposals}
+    left = list(proposed.values())
+    if found.verdict is not Verdict.UNKNOWN:
+        tied = (found.named.ids, *found.rivals)
+        left = [_in_words(one) for ids in tied for one in found.ranking if one.ids == ids]
+    if len(left) == 1:
+        leader = left[0][1]
+        others = [
+            one
+            for one in sorted(found.ranking, key=price)
+            if one.plausible and one.ids != leader.ids and not set(leader.ids) < set(one.ids)
+        ]
+        left += [_in_words(one) for one in others[:1]]
+    return [
+        Rival(
+            words,
+            partial(one.hypothesis.model, nominal),
+            one.theta,
+            one.hypothesis.ranges(),
+            price(one) - price(left[0][1]),
+        )
+        for words, one in left
+    ]
+
+
+def _in_words(one: Candidate) -> tuple[str, Candidate]:
+    return (candidate_words(one) if one.ids else "the model as it is"), one

@@ -1,0 +1,1 @@
+"""What to measure next: operating points ranked by how far they separate what recordings leave open."""

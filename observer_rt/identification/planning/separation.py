@@ -1,0 +1,148 @@
+"""Separation of rival models by a measurement that was not made yet: the -2 log L a wrong one is expected to lose.
+
+Injections are simulated as one rival has them, without noise, and judged by the predictor of another, with the noise
+of the recordings. What that could absorb by other sizes is taken off: its sizes are fitted again, jointly with what
+the recordings said of them.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.likelihood.bounded_fit import Range, Residuals, fit, linearise
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, RecordingLikelihood
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.model.effective import EffectiveModel
+
+REFITTED = 5  # iterations of a rival's sizes: it begins near
+MASS_ERROR = 0.005  # standard deviation of a measured mass, as a share
+RATE_NOISE = 0.5e-6  # m3/s, where no rate was measured yet
+
+
+class Measured(StrEnum):
+    """Signals of a measurement, the cheapest first: rail pressure, lift and line pressure, and what comes on top."""
+
+    PRESSURES = "pressures and lift"
+    MASS = "injected mass, too"
+    RATE = "injection rate, too"
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """An explanation that is left.
+
+    words: name it; model: with its sizes theta (p,); ranges: of these; behind: its -2 log L with the price of its
+    parameters, less that of the leader.
+    """
+
+    words: str
+    model: Callable[[NDArray[np.float64]], EffectiveModel]
+    theta: NDArray[np.float64]
+    ranges: tuple[Range, ...]
+    behind: float
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What the recordings say: of noise, and of every rival's sizes, by roots of their information (p, p)."""
+
+    measured: Measurement
+    roots: tuple[NDArray[np.float64], ...]
+
+
+def known_of(measured: Sequence[Measurement], likelihood: JointLikelihood, rivals: Sequence[Rival]) -> Known:
+    """What recordings say of rivals that were fitted to them."""
+    return Known(measured[0], tuple(_root(likelihood, rival) for rival in rivals))
+
+
+def _root(likelihood: JointLikelihood, rival: Rival) -> NDArray[np.float64]:
+    here = likelihood.residuals(rival.model(rival.theta))
+    assert here is not None  # it was fitted to them
+    information = linearise(_Refit(likelihood, rival), rival.theta, here, rival.ranges).information
+    values, vectors = np.linalg.eigh(information)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+
+
+class _Refit:
+    """The recordings as a problem of a rival's sizes."""
+
+    def __init__(self, likelihood: JointLikelihood, rival: Rival) -> None:
+        self._likelihood, self._rival = likelihood, rival
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        return self._likelihood.residuals(self._rival.model(theta))
+
+
+class Prospect:
+    """Injections as one of the rivals has them, measured in thought."""
+
+    def __init__(
+        self, recording: Recording, truth: EffectiveModel, nominal: EffectiveModel, known: Known
+    ) -> None:
+        """recording: without noise, of `truth`, injection rate and all. Raises `UserError` without an injection."""
+        (found,) = measurements([recording])
+        noise, rate_noise = known.measured.noise, known.measured.rate_noise
+        rate_noise = rate_noise if np.isfinite(rate_noise) else RATE_NOISE
+        self._likelihood = RecordingLikelihood(
+            replace(found, noise=noise, rate_noise=rate_noise, stated=known.measured.stated), nominal
+        )
+        own = self._likelihood.judge(truth)
+        if own is None:
+            raise ArithmeticError("a rival has no finite solution at this operating point")
+        self._own = own
+        self.injections = sum(len(event.openings) for event in found.events)
+        """Number of injections."""
+        self.mass = float(np.sum(own.masses)) / self.injections
+        """Injected mass of one [kg]."""
+
+    def separation(self, rival: Rival, root: NDArray[np.float64], what: Measured, injections: int) -> float:
+        """Expected rise of a rival's -2 log L over that of the truth; inf where it has no solution.
+
+        root: of the information on its sizes; injections: how many are measured.
+        """
+        repeats = injections / self.injections
+        found = fit(
+            _Absorbing(self, rival, root / np.sqrt(repeats), what, repeats),
+            rival.theta,
+            rival.ranges,
+            REFITTED,
+        )
+        return np.inf if found is None else repeats * found.statistic
+
+    def departures(self, model: EffectiveModel, what: Measured, repeats: float) -> NDArray[np.float64] | None:
+        """Normalised residuals (n,) of a model beyond those of the truth; what repetition does not lessen, as if it
+        counted once in `repeats`."""
+        there = self._likelihood.judge(model)
+        if there is None:
+            return None
+        once = np.sqrt(repeats)
+        parts = [there.z - self._own.z]
+        if what is Measured.MASS:
+            share = (np.sum(there.masses) / np.sum(self._own.masses) - 1.0) / MASS_ERROR
+            parts.append(np.array([share / once]))
+        elif what is Measured.RATE:
+            rate = there.rate_z - self._own.rate_z
+            rate[-1] /= once  # its gain error
+            parts.append(rate)
+        return np.concatenate(parts)
+
+
+class _Absorbing:
+    """A rival's sizes fitted to the prospect and, by their information, to the recordings."""
+
+    def __init__(
+        self, prospect: Prospect, rival: Rival, root: NDArray[np.float64], what: Measured, repeats: float
+    ) -> None:
+        self._prospect, self._rival, self._root = prospect, rival, root
+        self._what, self._repeats = what, repeats
+
+    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
+        there = self._prospect.departures(self._rival.model(theta), self._what, self._repeats)
+        if there is None:
+            return None
+        z = np.concatenate([there, self._root @ (theta - self._rival.theta)])
+        return Residuals(z, np.array([z.size]), np.zeros(1))

@@ -37,6 +37,7 @@ from observer_rt.model.terms.term import TermEquation
 WITHIN = 4.0  # times what it is scored with, that a number within a law may become
 MOST_BREAKS = 5  # injections after each of which something may be new
 REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
+EXACT = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
 TAILORED_FIRST = 4  # most promising equations, in which laws are made to measure
 TAILORED_FURTHER = 2  # the same of further terms
 MASKED = (TermEquation.CHAMBER_PRESSURE,)  # what rings there is promising nowhere in the library
@@ -168,7 +169,7 @@ class InjectorTerms:
     @property
     def remainder(self) -> float:
         """See `TermProblem`."""
-        return REMAINDER if self._baseline.appears else 0.0
+        return REMAINDER if self._baseline.appears else EXACT
 
     def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
         """See `TermProblem`."""
@@ -230,9 +231,7 @@ class InjectorTerms:
         return worst(pool, self._baseline).ratio <= 1.0 or bool(chosen and self._is_remainder(pool))
 
     def _is_remainder(self, pool: Pool) -> bool:
-        """Whether a fitted model leaves so little of what there was in every phase that it may be its own error."""
-        if not self.remainder:
-            return False
+        """Whether so little is left of what there was in every phase that it may be the model's own error."""
         if self._before is None:
             judged = self._likelihood.judge(self._nominal)
             assert judged is not None  # the search began with it

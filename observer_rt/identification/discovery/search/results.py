@@ -208,6 +208,7 @@ INCOMPLETE = Refusal("it leaves something unexplained", _MORE_POINTS)
 TOO_MANY = Refusal(
     "so many laws together would fit anything", f"{_MORE_POINTS}, or the injection rate as well"
 )
+AT_BOUND = Refusal("a coefficient would be beyond the bound of its equation", _MORE_POINTS)
 TOO_FREE = Refusal("laws with numbers of their own in several equations would fit anything", TOO_MANY.remedy)
 
 
@@ -285,6 +286,8 @@ class Proposal:
         """
         effects = self.found.hypothesis.effects
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
+        if not self.found.within_bounds:
+            return AT_BOUND
         if len(effects) > MOST_ENTERING:
             return TOO_MANY
         if len({effect.place for effect in effects}) > 1 and any(law.numbers for law in laws):

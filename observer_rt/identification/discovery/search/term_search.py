@@ -361,11 +361,15 @@ class TermSearch:
         return None
 
     def _has_twins(self, chosen: tuple[int, ...], found: Minimum) -> bool:
-        """Whether two terms are one, each taking a part of a coefficient beyond the bounds of either."""
-        information = found.at.information
+        """Whether two terms of one equation stand for one: alike, or with a coefficient at its bound."""
+        information, theta = found.at.information, found.at.theta
+        terms = [self._problem.candidates[number] for number in chosen]
         return any(
-            self._problem.candidates[chosen[one]].equation == self._problem.candidates[chosen[other]].equation
-            and information[one, other] ** 2 > SAME**2 * information[one, one] * information[other, other]
+            terms[one].equation == terms[other].equation
+            and (
+                information[one, other] ** 2 > SAME**2 * information[one, one] * information[other, other]
+                or any(theta[i] in (terms[i].range.lowest, terms[i].range.highest) for i in (one, other))
+            )
             for one, other in combinations(range(len(chosen)), 2)
         )
 

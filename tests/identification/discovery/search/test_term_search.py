@@ -136,9 +136,10 @@ def test_a_term_is_found_however_large_it_is_against_the_noise(size: float) -> N
     assert result.adequate
 
 
-def test_a_term_beyond_its_bounds_is_not_taken_twice() -> None:
+@pytest.mark.parametrize("unlike", [0.01, 0.3])
+def test_a_term_beyond_its_bounds_is_not_taken_twice(unlike: float) -> None:
     cause, other = white(2)
-    twin = cause + 0.01 * other
+    twin = cause + unlike * other
     result = searched("aab", [cause, twin, other], 15.0 * cause)
     assert result.best.chosen in {(0,), (1,)}
     np.testing.assert_allclose(result.best.theta, 10.0)

@@ -45,7 +45,7 @@ class Rail(NamedTuple):
 class State(NamedTuple):
     """Of the plant, changed in place: line flows and pressures (cells,), [p_S, lagged p_L, lagged lift] (3,).
 
-    remembered (cells + 1,): flows and lift as laws remember them.
+    remembered (cells + 2,): flows, pressure at the end and lift as laws remember them.
     """
 
     q: Array
@@ -280,7 +280,8 @@ def run(
             open1 = true_lift(lift1, remembered[-1], part.max_lift, laws)
             if beyond:
                 time, speed = t0 + j * step, (lift1 - lift0) / step
-                moment = Moment(time, since_opening(time, strokes), open0, speed, q[last], p_l0, p_s)
+                since = since_opening(time, strokes)
+                moment = Moment(time, since, open0, speed, q[last], p_l0, p_s, remembered[-2])
                 now = altered(part, laws, moment)
             kick(q, p, rail0, 0.5 * step, now, faults)
             p_s = drift(q, p, p_s, open0, open1, step, now, faults)
@@ -289,6 +290,7 @@ def run(
                 resist(q, p, remembered, inertances, loss, laws, step)
                 gain = line_stiffness(p[last], now, faults) / part.line_volume * (last + 1)
                 p[last] -= step * gain * outflow(part, laws, moment)
+                remembered[-2] = lagged(remembered[-2], p_l0, p[last], step, laws.pressure_memory)
             seen = lagged(seen0, p_l0, p[last], step, faults.line_pressure_sensor_lag)
             seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):

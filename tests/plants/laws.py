@@ -34,6 +34,7 @@ class Laws(NamedTuple):
     pressure_friction: float = 0.0  # share of the friction that comes with each 100 MPa above 100 MPa
     slow_friction: float = 0.0  # 1/s, on the flow beyond what it was
     flow_memory: float = 1e-3  # s, of what the flow was
+    damper: float = 0.0  # Pa s/m3 of what the flow was: a volume behind a throttle at the rail
     stiction: float = 0.0  # Pa, however fast the line flows
     flow_inertance: float = 0.0  # share at 60 mm3/ms
     needle_area: float = 0.0  # m2, that the needle displaces of the line
@@ -41,6 +42,8 @@ class Laws(NamedTuple):
     open_leakage: float = 0.0  # m3/(s Pa), while it is open
     lift_leakage: float = 0.0  # m3/(s Pa) at full lift, growing with it
     relief: float = 0.0  # m3/(s Pa), above 100 MPa
+    yielding: float = 0.0  # m3/(s Pa) of the pressure beyond what it was: fuel that goes on yielding
+    pressure_memory: float = 3e-4  # s, of what the pressure was
     stiffness_bend: float = 0.0  # share 100 MPa from 100 MPa, growing with the square
     wax: float = 0.0  # share by which the line is stiffer above 100 MPa, and softer below
     softening: float = 0.0  # 1/s, share of the stiffness that goes with time
@@ -78,6 +81,7 @@ class Moment(NamedTuple):
     flow: float
     line_pressure: float
     sac_pressure: float
+    remembered_pressure: float
 
 
 @njit(cache=True, nogil=True)
@@ -179,6 +183,7 @@ def outflow(part: Injector, laws: Laws, now: Moment) -> float:
     """What leaves the line at its end beside the injection [m3/s]."""
     drop = max(now.line_pressure - part.chamber_pressure, 0.0)
     leak = laws.needle_area * now.speed + laws.relief * max(now.line_pressure - REFERENCE, 0.0)
+    leak += laws.yielding * (now.line_pressure - now.remembered_pressure)
     if now.lift > 0.0:
         grown = laws.open_leakage + laws.lift_leakage * min(now.lift / part.max_lift, 1.0)
         return leak + grown * drop
@@ -198,6 +203,6 @@ def resist(
         q = flows[i]
         slowed = laws.line_laminar * q + laws.slow_friction * (q - remembered[i])
         slowed += laws.pressure_friction * (pressures[i] / REFERENCE - 1.0) * loss * q * math.fabs(q)
-        slowed += laws.stiction * math.tanh(q / STICTION_FLOW) / inertances[i]
+        slowed += (laws.stiction * math.tanh(q / STICTION_FLOW) + laws.damper * remembered[i]) / inertances[i]
         flows[i] -= step * slowed / (1.0 + inertance_growth(q, laws))
         remembered[i] = q + (remembered[i] - q) * kept

@@ -240,7 +240,7 @@ class _CellPlant:
         flows, pressures = np.zeros(part.line_cells), np.full(part.line_cells, rail_pressure)
         sac_and_sensor = np.array([part.chamber_pressure, rail_pressure, 0.0])
         self._part, self._laws = part, laws
-        self._state = State(flows, pressures, sac_and_sensor, np.zeros(part.line_cells + 1))
+        self._state = State(flows, pressures, sac_and_sensor, np.array([*flows, rail_pressure, 0.0]))
 
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:
         """Signals (n, 6) of `equations.run` at the samples after the first of `drive`."""

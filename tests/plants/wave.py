@@ -123,7 +123,7 @@ class WavePlant:
             np.concatenate((np.zeros(n), np.full(n + 1, rail_pressure))),
             np.zeros((n, parts)),
             np.array([part.chamber_pressure, rail_pressure, 0.0, 0.0]),
-            np.zeros(n + 1),
+            np.array([*np.zeros(n), rail_pressure, 0.0]),
         )
 
     def advance(self, faults: Faults, strokes: Array, drive: Rail, result: Array) -> None:

@@ -195,7 +195,8 @@ def run_wave(
                 lift1 = lift_at(time + step, strokes)
             if beyond:
                 open0, speed = true_lift(lift0, remembered[-1], max_lift, laws), (lift1 - lift0) / step
-                moment = Moment(time, since_opening(time, strokes), open0, speed, flows[-1], p_l0, p_s)
+                since = since_opening(time, strokes)
+                moment = Moment(time, since, open0, speed, flows[-1], p_l0, p_s, remembered[-2])
                 now = altered(part, laws, moment)
                 _grow_inertance(usual, lattice, flows, laws)
                 remembered[-1] = lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
@@ -225,6 +226,7 @@ def run_wave(
                 resist(flows, pressures, remembered, inertances, loss, laws, step)
                 gain = line_stiffness(y[end], now, faults) / lattice.end_volume
                 y[end] -= step * gain * outflow(part, laws, moment)
+                remembered[-2] = lagged(remembered[-2], p_l0, y[end], step, laws.pressure_memory)
             seen = lagged(seen0, p_l0, y[end], step, faults.line_pressure_sensor_lag)
             seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)
             if j * step < late <= (j + 1) * step * (1.0 + 1e-12):

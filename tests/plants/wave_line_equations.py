@@ -47,8 +47,8 @@ class Lattice(NamedTuple):
 
 class WaveState(NamedTuple):
     """Changed in place: flows, pressures of the nodes and the gallery's pressure (2 n + 1,), what friction remembers
-    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,), flows and lift as laws remember
-    them (n + 1,)."""
+    (n, parts), [p_S, lagged p_L, lagged lift, the seat's flow in the last step] (4,), flows, pressure of the
+    gallery and lift as laws remember them (n + 2,)."""
 
     line: Array
     memory: Array

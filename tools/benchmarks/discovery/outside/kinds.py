@@ -18,6 +18,7 @@ from tools.benchmarks.discovery.hidden import (
     OUTFLOW,
     SEAT,
     SENSOR,
+    STIFFNESS,
     HiddenKind,
     HiddenParameter,
     TermEquation,
@@ -28,6 +29,7 @@ from tools.benchmarks.realism.channels import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6
 CREEP_TIME = 1.0 * MS
+WEAK_BELOW, WAVE_OF_SENSOR = 90.0 * MPA, 60.0 * MPA
 _T = TermEquation
 
 
@@ -60,6 +62,16 @@ def creeping_sensor(share: float) -> Step:
     return seen_as(LINE, seen)
 
 
+def weak_sensor(share: float) -> Step:
+    """A line-pressure sensor with a smaller slope below 90 MPa."""
+    return seen_as(LINE, lambda _, p: p - share * np.maximum(WEAK_BELOW - p, 0.0))
+
+
+def wavy_sensor(size: float) -> Step:
+    """A line-pressure sensor that reads now too high, now too low [Pa]."""
+    return seen_as(LINE, lambda _, p: p + size * np.sin(2.0 * math.pi * p / WAVE_OF_SENSOR))
+
+
 def _law(name: str, lowest: float, highest: float, both: bool = False) -> HiddenParameter:
     return HiddenParameter(name, name, lowest, highest, -highest if both else 0.0)
 
@@ -81,6 +93,8 @@ _KINDS = (
     _K("friction_by_pressure", _FLOW, (_law("pressure_friction", 1.0, 2.2, both=True),)),
     _K("slow_friction", _FLOW,
         (_law("slow_friction", 100.0, 500.0), _law("flow_memory", 0.15 * MS, 0.6 * MS))),
+    # Pa s/m3: 1 to 5 MPa at 60 mm3/ms
+    _K("slow_damper", _FLOW, (_law("damper", 1.7e10, 8e10), _law("flow_memory", 0.3 * MS, 1.0 * MS))),
     _K("stiction", _FLOW, (_law("stiction", 0.2 * MPA, 1.0 * MPA),), in_library=False),
     _K("inertance_by_flow", _T.INERTANCE, (_law("flow_inertance", 0.05, 0.3),)),
     _K("rail_hum", _T.RAIL_PRESSURE,
@@ -91,6 +105,9 @@ _KINDS = (
     # m3/s/sqrt(Pa): 1 to 5 mm3/ms at 100 MPa
     _K("root_leakage", _OUT, (_law("root_leakage", 1e-10, 5e-10),), without_rate=SEAT),
     _K("open_leakage", _OUT, (_law("open_leakage", 2e-14, 1e-13),)),
+    # m3/(s Pa): 2 to 10 mm3/ms at 20 MPa
+    _K("yielding_fuel", _OUT, (_law("yielding", 1e-10, 5e-10), _law("pressure_memory", 0.15 * MS, 0.6 * MS)),
+        also=STIFFNESS),
     _K("relief_leakage", _OUT, (_law("relief", 2e-14, 1.2e-13),), in_library=False),
     _K("stiffness_bend", _STIFF, (_law("stiffness_bend", 0.1, 0.5, both=True),)),
     _K("waxing_fuel", _STIFF, (_law("wax", 0.02, 0.08),), in_library=False),
@@ -120,6 +137,9 @@ _KINDS = (
     _K("chamber_ringing", _CHAMBER, (_law("chamber_ringing", 4 * MPA, 15 * MPA),), in_library=False),
     _K("bent_line_sensor", _SENSOR, (_size("bow", 1.0 * MPA, 4.0 * MPA, both=True),),
         without_rate=MOMENTUM, step=bent_sensor),
+    _K("weak_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),), without_rate=MOMENTUM, step=weak_sensor),
+    _K("wavy_sensor", _SENSOR, (_size("size", 0.5 * MPA, 2.0 * MPA, both=True),), in_library=False,
+        without_rate=MOMENTUM, step=wavy_sensor),
     _K("tap_resonance", _SENSOR, (_size("frequency", 5e3, 9e3),), without_rate=SEAT,
         step=lambda frequency: resonant_line(frequency, TAP_DAMPING)),
     # of the rate, per second

@@ -42,7 +42,7 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
 }
 """Effects of the vocabulary that are a law of order 1: what is found as such a law is called by their names."""
 
-LETTERS = "AWF"
+LETTERS = "AWFBCDEGIJKL"
 """Letters that stand in a form for its numbers, in order."""
 
 
@@ -111,7 +111,9 @@ def form_settled(effect: Effect, numbers: Sequence[float]) -> Effect:
 @lru_cache(maxsize=4096)
 def _law_of(form: str, numbers: tuple[float, ...]) -> Law:
     for letter, number in zip(LETTERS, numbers, strict=False):
-        form = form.replace(letter, f"{number:.8g}" if number >= 0.0 else f"({number:.8g})")
+        text = f"{number:.8g}"
+        form = form.replace(f", {letter}", f", {text}")  # a table takes no parentheses
+        form = form.replace(letter, text if number >= 0.0 else f"({text})")
     return parse(f"c*({form})")
 
 

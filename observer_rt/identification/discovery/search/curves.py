@@ -64,7 +64,20 @@ class Axis:
                 [] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]))]
             ),  # few are tried
             *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
+            *(self._even_and_odd(places, widths) if self.knots[0] < 0.0 else ()),
             *([RINGING] if self is SINCE else []),
+        )
+
+    def _even_and_odd(
+        self, places: tuple[FormNumber, ...], widths: tuple[FormNumber, ...]
+    ) -> tuple["Form", ...]:
+        """Laws of which only one half is free."""
+        right = tuple(one for one in places[:-1] if one.value > 0.0)
+        return (
+            Form("abs(u)"),
+            Form("max(abs(u) - A, 0)", (right,)),
+            Form("max(u - A, 0) + min(u + A, 0)", (right,)),
+            Form("tanh(u/A)", (widths,)),
         )
 
     def hats(self, equation: TermEquation, factor: str = "") -> list[Effect]:
@@ -82,7 +95,7 @@ FLOW = Axis(
     "flow through the line", "mm³/ms", 60.0, {"line_flow": (0.0, 60.0)},
 )  # fmt: skip
 PRESSURE = Axis(
-    "(line_pressure - 100)/50", (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7),
+    "(line_pressure - 100)/50", (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7, 1.0),
     "line pressure", "MPa", 50.0, {"line_pressure": (100.0, 50.0), "chamber_pressure": (0.0, 0.0)}, 100.0,
 )  # fmt: skip
 LIFT = Axis(
@@ -156,6 +169,48 @@ RINGING = Form(
 """Laws that ring after every opening."""
 
 
+@dataclass(frozen=True, eq=False)
+class FreeCurve:
+    """A curve in an equation over an axis, and a factor before it; scores: of its hats."""
+
+    equation: TermEquation
+    axis: Axis
+    factor: str
+    scores: Scores
+
+    @property
+    def knots(self) -> Floats:
+        """Those of which the data say something (k,)."""
+        return np.array(self.axis.knots)[self.scores.numbers]
+
+
+def free_curves(
+    curves: Sequence[tuple[TermEquation, Axis, str]],
+    about_here: Callable[[Sequence[Effect]], TermProblem],
+    here: Residuals,
+    each: Each,
+) -> list[FreeCurve]:
+    """Curves about a model, each hat linearised once; parameters as of `made_to_measure`."""
+    groups = [axis.hats(equation, factor) for equation, axis, factor in curves]
+    parts = _parts(groups, about_here, here, each)
+    return [FreeCurve(*curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
+
+
+def _parts(
+    groups: Sequence[Sequence[Effect]],
+    about_here: Callable[[Sequence[Effect]], TermProblem],
+    here: Residuals,
+    each: Each,
+) -> list[Scores]:
+    """Scores of every group of terms."""
+    problem = about_here([effect for group in groups for effect in group])
+    scores = scores_of(problem, TermFit((), np.zeros(0), np.zeros(0), here), each)
+    ends = np.cumsum([len(group) for group in groups])
+    return [
+        scores.part(range(int(end) - len(group), int(end))) for end, group in zip(ends, groups, strict=True)
+    ]
+
+
 def made_to_measure(
     equations: Sequence[TermEquation],
     swings: Sequence[tuple[Effect, Effect]],
@@ -169,16 +224,8 @@ def made_to_measure(
     and each wave is linearised once.
     """
     curves = [(equation, *one) for equation in equations for one in CURVES.get(equation, ())]
-    groups = [axis.hats(equation, factor) for equation, axis, factor in curves]
-    groups += [list(pair) for pair in swings]
-    nothing = TermFit((), np.zeros(0), np.zeros(0), here)
-    scores = scores_of(about_here([effect for group in groups for effect in group]), nothing, each)
-    ends = np.cumsum([len(group) for group in groups])
-    parts = [
-        scores.part(range(int(end) - len(group), int(end))) for end, group in zip(ends, groups, strict=True)
-    ]
-    promising = [found for curve, part in zip(curves, parts, strict=False) for found in _laws(part, *curve)]
-    for pair, part in zip(swings, parts[len(curves) :], strict=True):
+    promising = [law for curve in free_curves(curves, about_here, here, each) for law in _laws(curve)]
+    for pair, part in zip(swings, _parts(swings, about_here, here, each), strict=True):
         sizes = np.linalg.lstsq(part.information, part.gradient, rcond=1e-9)[0]
         if sizes.size == 2:
             promising.append((float(sizes @ part.gradient), turned(pair[0], sizes.tolist())))
@@ -186,9 +233,9 @@ def made_to_measure(
     return [effect for _, effect in promising[:MOST_LAWS]]
 
 
-def _laws(part: Scores, equation: TermEquation, axis: Axis, factor: str) -> list[tuple[float, Effect]]:
-    """The best forms of a curve, and what each would gain; part: scores of its hats."""
-    knots = np.array(axis.knots)[part.numbers]
+def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
+    """The best forms of a curve, and what each would gain."""
+    equation, axis, part, knots = curve.equation, curve.axis, curve.scores, curve.knots
     found: list[tuple[float, Effect]] = []
     for form in axis.forms:
         tried = list(product(*form.numbers))
@@ -200,5 +247,5 @@ def _laws(part: Scores, equation: TermEquation, axis: Axis, factor: str) -> list
         gains = 2.0 * sizes * slopes - sizes**2 * weights
         best = int(np.argmax(gains))
         law = form.law.replace("u", f"({axis.over})")
-        found.append((float(gains[best]), term_effect(equation, factor + law, tried[best])))
+        found.append((float(gains[best]), term_effect(equation, curve.factor + law, tried[best])))
     return sorted(found, key=lambda item: -item[0])[:MOST_OF_CURVE]

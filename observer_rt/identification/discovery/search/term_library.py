@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.identification.discovery.search.adequacy import VARIANCE_LIMIT, healthy_level, worst
-from observer_rt.identification.discovery.search.curves import made_to_measure
+from observer_rt.identification.discovery.search.curves import CURVES, made_to_measure
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
+from observer_rt.identification.discovery.search.tables import tables
 from observer_rt.identification.discovery.search.term_search import Each, TermFit
 from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.identification.likelihood.bounded_fit import Range, Residuals, fit
@@ -38,9 +39,7 @@ WITHIN = 4.0  # times what it is scored with, that a number within a law may bec
 MOST_BREAKS = 5  # injections after each of which something may be new
 REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
 EXACT = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
-TAILORED_FIRST = 4  # most promising equations, in which laws are made to measure
-TAILORED_FURTHER = 2  # the same of further terms
-MASKED = (TermEquation.CHAMBER_PRESSURE,)  # what rings there is promising nowhere in the library
+TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
 ITERATIONS = 8  # of a fit with the numbers within laws free
 STEP = 0.01  # of the bound: a term so small changes the innovations in proportion
 
@@ -59,7 +58,16 @@ SHAPED: Mapping[str, tuple[float, ...]] = {
     "ringing(line_pressure/1, A, W)": (5.0, 6.2, 7.6, 9.4),
     "X - lagged(X, A)": (0.02, 0.05, 0.1, 0.2),
     "Q - lagged(Q, A)": (0.02, 0.05, 0.1, 0.3),
-    "P - lagged(P, A)": (0.05, 0.2),
+    "P - lagged(P, A)": (0.05, 0.2, 0.5),
+    "R - lagged(R, A)": (0.05, 0.2, 0.8),
+    "lagged(Q, A)": (0.1, 0.3, 1.0),
+    "lagged(nozzle_flow/60, A)": (0.1, 0.5),
+    "max(line_pressure/50 - A, 0)": (1.4, 1.8, 2.4),
+    "max(A - line_pressure/50, 0)": (1.4, 1.8, 2.4),
+    "abs(line_pressure/50 - A)": (1.4, 1.8, 2.4),
+    "max(rail_pressure/50 - A, 0)": (1.4, 1.8, 2.4),
+    "max(A - rail_pressure/50, 0)": (1.4, 1.8, 2.4),
+    "abs(rail_pressure/50 - A)": (1.4, 1.8, 2.4),
     "line_pressure_rate/50 - lagged(line_pressure_rate/50, A)": (0.02,),
     "exp(-X/A)": (0.1, 0.3),
     "max(X - A, 0)": (0.5, 0.8),
@@ -81,29 +89,38 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     TermEquation.LINE_FLOW: (
         "Q", "sqrt(Q)", "Q^3", "Q^2", "line_pressure_rate/50", "V", "X", "Q*(Q < 0)", "Q*abs(Q)*(Q < 0)",
         "Q*T", "Q*N", "Q*P", "Q*exp(-U/A)", "Q*abs(Q)*T", "Q*abs(Q)*N", "Q*abs(Q)*P", "Q*abs(Q)*exp(-U/A)",
-        "Q - lagged(Q, A)",
+        "Q - lagged(Q, A)", "lagged(Q, A)",
     ),
     TermEquation.INERTANCE: ("1", "abs(Q)", "Q", "Q^2", "P", "P^2", "T", "N", "X", "U", "exp(-U/A)"),
     TermEquation.STIFFNESS: (
-        "abs(Q)", "Q", "Q^2", "P", "P^2", "100/(line_pressure + 20)", "T", "N", "X", "U", "exp(-U/A)",
+        "abs(Q)", "Q", "Q^2", "P", "P^2", "P - lagged(P, A)", "100/(line_pressure + 20)", "T", "N", "X", "U",
+        "exp(-U/A)",
     ),
-    TermEquation.RAIL_PRESSURE: ("R^2", "R^2 - A", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate"),
+    TermEquation.RAIL_PRESSURE: (
+        "R^2", "R^2 - A", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate",
+        "R - lagged(R, A)", "lagged(Q, A)", "max(rail_pressure/50 - A, 0)", "max(A - rail_pressure/50, 0)",
+        "abs(rail_pressure/50 - A)",
+    ),
     TermEquation.LINE_PRESSURE: (
         "1", "sqrt(D)", "D^2", "D^3", "D*closed", "sqrt(D)*closed", "D*open", "sqrt(D)*open", "X", "V", "abs(V)",
-        "T", "N", "D*T", "D*N", "D*B", "X - lagged(X, A)",
+        "T", "N", "D*T", "D*N", "D*B", "X - lagged(X, A)", "P - lagged(P, A)",
     ),
     TermEquation.SEAT_FLOW: (*_OF_SEAT, "tanh(S)", "sqrt(tanh(S))"),
     TermEquation.NOZZLE_FLOW: (
         *_OF_SEAT, "H", "sqrt(H)", "H^2", "sqrt(A/(H + A))", "P", "abs(Q)",
     ),
-    TermEquation.CHAMBER_PRESSURE: ("min(X/0.33, 1)", "X", "U", "exp(-U/A)", "nozzle_flow/60", "T", "N", "H"),
+    TermEquation.CHAMBER_PRESSURE: (
+        "min(X/0.33, 1)", "X", "U", "exp(-U/A)", "nozzle_flow/60", "lagged(nozzle_flow/60, A)",
+        "T", "N", "H",
+    ),
     TermEquation.NEEDLE_LIFT: (
         "X^2", "X^3", "V", "open*T", "open*N", "open*B", "open*R", "X - lagged(X, A)", "closed",
     ),
     TermEquation.LINE_PRESSURE_SENSOR: (
         "P^2", "P^2 - A", "P^3", "abs(line_pressure_rate)/50", "line_pressure_rate/50", "T", "N", "X", "V", "R", "Q",
         "P - lagged(P, A)", "line_pressure_rate/50 - lagged(line_pressure_rate/50, A)",
-        "ringing(line_pressure/1, A, W)",
+        "ringing(line_pressure/1, A, W)", "max(line_pressure/50 - A, 0)", "max(A - line_pressure/50, 0)",
+        "abs(line_pressure/50 - A)",
     ),
 }  # fmt: skip
 """Laws by equation."""
@@ -183,11 +200,17 @@ class InjectorTerms:
             return InjectorTerms(self._likelihood, model, effects, self._baseline)
 
         known = [TermEquation(one) for one in equations if one in set(TermEquation)]
-        first = known[:TAILORED_FURTHER] if about.chosen else [*known[:TAILORED_FIRST], *MASKED]
-        found = made_to_measure(
-            tuple(dict.fromkeys(first)), self._waves(about.residuals), about_here, about.residuals, each
-        )
+        first = known[:TAILORED_FURTHER] if about.chosen else tuple(CURVES)
+        found = made_to_measure(first, self._waves(about.residuals), about_here, about.residuals, each)
         return [self._number_of(one) for one in found]
+
+    def tabulated(self, here: Residuals, each: Each) -> Sequence[int]:
+        """See `TermProblem`."""
+
+        def about_here(effects: Sequence[Effect]) -> InjectorTerms:
+            return InjectorTerms(self._likelihood, self._nominal, effects, self._baseline)
+
+        return [self._number_of(one) for one in tables(about_here, here, each)]
 
     def _waves(self, left: Residuals) -> list[tuple[Effect, Effect]]:
         """Finds waves of frequencies that stand out of the residuals."""
@@ -265,3 +288,9 @@ class EffectCandidate:
         size = self.effect.parameters[0]
         step = STEP * size.highest if is_term(self.effect) else 0.5 * size.dead_zone
         return Range(size.lowest, size.highest, step)
+
+    @property
+    def numbers(self) -> int:
+        """See `CandidateTerm`."""
+        law = self.effect.apply
+        return len(law.numbers) if isinstance(law, TermLaw) else 0

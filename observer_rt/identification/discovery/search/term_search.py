@@ -6,7 +6,9 @@ It knows no injector: a system, its candidates and its data come in as a `TermPr
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
+from operator import attrgetter
 from typing import Protocol
 
 import numpy as np
@@ -21,6 +23,7 @@ PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over
 TIE = 16.0  # of -2 log L, within which fits explain as much
 PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
+MOST_NAMED = 3  # numbers within a law that has a name: a table has more
 KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
 MOST_TERMS = 3
 SHORTLIST = 40  # candidates of further terms that are linearised again
@@ -41,6 +44,10 @@ class CandidateTerm(Protocol):
     @property
     def range(self) -> Range:
         """Bounds of its coefficient, and a small one."""
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers within its law were fitted."""
 
 
 class TermProblem(Protocol):
@@ -63,18 +70,25 @@ class TermProblem(Protocol):
     def tailored(self, about: "TermFit", equations: Sequence[str], each: "Each") -> Sequence[int]:
         """Candidates made for what a fit leaves, which may be new; equations: the most promising first."""
 
+    def tabulated(self, here: Residuals, each: "Each") -> Sequence[int]:
+        """Candidates whose laws are free curves, which may be new, for what the model as it is leaves."""
+
     def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
         """These terms with the numbers within their laws fitted; None where they have none. They may be new."""
 
 
 @dataclass(frozen=True, eq=False)
 class TermFit:
-    """Terms fitted together: numbers of the candidates, their coefficients with standard deviations, what is left."""
+    """Terms fitted together: numbers of the candidates, their coefficients with standard deviations, what is left.
+
+    within: how many numbers within the laws of each were fitted before.
+    """
 
     chosen: tuple[int, ...]
     theta: NDArray[np.float64]
     sigmas: NDArray[np.float64]
     residuals: Residuals
+    within: tuple[int, ...] = ()
 
     @property
     def statistic(self) -> float:
@@ -85,6 +99,16 @@ class TermFit:
     def spread(self) -> float:
         """Mean square of the normalised residuals as `statistic` counts it, 1 at least."""
         return max(1.0, self.residuals.squares / self.residuals.z.size)
+
+    @property
+    def price(self) -> float:
+        """-2 log L, and what every number fitted costs."""
+        return self.statistic + PRICE * (len(self.chosen) + sum(self.within)) * self.spread
+
+    @property
+    def by_table(self) -> bool:
+        """Whether a law is a table."""
+        return max(self.within, default=0) > MOST_NAMED
 
 
 def no_terms(problem: TermProblem) -> TermFit:
@@ -115,17 +139,29 @@ class TermSearchResult:
 class Scores:
     """Signatures of candidates in the residuals about a model, and what each alone would gain.
 
-    numbers: (m,) of the candidates; information: (m, m); gradient: (m,) half of that of -2 log L, downwards; gains:
-    (m,) of -2 log L, sizes limited by bounds; validated: (m,) the same with every part of the data left out in turn;
-    slopes: (n, m) the signatures.
+    numbers: (m,) of the candidates; information_of, gradient_of: (parts, m, m) and (parts, m) of every part of the
+    data, the gradient half of that of -2 log L, downwards; gains: (m,) of -2 log L, sizes limited by bounds;
+    validated: (m,) the same with every part of the data left out in turn; slopes: (n, m) the signatures;
+    left: weighted sum of squares of the residuals.
     """
 
     numbers: NDArray[np.int64]
-    information: NDArray[np.float64]
-    gradient: NDArray[np.float64]
+    information_of: NDArray[np.float64]
+    gradient_of: NDArray[np.float64]
     gains: NDArray[np.float64]
     validated: NDArray[np.float64]
     slopes: NDArray[np.float32]
+    left: float
+
+    @cached_property
+    def information(self) -> NDArray[np.float64]:
+        """Of all data (m, m)."""
+        return np.asarray(self.information_of.sum(axis=0))
+
+    @cached_property
+    def gradient(self) -> NDArray[np.float64]:
+        """Of all data (m,)."""
+        return np.asarray(self.gradient_of.sum(axis=0))
 
     def cosine(self, one: int, other: int) -> float:
         """Cosine of the signatures in two rows."""
@@ -137,11 +173,12 @@ class Scores:
         rows = np.flatnonzero((self.numbers >= numbers.start) & (self.numbers < numbers.stop))
         return Scores(
             self.numbers[rows] - numbers.start,
-            self.information[np.ix_(rows, rows)],
-            self.gradient[rows],
+            self.information_of[:, rows[:, None], rows],
+            self.gradient_of[:, rows],
             self.gains[rows],
             self.validated[rows],
             self.slopes[:, rows],
+            self.left,
         )
 
     def pair_gain(self, one: int, other: int) -> float:
@@ -189,22 +226,23 @@ def _scored(
     left = np.asarray(_weights(here) * here.z, np.float32)
     ends = np.cumsum(here.counts)
     parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
-    information = [np.asarray(slopes[part].T @ slopes[part], np.float64) for part in parts]
-    gradient = np.array([np.asarray(slopes[part].T @ left[part], np.float64) for part in parts])
-    own = np.array([np.diag(one) for one in information])
-    whole, total = np.sum(information, axis=0), gradient.sum(axis=0)
+    information = np.array([slopes[part].T @ slopes[part] for part in parts], np.float64)
+    gradient = np.array([slopes[part].T @ left[part] for part in parts], np.float64)
+    own = np.diagonal(information, axis1=1, axis2=2)
+    whole, total = own.sum(axis=0), gradient.sum(axis=0)
     ranges = [problem.candidates[number].range for number in numbers]
     lowest, highest = np.array([r.lowest for r in ranges]), np.array([r.highest for r in ranges])
-    sizes = np.clip(total / np.diag(whole), lowest, highest)
-    without = np.maximum(own.sum(axis=0) - own, 1e-12 * own.sum(axis=0))
+    sizes = np.clip(total / whole, lowest, highest)
+    without = np.maximum(whole - own, 1e-12 * whole)
     validated = np.clip((total - gradient) / without, lowest, highest)
     return Scores(
         numbers,
-        whole,
-        total,
-        2.0 * sizes * total - sizes**2 * np.diag(whole),
+        information,
+        gradient,
+        2.0 * sizes * total - sizes**2 * whole,
         np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
         slopes,
+        float(np.sum(left**2, dtype=np.float64)),
     )
 
 
@@ -226,12 +264,12 @@ class TermSearch:
             for first in self._firsts(tried, nothing):
                 grown = self._grown(first, nothing, tried)
                 adequate = self._is_adequate(grown)
-                if adequate or _price(grown) < _price(best):
+                if adequate or grown.price < best.price:
                     best = grown
                 if adequate:
                     break
         rivals: dict[frozenset[str], TermFit] = {}
-        for one in sorted(tried, key=_price):
+        for one in sorted(tried, key=attrgetter("price")):
             if self._is_rival(one, best):
                 rivals.setdefault(frozenset(self._equations(one)), one)
         ranked = tuple(sorted(tried, key=_price))
@@ -267,7 +305,7 @@ class TermSearch:
         """Fits with a term or two more: of those whose signatures explain most of what is left."""
         scores = self._scores(about)
         fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
-        if fits and self._is_adequate(min(fits, key=_price)):
+        if fits and self._is_adequate(min(fits, key=attrgetter("price"))):
             return fits
         if MOST_TERMS - len(about.chosen) > 1:
             fits += self._sharpened(self._added(about, scores, self._pairs(scores)))
@@ -294,7 +332,7 @@ class TermSearch:
 
     def _sharpened(self, fits: list[TermFit]) -> list[TermFit]:
         """Fits, and the best of them with the numbers within their laws fitted, too."""
-        leaders = sorted(fits, key=_price)[:SHARPENED]
+        leaders = sorted(fits, key=attrgetter("price"))[:SHARPENED]
 
         def sharpened(i: int) -> TermFit | None:
             chosen = self._problem.sharpened(leaders[i].chosen, leaders[i].theta)
@@ -310,7 +348,11 @@ class TermSearch:
         def fitted(i: int) -> TermFit | None:
             return self._fit((*about.chosen, made[i]), np.append(about.theta, 0.0))
 
-        return self._sharpened(self._fits(fitted, len(made)))
+        fits = self._sharpened(self._fits(fitted, len(made)))
+        if about.chosen or any(map(self._is_adequate, fits)):
+            return fits
+        made = self._problem.tabulated(about.residuals, self._each)
+        return fits + self._sharpened(self._fits(fitted, len(made)))
 
     def _is_adequate(self, one: TermFit) -> bool:
         return self._problem.is_adequate(one.chosen, one.theta)
@@ -357,8 +399,13 @@ class TermSearch:
         for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
             found = fit(_Sized(self._problem, chosen), share * start, ranges, ITERATIONS)
             if found is not None:
-                return None if self._has_twins(chosen, found) else _fitted(chosen, found)
+                return None if self._has_twins(chosen, found) else self._fitted(chosen, found)
         return None
+
+    def _fitted(self, chosen: tuple[int, ...], found: Minimum) -> TermFit:
+        spread = max(1.0, float(np.mean(found.at.residuals.z**2)))
+        within = tuple(self._problem.candidates[number].numbers for number in chosen)
+        return TermFit(chosen, found.at.theta, found.sigmas() * math.sqrt(spread), found.at.residuals, within)
 
     def _has_twins(self, chosen: tuple[int, ...], found: Minimum) -> bool:
         """Whether two terms of one equation stand for one: alike, or with a coefficient at its bound."""
@@ -374,12 +421,18 @@ class TermSearch:
         )
 
     def _simplest(self, fits: Sequence[TermFit], nothing: TermFit) -> TermFit:
-        """The best fit, or one of fewer terms and equations that explains all but the model's own error."""
-        best = min(fits, key=_price)
+        """The best fit, or one of fewer terms and equations, or with a name, that leaves but the model's own error.
+
+        One that leaves nothing but noise comes before all that do not.
+        """
+        best = min(fits, key=attrgetter("price"))
         own = self._problem.remainder * (nothing.statistic - best.statistic)
-        limit = _price(best) + max(own, TIE * best.spread)
-        tied = [one for one in fits if _price(one) <= limit]
-        return min(tied, key=lambda one: (len(one.chosen), len(self._equations(one)), _price(one)))
+        limit = best.price + max(own, TIE * best.spread)
+        tied = sorted(
+            (one for one in fits if one.price <= limit),
+            key=lambda one: (len(one.chosen), len(self._equations(one)), one.by_table, one.price),
+        )
+        return next(filter(self._is_adequate, tied), tied[0])
 
     def _equations(self, one: TermFit) -> set[str]:
         return {self._problem.candidates[number].equation for number in one.chosen}
@@ -420,16 +473,7 @@ class _Sized:
         return self._problem.residuals(self._chosen, theta)
 
 
-def _fitted(chosen: tuple[int, ...], found: Minimum) -> TermFit:
-    spread = max(1.0, float(np.mean(found.at.residuals.z**2)))
-    return TermFit(chosen, found.at.theta, found.sigmas() * math.sqrt(spread), found.at.residuals)
-
-
 def _least(about: TermFit, share: float) -> float:
     """Least gain of a term: more, the more is left, and a share of that, as `statistic` counts it."""
     left = about.residuals.squares - about.residuals.z.size
     return max(LEAST_GAIN * about.spread, share * max(0.0, left))
-
-
-def _price(one: TermFit) -> float:
-    return one.statistic + PRICE * len(one.chosen) * one.spread

@@ -1,11 +1,13 @@
 """Laws hidden in plants that share no code with the model, searched without the vocabulary."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
@@ -20,11 +22,13 @@ from tests.identification.discovery.search.test_term_search import in_turn
 from tests.observed_plants import recording_of
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, record
+from tests.plants.plant import LINE, Bench, Event, Needle, Shot, Surroundings, record, seen_as
 
+Floats = NDArray[np.float64]
 Change = Callable[[Bench], Bench]
 POINTS = tuple(product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))  # Pa, s
 INJECTIONS = 4
+NUMBER = r"\d+\.?\d*"
 
 
 def found_in(change: Change) -> tuple[Term, ...]:
@@ -56,3 +60,62 @@ def test_a_law_is_found_that_is_large_against_the_noise() -> None:
     assert term.equation is TermEquation.NOZZLE_FLOW
     assert str(term.law) == "c * (injection_number > 2)"
     assert term.coefficient == pytest.approx(-0.5, abs=0.01)
+
+
+def with_sensor(change: Callable[[Floats], Floats]) -> Change:
+    """The line-pressure sensor reads something else."""
+    step = seen_as(LINE, lambda _, pressure: change(pressure))
+    return lambda bench: replace(bench, around=Surroundings(before_noise=(step,)))
+
+
+def with_laws(**laws: float) -> Change:
+    return lambda bench: replace(bench, laws=Laws(**laws))
+
+
+@pytest.mark.parametrize(
+    ("change", "equations", "law", "coefficient"),
+    [
+        (
+            with_sensor(lambda p: p + 0.07 * np.maximum(90e6 - p, 0.0)),
+            {TermEquation.LINE_PRESSURE_SENSOR},
+            "c * max(1.8 - line_pressure / 50, 0)",
+            3.5,
+        ),
+        (
+            with_laws(damper=4e10, flow_memory=0.6e-3),
+            {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE},
+            "c * lagged(line_flow / 60, 0.6)",
+            2.4,
+        ),
+        (
+            with_laws(yielding=1e-13, pressure_memory=0.4e-3),
+            {TermEquation.LINE_PRESSURE},
+            "c * ((line_pressure - 100) / 50 - lagged((line_pressure - 100) / 50, 0.4))",
+            5.0,
+        ),
+    ],
+)
+def test_a_law_is_found_with_its_numbers(
+    change: Change, equations: set[TermEquation], law: str, coefficient: float
+) -> None:
+    (term,) = found_in(change)
+    assert term.equation in equations
+    shape, numbers = spelled(str(term.law))
+    true_shape, true_numbers = spelled(law)
+    assert shape == true_shape
+    assert numbers == pytest.approx(true_numbers, rel=0.15)
+    assert abs(term.coefficient) == pytest.approx(abs(coefficient), rel=0.1)
+
+
+def spelled(law: str) -> tuple[str, list[float]]:
+    """The words of a law and its numbers."""
+    return re.sub(NUMBER, "_", law), [float(one) for one in re.findall(NUMBER, law)]
+
+
+def test_what_no_form_explains_is_one_table() -> None:
+    (term,) = found_in(with_sensor(lambda p: p + 0.8e6 * np.sin(2.0 * np.pi * p / 60e6)))
+    assert term.equation is TermEquation.LINE_PRESSURE_SENSOR
+    at = np.linspace(65.0, 145.0, 17)
+    found = term.law.at({"line_pressure": at}, term.coefficient)
+    off = found - 0.8 * np.sin(2.0 * np.pi * at / 60.0)
+    assert np.std(off) < 0.15

@@ -33,6 +33,7 @@ class Term:
     range: Range
     quantity: str = ""
     threshold: float = 0.0
+    numbers: int = 0
 
 
 def in_turn(work: Callable[[int], object], items: Sequence[int]) -> Iterable[object]:
@@ -49,6 +50,9 @@ class LibraryOnly:
     remainder = 0.0
 
     def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
+        return ()
+
+    def tabulated(self, here: Residuals, each: Each) -> Sequence[int]:
         return ()
 
     def sharpened(self, chosen: Sequence[int], theta: Floats) -> tuple[int, ...] | None:

@@ -105,8 +105,8 @@ _KINDS = (
     # m3/s/sqrt(Pa): 1 to 5 mm3/ms at 100 MPa
     _K("root_leakage", _OUT, (_law("root_leakage", 1e-10, 5e-10),), without_rate=SEAT),
     _K("open_leakage", _OUT, (_law("open_leakage", 2e-14, 1e-13),)),
-    # m3/(s Pa): 2 to 10 mm3/ms at 20 MPa
-    _K("yielding_fuel", _OUT, (_law("yielding", 1e-10, 5e-10), _law("pressure_memory", 0.15 * MS, 0.6 * MS)),
+    # m3/(s Pa): 1 to 5 mm3/ms at 20 MPa
+    _K("yielding_fuel", _OUT, (_law("yielding", 0.5e-13, 2.5e-13), _law("pressure_memory", 0.15 * MS, 0.6 * MS)),
         also=STIFFNESS),
     _K("relief_leakage", _OUT, (_law("relief", 2e-14, 1.2e-13),), in_library=False),
     _K("stiffness_bend", _STIFF, (_law("stiffness_bend", 0.1, 0.5, both=True),)),

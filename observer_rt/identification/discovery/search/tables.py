@@ -1,0 +1,136 @@
+"""Laws by table: free curves over one variable, with as few knots as the recordings ask for."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.identification.discovery.search.curves import CURVES, SINCE, Axis, FreeCurve, free_curves
+from observer_rt.identification.discovery.search.term_search import PRICE, Each, TermProblem
+from observer_rt.identification.likelihood.bounded_fit import Residuals
+from observer_rt.model.effect import Effect
+from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
+
+Floats = NDArray[np.float64]
+
+MOST_TABLES = 2  # made at once
+LEAST_KNOTS, MOST_KNOTS = 5, 12
+LEAST_PARTS = 4  # of the data, from which on one can be left out
+RIDGE = 1e-3  # of its information, that holds a knot that little depends on
+LARGEST = 2.0  # times its first largest value, that a table may have elsewhere
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """A symmetry of curves: its table of u, the sign of the curve at -u, and from which u on knots are its own."""
+
+    form: str
+    sign: float
+    first: float
+
+
+NONE = Symmetry("table({u}, {pairs})", 0.0, -np.inf)
+EVEN = Symmetry("table(abs({u}), {pairs})", 1.0, 0.0)
+ODD = Symmetry("(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0, {pairs}))", -1.0, 1e-9)
+
+
+def tables(
+    about_here: Callable[[Sequence[Effect]], TermProblem], here: Residuals, each: Each
+) -> list[Effect]:
+    """Tables that would gain most, none over time, by which everything can be said.
+
+    about_here: terms as a problem beside the model at hand; here: its residuals.
+    """
+    every = [(equation, *one) for equation, curves in CURVES.items() for one in curves if one[0] is not SINCE]
+    coarse = sorted(free_curves(every, about_here, here, each), key=_gain, reverse=True)[:MOST_TABLES]
+    finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
+    return [_simplest(one, _price(one)) for one in free_curves(finer, about_here, here, each)]
+
+
+def _price(curve: FreeCurve) -> float:
+    """What a knot must gain: more, the more the whole curve leaves."""
+    return PRICE * max(1.0, (curve.scores.left - _gain(curve)) / len(curve.scores.slopes))
+
+
+def _with_midpoints(axis: Axis) -> Axis:
+    knots = np.array(axis.knots)
+    middles = 0.5 * (knots[1:] + knots[:-1])
+    return replace(axis, knots=tuple(np.sort(np.concatenate((knots, middles))).tolist()))
+
+
+def _gain(curve: FreeCurve) -> float:
+    """Gain of a curve (-2 log L), its values within the bounds of its equation."""
+    information, gradient = curve.scores.information, curve.scores.gradient
+    values = np.clip(_values(information, gradient), *curve.equation.bounds)
+    return float(2.0 * values @ gradient - values @ information @ values)
+
+
+def _values(information: Floats, gradient: Floats) -> Floats:
+    held = information + RIDGE * np.diag(np.diag(information))
+    return np.asarray(np.linalg.lstsq(held, gradient, rcond=1e-12)[0])
+
+
+def _simplest(curve: FreeCurve, price: float) -> Effect:
+    """The table of the symmetry and knots that explain most of what is left out, each knot at its price."""
+    knots = curve.knots
+    found: list[tuple[float, Symmetry, list[int]]] = []
+    for symmetry in (NONE, EVEN, ODD) if (knots < 0.0).any() else (NONE,):
+        kept = [number for number, knot in enumerate(knots.tolist()) if knot >= symmetry.first]
+        while len(kept) >= min(LEAST_KNOTS, knots.size):
+            if len(kept) <= MOST_KNOTS:
+                found.append((_validated(curve, symmetry, kept) - price * len(kept), symmetry, list(kept)))
+            rest = [[one for one in kept if one != left] for left in kept]
+            if len(kept) < 2:
+                break
+            kept = max(rest, key=lambda some: _explained(curve, symmetry, some))
+    _, symmetry, kept = max(found, key=lambda item: item[0])
+    return _table(curve, symmetry, kept)
+
+
+def _shapes(knots: Floats, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
+    """Values (k, m) at all knots of the curves that are 1 at one of the kept knots and 0 at the others."""
+    places, values = knots[list(kept)], np.eye(len(kept))
+    if symmetry is ODD:
+        places, values = np.append(0.0, places), np.vstack((np.zeros(len(kept)), values))
+    if symmetry is not NONE:
+        places = np.concatenate((-places[::-1], places + 1e-12))
+        values = np.vstack((symmetry.sign * values[::-1], values))
+    return np.column_stack([np.interp(knots, places, one) for one in values.T])
+
+
+def _explained(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
+    shapes = _shapes(curve.knots, symmetry, kept)
+    information, gradient = shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient
+    return float(gradient @ _values(information, gradient))
+
+
+def _validated(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
+    """Gain in every part of the data by the values that the others give; in all where there are few parts."""
+    shapes = _shapes(curve.knots, symmetry, kept)
+    information = np.einsum("ik,rij,jl->rkl", shapes, curve.scores.information_of, shapes)
+    gradient = curve.scores.gradient_of @ shapes
+    if len(gradient) < LEAST_PARTS:
+        return _explained(curve, symmetry, kept)
+    gain = 0.0
+    for own, slope in zip(information, gradient, strict=True):
+        values = _values(information.sum(axis=0) - own, gradient.sum(axis=0) - slope)
+        gain += float(2.0 * values @ slope - values @ own @ values)
+    return gain
+
+
+def _table(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
+    """A curve as a term: its largest value is the coefficient, the others are numbers of its law."""
+    shapes = _shapes(curve.knots, symmetry, kept)
+    values = _values(shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient)
+    largest = int(np.argmax(np.abs(values)))
+    letters = iter(LETTERS)
+    numbers, pairs = [], []
+    for number, knot in enumerate(curve.knots[list(kept)]):
+        if number == largest:
+            pairs.append(f"{knot:g}, 1")
+            continue
+        numbers.append(FormNumber(float(values[number] / values[largest]), -LARGEST, LARGEST))
+        pairs.append(f"{knot:g}, {next(letters)}")
+    law = symmetry.form.format(u=curve.axis.over, pairs=", ".join(pairs))
+    return term_effect(curve.equation, curve.factor + law, tuple(numbers))

@@ -1,0 +1,55 @@
+"""Laws by table: a static regression on random moments, whose candidates are terms."""
+
+import numpy as np
+import pytest
+
+from observer_rt.identification.discovery.search.tables import LEAST_KNOTS, MOST_KNOTS, tables
+from observer_rt.model.term_effect import TermLaw
+from observer_rt.model.terms.term import TermEquation
+from tests.identification.discovery.search.test_curves import COUNT, SIGMA, VALUES, Moments, measured
+from tests.identification.discovery.search.test_term_search import in_turn
+
+FLOW = "min(max(line_flow/60, -0.3), 1)"  # within its axis
+SPEED = "min(max(lift_rate, -0.5), 0.5)"
+
+
+def best_table(law: str) -> TermLaw:
+    y = measured(law)
+    here = Moments(y, ()).residuals((), np.zeros(0))
+    found = tables(lambda effects: Moments(y, effects), here, in_turn)[0].apply
+    assert isinstance(found, TermLaw)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("law", "variable", "form"),
+    [
+        (f"2 * sin(6 * {FLOW} + 1)", "line_flow", "table(line_flow/60, "),
+        (f"2 * cos(8 * {SPEED})", "lift_rate", "table(abs(lift_rate), "),
+        (f"2 * sin(8 * {SPEED})", "lift_rate", "(table(max(lift_rate, 0), 0, 0, "),
+    ],
+)
+def test_a_curve_without_a_name_becomes_a_table_with_its_symmetry(law: str, variable: str, form: str) -> None:
+    y = measured(law)
+    found = best_table(law)
+    values = found.law.at(VALUES, 1.0)
+    size = float(values @ y / (values @ values))
+    assert {one.word for one in found.law.variables} == {variable}
+    assert found.form.startswith(form)
+    assert np.std(y - size * values) < 2.0 * SIGMA
+
+
+def knots_of(law: TermLaw) -> int:
+    return len(law.numbers) + 1  # the largest value is the coefficient
+
+
+def test_a_table_has_no_more_knots_than_the_recordings_ask_for() -> None:
+    few, many = (best_table(f"{size} * sin(6 * {FLOW} + 1)") for size in (0.05, 2.0))
+    assert LEAST_KNOTS <= knots_of(few) < knots_of(many) <= MOST_KNOTS
+    assert COUNT > MOST_KNOTS
+
+
+def test_no_table_is_over_time() -> None:
+    found = best_table("2 * sin(6 * time_since_opening)")
+    assert "time_since_opening" not in found.form
+    assert found.equation in TermEquation

@@ -190,7 +190,10 @@ def free_curves(
     here: Residuals,
     each: Each,
 ) -> list[FreeCurve]:
-    """Curves about a model, each hat linearised once; parameters as of `made_to_measure`."""
+    """Curves about a model, each hat linearised once.
+
+    about_here: terms as a problem of their own, beside nothing but the model at hand; here: its residuals.
+    """
     groups = [axis.hats(equation, factor) for equation, axis, factor in curves]
     parts = _parts(groups, about_here, here, each)
     return [FreeCurve(*curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
@@ -212,19 +215,17 @@ def _parts(
 
 
 def made_to_measure(
-    equations: Sequence[TermEquation],
+    curves: Sequence[FreeCurve],
     swings: Sequence[tuple[Effect, Effect]],
     about_here: Callable[[Sequence[Effect]], TermProblem],
     here: Residuals,
     each: Each,
 ) -> list[Effect]:
-    """Terms of these equations that would gain most, and of waves, of which sine and cosine are given.
+    """Terms near these curves that would gain most, and of waves, of which sine and cosine are given.
 
-    about_here: terms as a problem of their own, beside nothing but the model at hand; here: its residuals. Each hat
-    and each wave is linearised once.
+    about_here, here: as of `free_curves`. Each wave is linearised once.
     """
-    curves = [(equation, *one) for equation in equations for one in CURVES.get(equation, ())]
-    promising = [law for curve in free_curves(curves, about_here, here, each) for law in _laws(curve)]
+    promising = [law for curve in curves for law in _laws(curve)]
     for pair, part in zip(swings, _parts(swings, about_here, here, each), strict=True):
         sizes = np.linalg.lstsq(part.information, part.gradient, rcond=1e-9)[0]
         if sizes.size == 2:

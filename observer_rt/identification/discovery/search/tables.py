@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.curves import CURVES, SINCE, Axis, FreeCurve, free_curves
+from observer_rt.identification.discovery.search.curves import SINCE, Axis, FreeCurve, free_curves
 from observer_rt.identification.discovery.search.term_search import PRICE, Each, TermProblem
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
@@ -36,14 +36,17 @@ ODD = Symmetry("(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0,
 
 
 def tables(
-    about_here: Callable[[Sequence[Effect]], TermProblem], here: Residuals, each: Each
+    curves: Sequence[FreeCurve],
+    about_here: Callable[[Sequence[Effect]], TermProblem],
+    here: Residuals,
+    each: Each,
 ) -> list[Effect]:
-    """Tables that would gain most, none over time, by which everything can be said.
+    """Tables near the curves that would gain most, none over time, by which everything can be said.
 
-    about_here: terms as a problem beside the model at hand; here: its residuals.
+    about_here, here: as of `free_curves`.
     """
-    every = [(equation, *one) for equation, curves in CURVES.items() for one in curves if one[0] is not SINCE]
-    coarse = sorted(free_curves(every, about_here, here, each), key=_gain, reverse=True)[:MOST_TABLES]
+    known = (one for one in curves if one.axis is not SINCE)
+    coarse = sorted(known, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
     return [_simplest(one, _price(one)) for one in free_curves(finer, about_here, here, each)]
 

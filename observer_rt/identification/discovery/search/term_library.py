@@ -4,7 +4,7 @@ A law is of order 1 where an injector works, so that its coefficient is in the u
 centred: with a factor of the pressure itself, most of it would be a constant.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.identification.discovery.search.adequacy import VARIANCE_LIMIT, healthy_level, worst
-from observer_rt.identification.discovery.search.curves import CURVES, made_to_measure
+from observer_rt.identification.discovery.search.curves import (
+    CURVES,
+    FreeCurve,
+    free_curves,
+    made_to_measure,
+)
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
 from observer_rt.identification.discovery.search.tables import tables
 from observer_rt.identification.discovery.search.term_search import Each, TermFit
@@ -177,6 +182,7 @@ class InjectorTerms:
         self._nominal = nominal
         self._baseline = baseline
         self._before: Pool | None = None
+        self._known_curves: dict[tuple[tuple[int, ...], tuple[TermEquation, ...]], Sequence[FreeCurve]] = {}
         self.candidates: list[EffectCandidate] = [EffectCandidate(effect) for effect in effects]
 
     def hypothesis(self, chosen: Sequence[int]) -> Hypothesis:
@@ -194,23 +200,30 @@ class InjectorTerms:
 
     def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
         """See `TermProblem`."""
-        model = self.hypothesis(about.chosen).model(self._nominal, about.theta)
-
-        def about_here(effects: Sequence[Effect]) -> InjectorTerms:
-            return InjectorTerms(self._likelihood, model, effects, self._baseline)
-
         known = [TermEquation(one) for one in equations if one in set(TermEquation)]
-        first = known[:TAILORED_FURTHER] if about.chosen else tuple(CURVES)
-        found = made_to_measure(first, self._waves(about.residuals), about_here, about.residuals, each)
+        where = known[:TAILORED_FURTHER] if about.chosen else CURVES
+        curves = self._curves(about, tuple(where), each)
+        swings = self._waves(about.residuals)
+        found = made_to_measure(curves, swings, self._beside(about), about.residuals, each)
         return [self._number_of(one) for one in found]
 
-    def tabulated(self, here: Residuals, each: Each) -> Sequence[int]:
+    def tabulated(self, about: TermFit, each: Each) -> Sequence[int]:
         """See `TermProblem`."""
+        curves = self._curves(about, tuple(CURVES), each)
+        return [self._number_of(one) for one in tables(curves, self._beside(about), about.residuals, each)]
 
-        def about_here(effects: Sequence[Effect]) -> InjectorTerms:
-            return InjectorTerms(self._likelihood, self._nominal, effects, self._baseline)
+    def _beside(self, about: TermFit) -> Callable[[Sequence[Effect]], "InjectorTerms"]:
+        """Terms as a problem about the model of a fit."""
+        model = self.hypothesis(about.chosen).model(self._nominal, about.theta)
+        return lambda effects: InjectorTerms(self._likelihood, model, effects, self._baseline)
 
-        return [self._number_of(one) for one in tables(about_here, here, each)]
+    def _curves(self, about: TermFit, equations: tuple[TermEquation, ...], each: Each) -> Sequence[FreeCurve]:
+        """Free curves in these equations, found once."""
+        key = (about.chosen, equations)
+        if key not in self._known_curves:
+            every = [(equation, *one) for equation in equations for one in CURVES.get(equation, ())]
+            self._known_curves[key] = free_curves(every, self._beside(about), about.residuals, each)
+        return self._known_curves[key]
 
     def _waves(self, left: Residuals) -> list[tuple[Effect, Effect]]:
         """Finds waves of frequencies that stand out of the residuals."""

@@ -70,8 +70,8 @@ class TermProblem(Protocol):
     def tailored(self, about: "TermFit", equations: Sequence[str], each: "Each") -> Sequence[int]:
         """Candidates made for what a fit leaves, which may be new; equations: the most promising first."""
 
-    def tabulated(self, here: Residuals, each: "Each") -> Sequence[int]:
-        """Candidates whose laws are free curves, which may be new, for what the model as it is leaves."""
+    def tabulated(self, about: "TermFit", each: "Each") -> Sequence[int]:
+        """Candidates whose laws are free curves, which may be new, for what a fit leaves."""
 
     def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
         """These terms with the numbers within their laws fitted; None where they have none. They may be new."""
@@ -253,6 +253,7 @@ class TermSearch:
         self._problem = problem
         self._each = each
         self._first: Scores | None = None  # of the model as it is
+        self._known: dict[tuple[int, ...], TermFit | None] = {}
 
     def run(self) -> TermSearchResult:
         """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
@@ -351,7 +352,7 @@ class TermSearch:
         fits = self._sharpened(self._fits(fitted, len(made)))
         if about.chosen or any(map(self._is_adequate, fits)):
             return fits
-        made = self._problem.tabulated(about.residuals, self._each)
+        made = self._problem.tabulated(about, self._each)
         return fits + self._sharpened(self._fits(fitted, len(made)))
 
     def _is_adequate(self, one: TermFit) -> bool:
@@ -395,6 +396,12 @@ class TermSearch:
         return self._fit(chosen, np.append(about.theta, start))
 
     def _fit(self, chosen: tuple[int, ...], start: NDArray[np.float64]) -> TermFit | None:
+        """The fit of these terms, made once."""
+        if chosen not in self._known:
+            self._known[chosen] = self._found(chosen, start)
+        return self._known[chosen]
+
+    def _found(self, chosen: tuple[int, ...], start: NDArray[np.float64]) -> TermFit | None:
         ranges = [self._problem.candidates[number].range for number in chosen]
         for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
             found = fit(_Sized(self._problem, chosen), share * start, ranges, ITERATIONS)

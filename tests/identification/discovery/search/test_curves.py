@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.curves import made_to_measure
+from observer_rt.identification.discovery.search.curves import CURVES, free_curves, made_to_measure
 from observer_rt.identification.discovery.search.law_evidence import law_curve
 from observer_rt.identification.discovery.search.term_library import EffectCandidate
 from observer_rt.identification.discovery.search.waves import lines, waves
@@ -56,7 +56,12 @@ def made(law: str, *equations: TermEquation) -> list[Effect]:
     y = measured(law)
     swings = waves([1200.0], 0.04)
     here = Moments(y, ()).residuals((), np.zeros(0))
-    return made_to_measure(equations, swings, lambda effects: Moments(y, effects), here, in_turn)
+
+    def about_here(effects: Sequence[Effect]) -> Moments:
+        return Moments(y, effects)
+
+    every = [(equation, *one) for equation in equations for one in CURVES[equation]]
+    return made_to_measure(free_curves(every, about_here, here, in_turn), swings, about_here, here, in_turn)
 
 
 @pytest.mark.parametrize(

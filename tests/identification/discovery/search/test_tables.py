@@ -1,9 +1,13 @@
 """Laws by table: a static regression on random moments, whose candidates are terms."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
+from observer_rt.identification.discovery.search.curves import CURVES, free_curves
 from observer_rt.identification.discovery.search.tables import LEAST_KNOTS, MOST_KNOTS, tables
+from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw
 from observer_rt.model.terms.term import TermEquation
 from tests.identification.discovery.search.test_curves import COUNT, SIGMA, VALUES, Moments, measured
@@ -16,7 +20,13 @@ SPEED = "min(max(lift_rate, -0.5), 0.5)"
 def best_table(law: str) -> TermLaw:
     y = measured(law)
     here = Moments(y, ()).residuals((), np.zeros(0))
-    found = tables(lambda effects: Moments(y, effects), here, in_turn)[0].apply
+
+    def about_here(effects: Sequence[Effect]) -> Moments:
+        return Moments(y, effects)
+
+    every = [(equation, *one) for equation, curves in CURVES.items() for one in curves]
+    curves = free_curves(every, about_here, here, in_turn)
+    found = tables(curves, about_here, here, in_turn)[0].apply
     assert isinstance(found, TermLaw)
     return found
 

@@ -52,7 +52,7 @@ class LibraryOnly:
     def tailored(self, about: TermFit, equations: Sequence[str], each: Each) -> Sequence[int]:
         return ()
 
-    def tabulated(self, here: Residuals, each: Each) -> Sequence[int]:
+    def tabulated(self, about: TermFit, each: Each) -> Sequence[int]:
         return ()
 
     def sharpened(self, chosen: Sequence[int], theta: Floats) -> tuple[int, ...] | None:

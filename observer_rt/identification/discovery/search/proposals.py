@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.config.effects import term_domain
 from observer_rt.engine.learning.healthy import Healthy
@@ -19,7 +20,12 @@ from observer_rt.identification.discovery.search.results import (
     Proposal,
     Refusal,
 )
-from observer_rt.identification.discovery.search.search import INTERVAL_MARGIN, HeldOutPoints, SearchOutcome
+from observer_rt.identification.discovery.search.search import (
+    INTERVAL_MARGIN,
+    HeldOutPoints,
+    SearchOutcome,
+    price,
+)
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.identification.discovery.search.term_search import (
     PRICE,
@@ -40,6 +46,7 @@ from observer_rt.model.terms.bounds import refuse_unbounded
 CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
 SEVERAL = 2  # effects together, of which one law may take the place
 MOST_PROPOSED, MOST_LOST = 4, 8
+PAIR = 2
 
 Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
 
@@ -58,7 +65,7 @@ def propose(
     problem = InjectorTerms(
         fitter.likelihood, fitter.nominal, _candidates(fitter.likelihood, outcome), baseline
     )
-    result = TermSearch(problem, fitter.each).run()
+    result = TermSearch(problem, fitter.each).run(_near(problem, outcome))
     if not result.best.chosen or (outcome.adequate and not _beats(problem, result.best, outcome)):
         return ()
     judged = fitter.likelihood.judge(fitter.nominal)
@@ -96,6 +103,17 @@ def _lost(problem: InjectorTerms, result: TermSearchResult) -> tuple[Candidate, 
         if fit.chosen not in proposed and fit.statistic > result.best.statistic + TIE * result.best.spread:
             best.setdefault(key, Candidate(hypothesis, tuple(fit.theta.tolist()), fit.statistic))
     return tuple(best.values())[:MOST_LOST]
+
+
+def _near(
+    problem: InjectorTerms, outcome: SearchOutcome
+) -> list[tuple[tuple[int, ...], NDArray[np.float64]]]:
+    """The best pair of effects, to which a third may be wanting; none where one of them has several sizes."""
+    pairs = (one for one in outcome.fitted if len(one.hypothesis.effects) == len(one.sizes) == PAIR)
+    return [
+        (tuple(map(problem.number_of, one.hypothesis.effects)), one.theta)
+        for one in sorted(pairs, key=price)[:1]
+    ]
 
 
 def _curves(fitter: Fitter, first: Proposal, best: TermFit, baseline: Healthy) -> tuple[LawCurve, ...]:

@@ -18,7 +18,9 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import TermLaw, is_term, term_of
 from observer_rt.model.terms.term import Term
 
-MOST_ENTERING = 2  # terms and effects that a model may be given: more say nothing of what is missing
+MOST_ENTERING = (
+    2  # terms and effects beside them that a model may be given: more say nothing of what is missing
+)
 _MORE_POINTS = "record more rail pressures and durations"
 
 
@@ -288,7 +290,7 @@ class Proposal:
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
         if not self.found.within_bounds:
             return AT_BOUND
-        if len(effects) > MOST_ENTERING:
+        if len(effects) > MOST_ENTERING and laws:
             return TOO_MANY
         if len({effect.place for effect in effects}) > 1 and any(law.numbers for law in laws):
             return TOO_FREE

@@ -205,12 +205,12 @@ class InjectorTerms:
         curves = self._curves(about, tuple(where), each)
         swings = self._waves(about.residuals)
         found = made_to_measure(curves, swings, self._beside(about), about.residuals, each)
-        return [self._number_of(one) for one in found]
+        return [self.number_of(one) for one in found]
 
     def tabulated(self, about: TermFit, each: Each) -> Sequence[int]:
         """See `TermProblem`."""
         curves = self._curves(about, tuple(CURVES), each)
-        return [self._number_of(one) for one in tables(curves, self._beside(about), about.residuals, each)]
+        return [self.number_of(one) for one in tables(curves, self._beside(about), about.residuals, each)]
 
     def _beside(self, about: TermFit) -> Callable[[Sequence[Effect]], "InjectorTerms"]:
         """Terms as a problem about the model of a fit."""
@@ -249,9 +249,9 @@ class InjectorTerms:
         if found is None:
             return None
         parts = zip(effects, freed.split(found.at.theta), strict=True)
-        return tuple(self._number_of(form_settled(effect, values[1:].tolist())) for effect, values in parts)
+        return tuple(self.number_of(form_settled(effect, values[1:].tolist())) for effect, values in parts)
 
-    def _number_of(self, effect: Effect) -> int:
+    def number_of(self, effect: Effect) -> int:
         """The number of a candidate, which may be new."""
         candidate = EffectCandidate(effect)
         if candidate not in self.candidates:

@@ -255,19 +255,24 @@ class TermSearch:
         self._first: Scores | None = None  # of the model as it is
         self._known: dict[tuple[int, ...], TermFit | None] = {}
 
-    def run(self) -> TermSearchResult:
-        """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution."""
+    def run(self, near: Sequence[tuple[tuple[int, ...], NDArray[np.float64]]] = ()) -> TermSearchResult:
+        """See `TermSearchResult`. Raises ArithmeticError where the model itself has no solution.
+
+        near: candidates found together before, with their coefficients, to which one may be wanting.
+        """
         nothing = best = no_terms(self._problem)
         tried: list[TermFit] = []
         adequate = self._is_adequate(nothing)
         if not adequate:
             tried = self._next(nothing)
-            for first in self._firsts(tried, nothing):
+            known = self._fits(lambda i: self._fit(*near[i]), len(near))
+            firsts = [*self._firsts(tried, nothing), *known]
+            for first in sorted(firsts, key=lambda one: (not self._is_adequate(one), one.price)):
                 grown = self._grown(first, nothing, tried)
-                adequate = self._is_adequate(grown)
-                if adequate or grown.price < best.price:
-                    best = grown
-                if adequate:
+                is_adequate = self._is_adequate(grown)
+                if (not is_adequate, grown.price) < (not adequate, best.price):
+                    best, adequate = grown, is_adequate
+                if adequate and (len(best.chosen) < MOST_TERMS or first in known):
                     break
         rivals: dict[frozenset[str], TermFit] = {}
         for one in sorted(tried, key=attrgetter("price")):

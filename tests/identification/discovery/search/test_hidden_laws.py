@@ -10,8 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.learning.healthy import NOT_FITTED
+from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.identification.discovery.search.term_search import TermSearch
+from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
@@ -31,14 +33,20 @@ INJECTIONS = 4
 NUMBER = r"\d+\.?\d*"
 
 
-def found_in(change: Change) -> tuple[Term, ...]:
-    """The terms found in recordings of a bench that is changed."""
+def recorded(change: Change) -> list[Recording]:
+    """Recordings of a bench that is changed."""
     made = []
     for number, (pressure, duration) in enumerate(POINTS):
         shots = np.random.default_rng(number).uniform(0.0, 1e-5, INJECTIONS)  # s, anywhere between samples
         events = tuple(Event(pressure, (Shot(shot, duration),), Faults()) for shot in shots)
         bench = Bench(Injector(), Needle(), events, seed=number)
         made.append(recording_of(record(change(bench))))
+    return made
+
+
+def found_in(change: Change) -> tuple[Term, ...]:
+    """The terms found in them."""
+    made = recorded(change)
     nominal = effective_model(NOMINAL)
     likelihood = joint_likelihood(measurements(made), nominal)
     span = RecordingSpan(float(made[0].time[-1]), INJECTIONS)
@@ -119,3 +127,17 @@ def test_what_no_form_explains_is_one_table() -> None:
     found = term.law.at({"line_pressure": at}, term.coefficient)
     off = found - 0.8 * np.sin(2.0 * np.pi * at / 60.0)
     assert np.std(off) < 0.15
+
+
+@pytest.mark.slow
+def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
+    hidden = {"orifice_area": 0.25, "seat_area": -0.25, "line_friction": 2.5}
+
+    def worn(bench: Bench) -> Bench:
+        return replace(bench, events=tuple(replace(e, faults=Faults(**hidden)) for e in bench.events))
+
+    proposals = name_effects(effective_model(NOMINAL), measurements(recorded(worn))).proposals
+    assert all(one.may_enter and not one.terms for one in proposals)
+    (right,) = (one for one in proposals if set(one.effects) == set(hidden))  # beside near ties
+    for effect, size in zip(right.effects, right.found.sizes, strict=True):
+        assert size == pytest.approx(hidden[effect], rel=0.03)

@@ -144,6 +144,8 @@ def library(span: RecordingSpan) -> Iterator[Effect]:
     unnamed = [law for name, law in LAWS_OF_EFFECTS.items() if name not in VOCABULARY]
     for equation, laws in LIBRARY.items():
         for law in (*laws, *(one for other, one in unnamed if other is equation)):
+            if "N" in law and law.replace("N", "B") in laws and span.injections <= 2.0:
+                continue  # of two injections both are the same
             if not set(law) & {"N", "B"} or span.injections > 1.0:
                 yield from (
                     term_effect(equation, *one) for one in product(spelled(law, span), numbers_of(law))

@@ -275,10 +275,10 @@ class TermSearch:
                 if adequate and (len(best.chosen) < MOST_TERMS or first in known):
                     break
         rivals: dict[frozenset[str], TermFit] = {}
-        for one in sorted(tried, key=attrgetter("price")):
+        ranked = tuple(sorted(tried, key=attrgetter("price")))
+        for one in ranked:
             if self._is_rival(one, best):
                 rivals.setdefault(frozenset(self._equations(one)), one)
-        ranked = tuple(sorted(tried, key=_price))
         return TermSearchResult(nothing, best, adequate, tuple(rivals.values()), ranked)
 
     def _firsts(self, fits: Sequence[TermFit], nothing: TermFit) -> list[TermFit]:

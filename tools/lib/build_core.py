@@ -134,9 +134,11 @@ def _configure(folder: Path, kind: Kind) -> None:
     asked = folder / "asked-for"
     edited = str((CORE / "meson.build").stat().st_mtime_ns)
     # ninja calls meson by its path, which is that of a passing environment where pip has built
-    wanted = "\n".join([*options, compiler(), kind.target, edited, _program("meson")])
+    wanted = "\n".join([*options, compiler(), kind.target, edited, _program("meson"), sys.executable])
     if asked.is_file() and asked.read_text() == wanted:
         return
+    if asked.is_file() and not asked.read_text().endswith(f"\n{sys.executable}"):
+        shutil.rmtree(folder)  # meson keeps the Python it began with, which may be gone
     files = "--cross-file" if kind.target else "--native-file"
     setup = ["meson", "setup", files, str(tools), *options, str(folder), str(CORE)]
     try:

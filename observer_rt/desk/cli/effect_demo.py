@@ -245,7 +245,7 @@ class EffectDemo:
         """Ask in a process of its own, beside the daemon; the amended file, None where there is none."""
         evidence, found = self.folder / "evidence", self.folder / FOUND
         command = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(evidence)]
-        command += ["--out", str(found), "--accept-term", "1", "--force"]
+        command += ["--out", str(found), "--accept-term", "1", "--in-part", "--force"]
         asked = subprocess.run(
             command, capture_output=True, text=True, check=False, preexec_fn=lambda: os.nice(10)
         )

@@ -50,7 +50,7 @@ def test_a_finding_without_an_amended_model_has_no_button_for_it(bench: Bench, a
         "line_pressure": {"before_MPa": 1.5, "after_MPa": after, "noise_floor_MPa": 0.17},
         "injected_mass": {"before_mg": after, "after_mg": None},
     }
-    finding = {"verdict": "unknown", "effects": [], "gap": gap}
+    finding = {"verdict": "unknown", "effects": [], "gap": gap, "in_part": True}
     (search.out / "findings.json").write_text(json.dumps(finding))
     html = panel_html(bench, seen(), search)
     assert "unknown" in html
@@ -59,7 +59,9 @@ def test_a_finding_without_an_amended_model_has_no_button_for_it(bench: Bench, a
     shutil.copyfile(bench.injector.parameters_path, search.out / "amended.toml")
     assert "This is in force" in panel_html(bench, seen(), search)
     (search.out / "amended.toml").write_text("[another]")
-    assert 'data-ask="take_over"' in panel_html(bench, seen(), search)
+    html = panel_html(bench, seen(), search)
+    assert 'data-ask="take_over"' in html
+    assert "explains a part" in html
 
 
 def test_evidence_is_counted_by_kind(bench: Bench, tmp_path: Path) -> None:

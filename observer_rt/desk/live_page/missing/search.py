@@ -86,7 +86,7 @@ class MissingSearch:
             process = await asyncio.create_subprocess_exec(
                 *(sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(self.evidence)),
                 *("--bench", str(self._bench.path), *named),
-                *("--out", str(self.out), "--accept-term", "1", "--force"),
+                *("--out", str(self.out), "--accept-term", "1", "--in-part", "--force"),
                 stdout=PIPE,
                 stderr=PIPE,
                 preexec_fn=lambda: os.nice(NICE),

@@ -178,7 +178,7 @@ def model_hash(parameters: InjectorParameters) -> str:
 
     Of the effects and terms in force it covers what they do, not why somebody believes in them.
     """
-    content = parameters.model_dump(mode="json", exclude={"effects", "terms", "format"})
+    content = parameters.model_dump(mode="json", exclude={"effects", "terms", "format", "remainder"})
     if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
         for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
             del content["fluid"][key]
@@ -192,6 +192,8 @@ def model_hash(parameters: InjectorParameters) -> str:
             (one.equation, str(one.law), one.coefficient)
             for one in (stated.term for stated in parameters.terms)
         ]
+    if parameters.remainder is not None:  # a file without is the model that it was before there was any
+        content["remainder"] = parameters.remainder.model_dump(mode="json", exclude={"origin", "date"})
     return _digest(content)
 
 

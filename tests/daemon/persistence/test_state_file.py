@@ -511,3 +511,8 @@ def test_the_model_hash_tells_models_apart_but_not_their_spelling(tmp_path: Path
     respelt = tmp_path / "injector.toml"
     respelt.write_text(text.replace("0.9e-6", "900e-9").replace("holes = 8", "holes = 8  # eight"))
     assert model_hash(load_injector(respelt)) == MODEL
+
+
+def test_an_injector_file_is_the_model_that_it_was_to_earlier_versions() -> None:
+    """Else what was learned for it, and evidence kept with it, would be of another model after an update."""
+    assert MODEL == "16ad6765d5c8654dc29130336e432d36f6ee0f3dd3c37b7adbfab2db77e414b5"

@@ -330,11 +330,13 @@ def write_loop_figure(result: LoopResult, path: Path) -> None:
     masses.set(
         xlabel="injection", ylabel="error of the injected mass [%]", title=f"hidden: {result.hidden.words}"
     )
-    masses.legend(loc="lower right")
+    masses.legend(loc="upper right")
+    masses.margins(y=0.15)
     line = result.findings["gap"]["line_pressure"]
     heights = [line["before_MPa"], line["after_MPa"], line["noise_floor_MPa"]]
     bars = gap.bar(["before", "after", "noise"], heights, color=["0.6", ESTIMATED, "0.85"])
     gap.bar_label(bars, fmt="%.2f")
+    gap.margins(y=0.1)
     gap.set(ylabel="line pressure, model against measured [MPa]", title="the gap")
     figure.savefig(path, dpi=110)
     plt.close(figure)

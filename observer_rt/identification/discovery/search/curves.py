@@ -13,13 +13,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.term_search import (
-    Each,
-    Scores,
-    TermFit,
-    TermProblem,
-    scores_of,
-)
+from observer_rt.identification.discovery.search.term_fit import Each, TermFit, TermProblem
+from observer_rt.identification.discovery.search.term_scores import Scores, scores_of
 from observer_rt.identification.discovery.search.waves import turned
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect

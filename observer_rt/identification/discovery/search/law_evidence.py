@@ -6,7 +6,8 @@ import numpy as np
 
 from observer_rt.identification.discovery.search.curves import AXES, Axis
 from observer_rt.identification.discovery.search.results import LawCurve
-from observer_rt.identification.discovery.search.term_search import Each, TermFit, TermProblem, scores_of
+from observer_rt.identification.discovery.search.term_fit import Each, TermFit, TermProblem
+from observer_rt.identification.discovery.search.term_scores import scores_of
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Residuals
 from observer_rt.model.effect import Effect
 from observer_rt.model.terms.law import Law, Values

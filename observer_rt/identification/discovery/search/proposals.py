@@ -26,16 +26,10 @@ from observer_rt.identification.discovery.search.search import (
     SearchOutcome,
     price,
 )
+from observer_rt.identification.discovery.search.term_fit import PRICE, TermFit, no_terms
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
-from observer_rt.identification.discovery.search.term_search import (
-    PRICE,
-    TIE,
-    TermFit,
-    TermSearch,
-    TermSearchResult,
-    no_terms,
-    scores_of,
-)
+from observer_rt.identification.discovery.search.term_scores import scores_of
+from observer_rt.identification.discovery.search.term_search import TIE, TermSearch, TermSearchResult
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, pool_of
 from observer_rt.model.effect import Effect

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.identification.discovery.search.curves import SINCE, Axis, FreeCurve, free_curves
-from observer_rt.identification.discovery.search.term_search import PRICE, Each, TermProblem
+from observer_rt.identification.discovery.search.term_fit import PRICE, Each, TermProblem
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect

@@ -22,7 +22,7 @@ from observer_rt.identification.discovery.search.curves import (
 )
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
 from observer_rt.identification.discovery.search.tables import tables
-from observer_rt.identification.discovery.search.term_search import Each, TermFit
+from observer_rt.identification.discovery.search.term_fit import Each, TermFit
 from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.identification.likelihood.bounded_fit import Range, Residuals, fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, Pool, pool_of

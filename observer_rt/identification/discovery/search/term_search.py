@@ -1,122 +1,29 @@
-"""Searches for terms that a model misses: scores of all candidates from one linearisation each, refits of the best.
-
-It knows no injector: a system, its candidates and its data come in as a `TermProblem`.
-"""
+"""Searches for terms that a model misses: refits those whose scores are best, and adds what is worth it."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations
 from operator import attrgetter
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.whitening import HUBER
-from observer_rt.identification.likelihood.bounded_fit import Minimum, Range, Residuals, fit
+from observer_rt.identification.discovery.search.term_fit import Each, TermFit, TermProblem, no_terms
+from observer_rt.identification.discovery.search.term_scores import Scores, scored, scores_of
+from observer_rt.identification.likelihood.bounded_fit import Minimum, Residuals, fit
 
 SAME = 0.998  # cosine of two signatures of one equation, from which on the weaker one is not fitted
 REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
 TIE = 16.0  # of -2 log L, within which fits explain as much
-PRICE = 10.0  # of -2 log L for a term more, which of two near-ties leads
 LEAST_GAIN, LEAST_SHARE = 25.0, 0.05  # of what is left unexplained, that a further term must gain
-MOST_NAMED = 3  # numbers within a law that has a name: a table has more
 KEPT_SHARE = 0.02  # of the same, that a term already taken must be worth
 MOST_TERMS = 3
 SHORTLIST = 40  # candidates of further terms that are linearised again
 STARTS = 2  # first terms from which others are sought, where the best ends inadequate
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
 ITERATIONS = 6  # of a refit
-Each = Callable[[Callable[[int], object], Sequence[int]], Iterable[object]]
-"""Applies work to items, on several threads if it likes, in the order of the items."""
-
-
-class CandidateTerm(Protocol):
-    """A term that may be missing; its coefficient is the only free number."""
-
-    @property
-    def equation(self) -> str:
-        """The equation it corrects."""
-
-    @property
-    def range(self) -> Range:
-        """Bounds of its coefficient, and a small one."""
-
-    @property
-    def numbers(self) -> int:
-        """How many numbers within its law were fitted."""
-
-
-class TermProblem(Protocol):
-    """A system with candidates, and its data."""
-
-    @property
-    def candidates(self) -> Sequence[CandidateTerm]:
-        """Terms that may be missing."""
-
-    @property
-    def remainder(self) -> float:
-        """Share of what terms explain that may be the model's own error; 0 of an exact one."""
-
-    def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals | None:
-        """Residuals with these candidates in force, their coefficients theta; None without a solution."""
-
-    def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
-        """Whether nothing but noise is left."""
-
-    def tailored(self, about: "TermFit", equations: Sequence[str], each: "Each") -> Sequence[int]:
-        """Candidates made for what a fit leaves, which may be new; equations: the most promising first."""
-
-    def tabulated(self, about: "TermFit", each: "Each") -> Sequence[int]:
-        """Candidates whose laws are free curves, which may be new, for what a fit leaves."""
-
-    def sharpened(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> tuple[int, ...] | None:
-        """These terms with the numbers within their laws fitted; None where they have none. They may be new."""
-
-
-@dataclass(frozen=True, eq=False)
-class TermFit:
-    """Terms fitted together: numbers of the candidates, their coefficients with standard deviations, what is left.
-
-    within: how many numbers within the laws of each were fitted before.
-    """
-
-    chosen: tuple[int, ...]
-    theta: NDArray[np.float64]
-    sigmas: NDArray[np.float64]
-    residuals: Residuals
-    within: tuple[int, ...] = ()
-
-    @property
-    def statistic(self) -> float:
-        """-2 log L."""
-        return self.residuals.statistic
-
-    @property
-    def spread(self) -> float:
-        """Mean square of the normalised residuals as `statistic` counts it, 1 at least."""
-        return max(1.0, self.residuals.squares / self.residuals.z.size)
-
-    @property
-    def price(self) -> float:
-        """-2 log L, and what every number fitted costs."""
-        return self.statistic + PRICE * (len(self.chosen) + sum(self.within)) * self.spread
-
-    @property
-    def by_table(self) -> bool:
-        """Whether a law is a table."""
-        return max(self.within, default=0) > MOST_NAMED
-
-
-def no_terms(problem: TermProblem) -> TermFit:
-    """The model as it is. Raises ArithmeticError where it has no solution."""
-    here = problem.residuals((), np.zeros(0))
-    if here is None:
-        raise ArithmeticError("the model has no finite solution on these recordings")
-    return TermFit((), np.zeros(0), np.zeros(0), here)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,117 +40,6 @@ class TermSearchResult:
     adequate: bool
     rivals: tuple[TermFit, ...]
     tried: tuple[TermFit, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Scores:
-    """Signatures of candidates in the residuals about a model, and what each alone would gain.
-
-    numbers: (m,) of the candidates; information_of, gradient_of: (parts, m, m) and (parts, m) of every part of the
-    data, the gradient half of that of -2 log L, downwards; gains: (m,) of -2 log L, sizes limited by bounds;
-    validated: (m,) the same with every part of the data left out in turn; slopes: (n, m) the signatures;
-    left: weighted sum of squares of the residuals.
-    """
-
-    numbers: NDArray[np.int64]
-    information_of: NDArray[np.float64]
-    gradient_of: NDArray[np.float64]
-    gains: NDArray[np.float64]
-    validated: NDArray[np.float64]
-    slopes: NDArray[np.float32]
-    left: float
-
-    @cached_property
-    def information(self) -> NDArray[np.float64]:
-        """Of all data (m, m)."""
-        return np.asarray(self.information_of.sum(axis=0))
-
-    @cached_property
-    def gradient(self) -> NDArray[np.float64]:
-        """Of all data (m,)."""
-        return np.asarray(self.gradient_of.sum(axis=0))
-
-    def cosine(self, one: int, other: int) -> float:
-        """Cosine of the signatures in two rows."""
-        length = math.sqrt(self.information[one, one] * self.information[other, other])
-        return abs(float(self.information[one, other])) / length
-
-    def part(self, numbers: range) -> "Scores":
-        """Those of some candidates, their numbers counted from the first; what has no signature is not there."""
-        rows = np.flatnonzero((self.numbers >= numbers.start) & (self.numbers < numbers.stop))
-        return Scores(
-            self.numbers[rows] - numbers.start,
-            self.information_of[:, rows[:, None], rows],
-            self.gradient_of[:, rows],
-            self.gains[rows],
-            self.validated[rows],
-            self.slopes[:, rows],
-            self.left,
-        )
-
-    def pair_gain(self, one: int, other: int) -> float:
-        """Gain of two rows together."""
-        rows = [one, other]
-        information, gradient = self.information[np.ix_(rows, rows)], self.gradient[rows]
-        return float(gradient @ np.linalg.lstsq(information, gradient, rcond=1e-9)[0])
-
-
-def scores_of(problem: TermProblem, about: TermFit, each: Each, among: Sequence[int] | None = None) -> Scores:
-    """Scores of candidates, of all without `among`, that are not in force, one small coefficient each about a fit."""
-    here = about.residuals
-    tried = range(len(problem.candidates)) if among is None else among
-    free = [number for number in tried if number not in about.chosen]
-    weights = _weights(here)
-
-    def signature(number: int) -> NDArray[np.float32] | None:
-        bounds = problem.candidates[number].range
-        for step in (bounds.step, -bounds.step):
-            if bounds.lowest <= step <= bounds.highest:
-                there = problem.residuals((*about.chosen, number), np.append(about.theta, step))
-                if there is not None:
-                    return np.asarray(weights * (here.z - there.z) / step, np.float32)
-        return None
-
-    found = [
-        (number, one)
-        for number, one in zip(free, each(signature, free), strict=True)
-        if isinstance(one, np.ndarray) and one.any()
-    ]
-    numbers = np.array([number for number, _ in found], np.int64)
-    slopes = np.column_stack([one for _, one in found]) if found else np.zeros((here.z.size, 0), np.float32)
-    return _scored(problem, numbers, slopes, here)
-
-
-def _weights(here: Residuals) -> NDArray[np.float64]:
-    """Roots of what residuals count (n,)."""
-    return np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
-
-
-def _scored(
-    problem: TermProblem, numbers: NDArray[np.int64], slopes: NDArray[np.float32], here: Residuals
-) -> Scores:
-    """Scores of candidates by their signatures in what is left."""
-    left = np.asarray(_weights(here) * here.z, np.float32)
-    ends = np.cumsum(here.counts)
-    parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
-    information = np.array([slopes[part].T @ slopes[part] for part in parts], np.float64)
-    gradient = np.array([slopes[part].T @ left[part] for part in parts], np.float64)
-    own = np.diagonal(information, axis1=1, axis2=2)
-    whole, total = own.sum(axis=0), gradient.sum(axis=0)
-    ranges = [problem.candidates[number].range for number in numbers]
-    lowest, highest = np.array([r.lowest for r in ranges]), np.array([r.highest for r in ranges])
-    sizes = np.clip(total / whole, lowest, highest)
-    without = np.maximum(whole - own, 1e-12 * whole)
-    validated = np.clip((total - gradient) / without, lowest, highest)
-    return Scores(
-        numbers,
-        information,
-        gradient,
-        2.0 * sizes * total - sizes**2 * whole,
-        np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
-        slopes,
-        float(np.sum(left**2, dtype=np.float64)),
-    )
 
 
 class TermSearch:
@@ -323,7 +119,7 @@ class TermSearch:
             self._first = scores_of(self._problem, about, self._each)
             return self._first
         first = self._first
-        again = _scored(self._problem, first.numbers, first.slopes, about.residuals)
+        again = scored(self._problem, first.numbers, first.slopes, about.residuals)
         promising = first.numbers[np.argsort(-again.validated)[:SHORTLIST]].tolist()
         new = range(int(np.max(first.numbers, initial=-1)) + 1, len(self._problem.candidates))
         return scores_of(self._problem, about, self._each, [*promising, *new])

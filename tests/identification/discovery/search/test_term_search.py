@@ -13,12 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from observer_rt.identification.discovery.search.term_search import (
-    Each,
-    TermFit,
-    TermSearch,
-    TermSearchResult,
-)
+from observer_rt.identification.discovery.search.term_fit import Each, TermFit
+from observer_rt.identification.discovery.search.term_search import TermSearch, TermSearchResult
 from observer_rt.identification.likelihood.bounded_fit import Range, Residuals
 
 Floats = NDArray[np.float64]

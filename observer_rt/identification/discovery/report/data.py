@@ -10,7 +10,7 @@ from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import PHASE_NAMES
 from observer_rt.identification.discovery.injections import Overlay
 from observer_rt.identification.discovery.report.figures import overlay_figure
-from observer_rt.identification.discovery.report.page import held_out_figure, with_words
+from observer_rt.identification.discovery.report.page_figures import held_out_figure, with_words
 from observer_rt.identification.discovery.report.text import printed
 from observer_rt.identification.discovery.search.results import Cell
 

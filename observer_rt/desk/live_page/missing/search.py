@@ -26,7 +26,7 @@ _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
 @dataclass(frozen=True)
-class Finding:
+class MissingFinding:
     """What a search found: findings.json, what `discover` wrote on the screen, and its files."""
 
     document: dict[str, Any]
@@ -66,13 +66,15 @@ class MissingSearch:
         return {kind: counts[kind.value] for kind in EvidenceKind}
 
     @property
-    def finding(self) -> Finding | None:
+    def finding(self) -> MissingFinding | None:
         """The last one; None where there is none, or it is being replaced."""
         path = self.out / FINDINGS
         with suppress(OSError, ValueError):
             document = json.loads(path.read_text(encoding="utf-8"))
             amended = self.out / AMENDED
-            return Finding(document, self._text, self.out / REPORT, amended if amended.exists() else None)
+            return MissingFinding(
+                document, self._text, self.out / REPORT, amended if amended.exists() else None
+            )
         return None
 
     async def run(self) -> None:

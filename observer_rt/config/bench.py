@@ -244,7 +244,7 @@ def content_of(bench: Bench) -> Content:
     for injector in bench.injectors:
         prefix = f"injectors.{injector.name}." if injector.name else ""
         said |= _flat(prefix, injector.config.model_dump())
-        said |= _flat(f"{prefix}{injector.parameters_path.name}: ", injector.parameters.model_dump())
+        said |= _flat(f"{prefix}model: ", injector.parameters.model_dump())  # by whichever file it is stated
     return said | {str(path): (file_hash(path),) for path in bench.databases}
 
 

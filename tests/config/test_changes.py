@@ -20,7 +20,7 @@ def test_keys_are_named_with_both_values(tmp_path: Path) -> None:
     assert changes(before, content_of(load_bench(path))) == [
         "link.channel can0 -> can1",
         "sampling.bridge_ms 0.5 -> 1.0",
-        "injector.toml: nozzle.holes 8 -> 9",
+        "model: nozzle.holes 8 -> 9",
     ]
 
 

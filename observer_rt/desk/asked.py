@@ -43,11 +43,12 @@ def asked_of_recordings(
 ) -> Asked:
     """Recordings read from files; model: None: the bench file's. Raises `UserError` for files that cannot serve."""
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
+    baseline = load_injector(start).baseline
     paths = without_copies(without_truths(recordings, console), console)
     references = without_copies(healthy, console)
     read = partial(open_source, bench=decoder, from_channels=from_channel, console=console)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    given, baseline = [*paths, *references], load_injector(start).baseline
+    given = [*paths, *references]
     measured = read_measured(given, read, console, stated=stated, baseline=baseline)
     return Asked(
         start, measured[: len(paths)], hashes(paths), measured[len(paths) :], tuple(references), stated

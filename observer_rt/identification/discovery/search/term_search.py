@@ -65,6 +65,8 @@ class TermSearch:
             firsts = [*self._firsts(tried, nothing), *known]
             for first in sorted(firsts, key=lambda one: (not self._is_adequate(one), one.price)):
                 grown = self._grown(first, nothing, tried)
+                if grown in known:  # found wanting as it is: only what comes to it counts
+                    continue
                 is_adequate = self._is_adequate(grown)
                 if (not is_adequate, grown.price) < (not adequate, best.price):
                     best, adequate = grown, is_adequate

@@ -109,6 +109,17 @@ def test_a_term_that_later_ones_make_needless_is_dropped_and_its_place_used() ->
     assert result.adequate
 
 
+def test_what_was_found_wanting_before_is_no_answer_by_itself() -> None:
+    """Only what comes to it: here a law alone leaves little, and the pair that was known explains even that."""
+    law, beside = white(2)
+    pair = law + beside, law - beside
+    y = 2.6 * pair[0] + 2.4 * pair[1] + np.random.default_rng(0).normal(size=law.size)
+    problem = Regression("abc", np.column_stack((law, *pair)), y)
+    result = TermSearch(problem, in_turn).run([((1, 2), np.array([2.6, 2.4]))])
+    assert result.adequate
+    assert result.best.chosen == (0,)
+
+
 def test_what_may_be_the_own_error_of_a_model_is_no_term() -> None:
     class Fitted(Regression):
         remainder = 0.06

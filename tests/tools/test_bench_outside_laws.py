@@ -16,7 +16,7 @@ from tests.plants.parameters import Injector
 from tools.benchmarks.discovery.cases import write_all
 from tools.benchmarks.discovery.outside.answers import misfit
 from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, further_benches
-from tools.benchmarks.discovery.outside.kinds import KINDS
+from tools.benchmarks.discovery.outside.kinds import KINDS, WAVE_OF_SENSOR, WEAK_BELOW
 from tools.benchmarks.discovery.real_line.hidden import TAP_DAMPING
 
 PART = Injector()
@@ -34,6 +34,7 @@ LAWS: dict[str, Law] = {
     "slow_friction": lambda rate, memory: (
         f"{INERTANCE * rate:.9g}*(line_flow - lagged(line_flow, {memory * 1e3:.9g}))"
     ),
+    "slow_damper": lambda loss, memory: f"{1e-12 * loss:.9g}*lagged(line_flow, {memory * 1e3:.9g})",
     "stiction": lambda loss: f"{loss * 1e-6:.9g}*tanh(line_flow/10)",
     "inertance_by_flow": lambda share: f"{share:.9g}*abs(line_flow)/60",
     "rail_hum": lambda size, hertz: f"{size * 1e-6:.9g}*sin({2.0 * math.pi * hertz:.9g}[Hz]*time)",
@@ -41,6 +42,9 @@ LAWS: dict[str, Law] = {
     "needle_displacement": lambda area: f"{area * 1e6:.9g}*lift_rate",
     "root_leakage": lambda c: f"{c * 1e9:.9g}*sqrt(line_pressure - chamber_pressure)*closed",
     "open_leakage": lambda c: f"{c * 1e12:.9g}*(line_pressure - chamber_pressure)*open",
+    "yielding_fuel": lambda c, memory: (
+        f"{c * 1e12:.9g}*(line_pressure - lagged(line_pressure, {memory * 1e3:.9g}))"
+    ),
     "relief_leakage": lambda c: f"{c * 1e12:.9g}*max(line_pressure - 100, 0)",
     "stiffness_bend": lambda share: f"{share:.9g}*({ABOVE})^2",
     "waxing_fuel": lambda share: f"{share:.9g}*tanh((line_pressure - 100)/15)",
@@ -71,6 +75,10 @@ LAWS: dict[str, Law] = {
         f"{size * 1e-6:.9g}*sin({SINE}*time_since_opening)*exp(-time_since_opening/0.6)"
     ),
     "bent_line_sensor": lambda bow: f"{bow / 1.6e9:.9g}*(line_pressure - 60)*(line_pressure - 140)",
+    "weak_sensor": lambda share: f"{-share:.9g}*max({WEAK_BELOW * 1e-6:.9g} - line_pressure, 0)",
+    "wavy_sensor": lambda size: (
+        f"{size * 1e-6:.9g}*sin({2.0 * math.pi * 1e6 / WAVE_OF_SENSOR:.9g}*line_pressure)"
+    ),
     "tap_resonance": lambda hertz: f"ringing(line_pressure, {hertz * 1e-3:.9g}, {TAP_DAMPING:.9g})",
     "drifting_sensor": lambda rate: f"{rate * 1e-6:.9g}*time",
     "creeping_sensor": lambda share: f"{share:.9g}*(line_pressure - lagged(line_pressure, 1))",

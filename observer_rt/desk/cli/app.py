@@ -163,9 +163,11 @@ for _heading, _commands in {
     ),
 }.items():
     for _command, _example in _commands:
+        _name = _command.__name__.replace("_", "-")
         app.command(
+            _name,
             cls=WordedCommand,
             short_help=inspect.cleandoc(_command.__doc__ or "").split("\n\n")[0].replace("\n", " "),
-            epilog=f"Example: observer-rt {_command.__name__} {_example}\n\n{EXIT_CODES}",
+            epilog=f"Example: observer-rt {_name} {_example}\n\n{EXIT_CODES}",
             rich_help_panel=_heading,
         )(_command)

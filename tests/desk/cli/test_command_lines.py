@@ -79,7 +79,7 @@ MISTAKES = [
     ("record --out x.mf4", "cannot be recorded into safely"),
     ("record --out no/x.blf", "no such folder"),
     ("record --out x.blf --interface nosuch", "unknown interface 'nosuch'"),
-    ("discover --out found", "missing argument 'RECORDING'"),
+    ("discover --out found", "RECORDING: is missing"),
     ("discover --out found --choose seat_rea {worn}", "nearest is 'seat_area'"),
     ("discover --out found {log}", "--bench: is missing: it says which signals the frames of {log} carry"),
     ("compare {here}", "two folders"),

@@ -98,7 +98,7 @@ def test_ctrl_c_while_modules_are_imported(tmp_path: Path, name: str) -> None:
 
 
 REGISTERED = [command for command in app.registered_commands if command.callback]
-COMMANDS = [command.callback.__name__ for command in REGISTERED if command.callback]
+COMMANDS = [command.name for command in REGISTERED if command.name]
 HEADINGS = list(dict.fromkeys(str(command.rich_help_panel) for command in REGISTERED))
 
 
@@ -127,25 +127,21 @@ def helps() -> dict[str, str]:
 
 def test_the_list_of_commands_cuts_no_sentence() -> None:
     listed = helps()["-h"].split(f"\n{HEADINGS[0]}:\n")[1].split("\n\n  Every command")[0]
-    assert re.findall(r"^  (\w+)", listed, re.MULTILINE) == COMMANDS
+    assert re.findall(r"^  ([\w-]+)", listed, re.MULTILINE) == COMMANDS
     assert re.findall(r"^(\w[\w ]*):$", listed, re.MULTILINE) == HEADINGS[1:]
-    sentences = re.split(r"^  \w+ +", re.sub(r"\n\n.*:\n", "\n", listed), flags=re.MULTILINE)[1:]
+    sentences = re.split(r"^  [\w-]+ +", re.sub(r"\n\n.*:\n", "\n", listed), flags=re.MULTILINE)[1:]
     assert all(sentence.rstrip().endswith(".") and "..." not in sentence for sentence in sentences)
 
 
 def test_the_page_of_commands_lists_every_one_as_the_program_does() -> None:
     text = Page("docs/commands.md").text
-    rows = re.findall(r"^## (.*)$|^\| `observer-rt (\w+)` \| (.*) \|$", text, re.MULTILINE)
+    rows = re.findall(r"^## (.*)$|^\| `observer-rt ([\w-]+)` \| (.*) \|$", text, re.MULTILINE)
     heading, listed = "", []
     for title, name, sentence in rows:
         heading = title or heading
         if name:
             listed.append((heading, name, sentence))
-    assert listed == [
-        (command.rich_help_panel, command.callback.__name__, command.short_help)
-        for command in REGISTERED
-        if command.callback
-    ]
+    assert listed == [(command.rich_help_panel, command.name, command.short_help) for command in REGISTERED]
 
 
 def test_the_page_of_commands_names_options_that_several_have() -> None:

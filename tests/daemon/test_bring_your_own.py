@@ -199,7 +199,7 @@ def test_replay_and_daemon_on_a_bus(
     assert status["SamplesProcessed"] == daemon.core.processed
     assert status["LostSamples"] == 0
     # CRC, counter and page too, but nothing of the energizing, of outliers and of refused frames
-    assert len(status) == len(StatusValues._fields) + 3 - 5
+    assert len(status) == len(StatusValues._fields) + 3 - 6
 
 
 def classic_layout(folder: Path, rate: float) -> Path:

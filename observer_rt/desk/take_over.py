@@ -42,12 +42,12 @@ def take_over(bench: Bench, amended: Path) -> TakeOver:
     injector = bench.injector
     if load_injector(amended) == injector.parameters:
         raise UserError(str(amended), "is the model in force already", "name another one")
-    step = len(steps(bench.path)) + 1
+    before = steps(bench.path)
     beside = bench.path.parent
     if injector.config.model.file is not None:
         beside = injector.parameters_path.parent
     stem = injector.parameters_path.stem.partition("_amended_")[0]
-    copy = beside / f"{stem}_amended_{step}.toml"
+    copy = beside / f"{stem}_amended_{len(before) + 1}.toml"
     with file_errors(copy), replacing(copy) as part:
         shutil.copyfile(amended, part)
     after = os.path.relpath(copy, bench.path.parent)
@@ -55,7 +55,7 @@ def take_over(bench: Bench, amended: Path) -> TakeOver:
         injector.name, injector.config.model.file, after, datetime.now().isoformat(timespec="seconds")
     )
     _state(bench.path, injector.name, after)
-    _note(bench.path, [*steps(bench.path), done])
+    _note(bench.path, [*before, done])
     return done
 
 

@@ -29,6 +29,7 @@ from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
+from observer_rt.foundation.files import to_disk
 from observer_rt.model.parameters import InjectorParameters, Scaling
 
 VERSION = 5
@@ -314,11 +315,7 @@ def _replace(path: Path, data: bytes) -> None:
     except OSError:
         new.unlink(missing_ok=True)
         raise
-    folder = os.open(path.parent, os.O_RDONLY)  # the new name must reach the disk too
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    to_disk(path.parent)  # the new name, too
 
 
 def _set_aside(path: Path) -> Path:

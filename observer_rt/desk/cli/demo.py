@@ -72,14 +72,19 @@ def mass_table(result: DemoResult) -> Table:
     return table
 
 
+def demo_link() -> LinkConfig:
+    """The bus of a demonstration: vcan0 where there is one, else a virtual one of its own."""
+    if Path(f"/sys/class/net/{VCAN}").exists():
+        return LinkConfig(channel=VCAN)
+    return LinkConfig(interface="virtual", channel=f"demo-{uuid.uuid4().hex[:8]}")
+
+
 class Demo:
     """Bench, worn injector and references of one demonstration."""
 
     def __init__(self, wear: float, injections: int, seed: int) -> None:
         """wear: v_H of (27)."""
-        has_vcan = Path(f"/sys/class/net/{VCAN}").exists()
-        own = LinkConfig(interface="virtual", channel=f"demo-{uuid.uuid4().hex[:8]}")
-        self.link = LinkConfig(channel=VCAN) if has_vcan else own
+        self.link = demo_link()
         self.bench = _on_link(load_bench(), self.link)
         schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, [ENERGIZING_TIME])
         parameters = self.bench.injector.parameters

@@ -7,9 +7,7 @@ import random
 import shutil
 import signal
 import subprocess
-import sys
 import time
-import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +25,8 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
 from observer_rt.daemon.persistence.journal import reading_journal
 from observer_rt.daemon.run import RunOptions, serve
-from observer_rt.desk.cli.demo import RAIL_PRESSURES, VCAN
+from observer_rt.desk.asked import question, step_back
+from observer_rt.desk.cli.demo import PERIOD, RAIL_PRESSURES, demo_link
 from observer_rt.desk.evaluation.figures import ESTIMATED, NOMINAL, REFERENCE
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
@@ -48,7 +47,6 @@ from observer_rt.model.terms.term import TermEquation
 
 BEFORE, AFTER = 18, 12  # injections
 LOG, JOURNAL, FOUND = "observer.log", "injections.sqlite", "missing"
-PERIOD = 60 * MILLISECOND
 SAMPLE_RATE = 100e3  # Hz
 ENERGIZING_TIMES = (0.9 * MILLISECOND, 1.9 * MILLISECOND)
 QUIET = 1.5  # s for the last results to be written, and for the observer to begin anew
@@ -187,11 +185,8 @@ class EffectDemo:
     def _bench(self) -> Bench:
         """Write the bench file: the example's, with evidence, on vcan0 where there is one."""
         document: Any = tomlkit.parse(EXAMPLE_BENCH.read_text(encoding="utf-8"))
-        if not Path(f"/sys/class/net/{VCAN}").exists():
-            document["link"]["interface"] = "virtual"
-            document["link"]["channel"] = f"demo-{uuid.uuid4().hex[:8]}"
-        else:
-            document["link"]["channel"] = VCAN
+        link = demo_link()
+        document["link"]["interface"], document["link"]["channel"] = link.interface, link.channel
         document["learning"]["lockstep"] = True  # so that every demonstration is the same
         document["evidence"]["folder"] = "evidence"
         document["model"]["file"] = "injector.toml"
@@ -243,12 +238,9 @@ class EffectDemo:
 
     def _discover(self) -> Path | None:
         """Ask in a process of its own, beside the daemon; the amended file, None where there is none."""
-        evidence, found = self.folder / "evidence", self.folder / FOUND
-        command = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(evidence)]
-        command += ["--out", str(found), "--accept-term", "1", "--in-part", "--force"]
-        asked = subprocess.run(
-            command, capture_output=True, text=True, check=False, preexec_fn=lambda: os.nice(10)
-        )
+        found = self.folder / FOUND
+        command = question(self.folder / "evidence", found)
+        asked = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=step_back)
         if asked.returncode:
             raise RunError(f"`observer-rt discover` failed:\n{asked.stderr}")
         amended = found / AMENDED

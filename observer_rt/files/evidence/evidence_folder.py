@@ -1,6 +1,5 @@
 """A bounded folder of evidence: by kind and operating point the newest, of good events a fair sample."""
 
-import os
 import random
 from collections import Counter
 from contextlib import suppress
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.evidence.evidence_file import SUFFIX, operating_point, write_evidence
+from observer_rt.foundation.files import replacing, to_disk
 
 _MIB = 1 << 20
 
@@ -55,20 +55,11 @@ class EvidenceFolder:
         return name
 
     def _write(self, target: Path, evidence: EventEvidence, time: datetime) -> None:
-        part = target.with_name(f".{target.name}")
-        try:
+        with replacing(target) as part:
             write_evidence(part, evidence, time.isoformat(timespec="milliseconds"))
-            with part.open("rb") as file:
-                os.fsync(file.fileno())
-            part.rename(target)
-        finally:
-            part.unlink(missing_ok=True)
+            to_disk(part)
         with suppress(OSError):  # not every file system lets one do so
-            folder = os.open(self._path, os.O_RDONLY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
+            to_disk(self._path)
 
     def _make_room(self, newest: str) -> None:
         """Drop files until all fit: the oldest of whatever there is most of, the newest never."""

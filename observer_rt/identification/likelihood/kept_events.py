@@ -19,7 +19,7 @@ from observer_rt.foundation.files import file_hash
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.reading import refuse_sample_rates
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effects import sized
+from observer_rt.model.effects import VOCABULARY
 
 APART = 10e-3  # s between two events: no sample belongs to both
 FEWEST = 3  # events of a kind, with which it can be asked
@@ -109,12 +109,8 @@ def _joined(chosen: Sequence[KeptEvent], folder: Path) -> Recording:
 def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:
     """What the bench file stated of the line pressure's channel; other channels were mended before."""
     return tuple(
-        sized(name, **dict(zip(_PARAMETERS[name], values, strict=True)))
-        for name, values in event.belief["line_sensor"].items()
+        SizedEffect(VOCABULARY[name], tuple(values)) for name, values in event.belief["line_sensor"].items()
     )
-
-
-_PARAMETERS = {"channel_skew": ("d",), "line_pressure_sensor_lag": ("tau",)}
 
 
 def _digest(hashes: Sequence[str]) -> str:

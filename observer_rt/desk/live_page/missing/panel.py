@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import isfinite
+from math import floor, isfinite, log10
 from pathlib import Path
 
 from observer_rt.config.bench import Bench
@@ -61,12 +61,8 @@ def gap_drawing(seen: Seen) -> GapDrawing | None:
 
 def _round_top(largest: float) -> float:
     """A round number above the largest."""
-    power = 10.0 ** _floor_log10(max(largest, 1e-3))
+    power = 10.0 ** floor(log10(max(largest, 1e-3)))
     return next(each * power for each in _ROUND if each * power >= largest)
-
-
-def _floor_log10(value: float) -> int:
-    return int(f"{value:e}".partition("e")[2])
 
 
 def panel_html(alone: Bench, seen: Seen, search: MissingSearch) -> str:

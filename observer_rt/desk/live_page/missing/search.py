@@ -2,9 +2,7 @@
 
 import asyncio
 import json
-import os
 import re
-import sys
 import time
 from asyncio.subprocess import PIPE
 from collections import Counter
@@ -14,14 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from observer_rt.config.bench import Bench
+from observer_rt.desk.asked import question, step_back
 from observer_rt.engine.reports.evidence import EvidenceKind
+from observer_rt.files.evidence.evidence_file import SUFFIX
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.discover import AMENDED, REPORT
 from observer_rt.identification.discovery.report.document import FINDINGS
 
 FOLDER = "missing"  # of the finding, in that of the evidence
-NICE = 15
-_SUFFIX = ".parquet"
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -62,7 +60,7 @@ class MissingSearch:
     @property
     def kept(self) -> dict[EvidenceKind, int]:
         """Events in the folder by kind."""
-        counts = Counter(path.name.partition("_")[0] for path in self.evidence.glob(f"*{_SUFFIX}"))
+        counts = Counter(path.name.partition("_")[0] for path in self.evidence.glob(f"*{SUFFIX}"))
         return {kind: counts[kind.value] for kind in EvidenceKind}
 
     @property
@@ -83,15 +81,12 @@ class MissingSearch:
             raise UserError("search", "is on its way", "wait for it")
         self._began, self.failure = time.monotonic(), ""
         injector = self._bench.injector
-        named = ["--injector", injector.name] if injector.name else []
         try:
             process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(self.evidence)),
-                *("--bench", str(self._bench.path), *named),
-                *("--out", str(self.out), "--accept-term", "1", "--in-part", "--force"),
+                *question(self.evidence, self.out, self._bench.path, injector.name),
                 stdout=PIPE,
                 stderr=PIPE,
-                preexec_fn=lambda: os.nice(NICE),
+                preexec_fn=step_back,
             )
             said, errors = await process.communicate()
         finally:

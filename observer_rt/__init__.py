@@ -1,3 +1,60 @@
-"""Real-time neural-network observer of a common-rail injector's injection rate over CAN."""
+"""Real-time neural-network observer of a common-rail injector's injection rate over CAN.
+
+The library, in a notebook or a script (`import observer_rt as ort`):
+
+- `read`: a recording from a file, a DataFrame or arrays
+- `Injector`: a model; `fit`, `evaluate` and `discover` take recordings
+- `Observer`: fed sample by sample, in physical units
+- `simulate`: a recording of a healthy or worn injector
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from observer_rt.desk.library.discovery import Discovery
+    from observer_rt.desk.library.injector import Injector
+    from observer_rt.desk.library.notes import ObserverWarning
+    from observer_rt.desk.library.observer import Observer
+    from observer_rt.desk.library.recordings import read, to_frame
+    from observer_rt.desk.library.results import EvaluationResult
+    from observer_rt.desk.library.simulation import simulate
+    from observer_rt.desk.library.units import in_si
+    from observer_rt.foundation.errors import UserError
 
 __version__ = "0.1.0"
+__all__ = [
+    "Discovery",
+    "EvaluationResult",
+    "Injector",
+    "Observer",
+    "ObserverWarning",
+    "UserError",
+    "in_si",
+    "read",
+    "simulate",
+    "to_frame",
+]
+_PLACES = {
+    "Discovery": "desk.library.discovery",
+    "EvaluationResult": "desk.library.results",
+    "Injector": "desk.library.injector",
+    "Observer": "desk.library.observer",
+    "ObserverWarning": "desk.library.notes",
+    "UserError": "foundation.errors",
+    "in_si": "desk.library.units",
+    "read": "desk.library.recordings",
+    "simulate": "desk.library.simulation",
+    "to_frame": "desk.library.recordings",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of the library, its module imported when it is first asked for: the daemon needs none of them."""
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_PLACES])

@@ -72,7 +72,8 @@ _bars = _Bars()
 
 def _drawn_on(console: Console) -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    is_seen = console.is_terminal or console.is_jupyter
+    return Progress(*columns, console=console, transient=True, disable=not is_seen)
 
 
 def say(console: Console, text: str) -> None:

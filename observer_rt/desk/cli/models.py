@@ -22,7 +22,6 @@ from observer_rt.foundation.console import (
     say,
 )
 from observer_rt.foundation.errors import InterruptionError, UserError
-from observer_rt.foundation.files import file_errors
 
 
 def fit(
@@ -54,9 +53,8 @@ def fit(
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
-    from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.evaluation.logged import open_source, without_truths
-    from observer_rt.identification.fit.calibrate import baseline_of, calibrate, write_fitted
+    from observer_rt.desk.fitted_model import fitted_model
     from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
     from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.report import print_fit
@@ -92,21 +90,17 @@ def fit(
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
-            done = calibrate(start, found, weighed, progress)
+            fitted = fitted_model(start, found, weighed, hashes(paths), progress)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
-    say(messages, "observing the healthy injections with the fitted model")
-    baseline = baseline_of(done, hashes(paths))
-    observer = observer_remainder(done.injector, baseline, [one.recording for one in found])
-    baseline = baseline.model_copy(update={"observer": observer})
-    with file_errors(output):
-        write_fitted(output, source, done, baseline)
+    fitted.write(output, source)
+    done = fitted.done
     if plot is not None:
         from observer_rt.identification.fit.report import draw_fit
 
         draw_fit(plot, done)
     if as_json:
-        print(json.dumps(document_of(done, baseline, warned).as_json(), indent=2))
+        print(json.dumps(document_of(done, fitted.baseline, warned).as_json(), indent=2))
     else:
         print_fit(done, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))

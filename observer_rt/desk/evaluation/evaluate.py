@@ -11,6 +11,8 @@ from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.desk.evaluation.logged import LoggedSignals
@@ -61,7 +63,7 @@ class Evaluation:
         self._held: InjectionResult | None = None  # until no measured mass can come for it
         self.writer: TableWriter | None = None
         """Writes the trace, where it goes to a file."""
-        self._traces: list[Trace] | None = [] if keeps_trace else None
+        self._traces: list[tuple[Signal, Trace]] | None = [] if keeps_trace else None
 
     @property
     def samples(self) -> int:
@@ -71,7 +73,12 @@ class Evaluation:
     @cached_property
     def trace(self) -> Trace:
         """Trace of all n samples, empty where it is not kept."""
-        return joined(self._traces or [])
+        return joined([trace for _, trace in self._traces or []])
+
+    @cached_property
+    def time(self) -> Signal:
+        """Times of the samples of the trace [s] (n,)."""
+        return np.concatenate([time for time, _ in self._traces or []])
 
     @cached_property
     def reports(self) -> tuple[InjectionReport, ...]:
@@ -101,7 +108,7 @@ class Evaluation:
         if self.writer is not None:
             self.writer.write(trace_arrays(time.copy(), joined([trace])))
         if self._traces is not None:
-            self._traces.append(joined([trace]))
+            self._traces.append((time.copy(), joined([trace])))
 
     def observe(self, run: ObserverRun) -> None:
         """Give all its frames to an observer."""
@@ -135,6 +142,7 @@ def evaluate(
     learning: bool = True,
     progress: Progress | None = None,
     learner_of: LearnerFactory = make_learner,
+    curves_of: Coefficients | None = None,
 ) -> History:
     """Evaluate recordings as one history, learning in lockstep; traces and frames are kept in memory.
 
@@ -143,11 +151,11 @@ def evaluate(
     between two windows of a windowed source; that of a log must go on beyond that of the one before.
 
     knowledge: learned before; learning: whether the recordings are learned from; progress: takes the number of
-    samples processed; learner_of: makes the learner of the bench's injector.
+    samples processed; learner_of: makes the learner of the bench's injector; curves_of: as of `Evaluation`.
     Raises `UserError` for a recording whose sample rate is not the bench's.
     """
     sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)
-    evaluations = [Evaluation(source, keeps_trace=True) for source in sources]
+    evaluations = [Evaluation(source, curves_of, keeps_trace=True) for source in sources]
     begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
     run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, keeps_frames=True))
     return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))

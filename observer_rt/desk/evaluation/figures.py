@@ -4,7 +4,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
@@ -26,6 +25,7 @@ ANNOTATED = 24  # injections whose masses are bars with numbers; more are lines
 WEAR = {NOZZLE: ("nozzle flow, v_H", "#d62728", "-"), SEAT: ("seat flow, v_S", "#9467bd", ":")}
 """Learned quantities of an injector: name, colour and line where one recording is drawn."""
 PERCENT = 100.0
+DPI = 130
 COLUMNS = 4  # of curves side by side
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
@@ -158,7 +158,12 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
 
 
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
-    """Write a figure (format by suffix): curves above, masses and wear of all injections below.
+    """Write the figure of `injections_figure`, format by suffix."""
+    injections_figure(recordings, reference).savefig(path, dpi=DPI)
+
+
+def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
+    """Draw curves of injections above, masses and wear of all injections below.
 
     Several recordings share all axes, each in a colour of its own. reference: what the estimates are compared with
     ("true", "measured").
@@ -167,7 +172,7 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
     has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())
     has_wear = any(row.wear for one in recordings for row in one.masses)
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
-    figure = plt.figure(
+    figure = Figure(
         figsize=(max(8.8, 4.1 * columns), rows * (3.4 + 2.2 * has_line) + 2.9 + 2.6 * has_wear + 0.8),
         layout="constrained",
     )
@@ -190,8 +195,7 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
         masses.set_xlabel("")
     if len(recordings) == 1:
         figure.suptitle(recordings[0].title, x=0.01, ha="left")
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    return figure
 
 
 def _legend(figure: Figure, axes: Sequence[Axes], recordings: Sequence[Picture], reference: str) -> None:

@@ -2,6 +2,7 @@
 
 import pickle
 import tempfile
+import weakref
 from array import array
 from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
@@ -15,6 +16,7 @@ class Spool(Sequence[T], Generic[T]):
     def __init__(self, in_memory: int = 1) -> None:
         """in_memory: number of items held there before they go to the file together, and after they come back."""
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the spool
+        weakref.finalize(self, self._file.close)
         self._starts = array("q")  # of blocks of so many
         self._size = in_memory
         self._newest: list[T] = []

@@ -202,7 +202,8 @@ class Device:
 
     def __init__(self, bus: BusMap) -> None:
         self._framer = Framer(bus)
-        self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+        self.block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+        """Number of samples that fill frames of every message."""
         self._layouts = bus.input_layouts
         # of the input messages
         self._keys = np.array([each.key for each in self._layouts], np.int64)
@@ -225,7 +226,7 @@ class Device:
                 yield held
                 held = None
             joined = chunk if held is None else followed(held, chunk)
-            full = joined.samples - joined.samples % self._block
+            full = joined.samples - joined.samples % self.block
             if full:
                 yield cut(joined, 0, full)
             held = cut(joined, full, joined.samples) if full < joined.samples else None

@@ -214,7 +214,13 @@ def _figure(value: float | None) -> str:
 
 
 def draw_fit(path: Path, done: Calibrated) -> None:
-    """Write the figure; its kind is that of the suffix."""
+    """Write the figure of `fit_figure`; its kind is that of the suffix."""
+    with mpl.rc_context(LOOK):
+        save_figure(fit_figure(done), path, 110)
+
+
+def fit_figure(done: Calibrated) -> Figure:
+    """Draw line pressures before and after, and residuals by phase."""
     overlays = spread(done.comparison.overlays, _MOST)
     rows = -(-len(overlays) // _COLUMNS)
     with mpl.rc_context(LOOK):
@@ -225,7 +231,7 @@ def draw_fit(path: Path, done: Calibrated) -> None:
             _overlay(axes, overlay, legend=number == 0)
         _phases(figure.add_subplot(grid[rows, :]), done)
         figure.suptitle(f"{done.fitted.structure.name}: {verdict_words(done).split('. ')[0]}", fontsize=11)
-        save_figure(figure, path, 110)
+    return figure
 
 
 def _overlay(axes: Axes, overlay: FoldOverlay, legend: bool) -> None:

@@ -1,0 +1,44 @@
+"""A model fitted to healthy recordings, with what the observer leaves of them: for the command and the library."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from observer_rt.config.injector_file import InjectorFile
+from observer_rt.desk.evaluation.healthy_events import observer_remainder
+from observer_rt.foundation.files import file_errors
+from observer_rt.identification.fit.calibrate import Calibrated, baseline_of, calibrate, write_fitted
+from observer_rt.identification.fit.cross_validation import MeasuredMasses
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.model.baseline import Baseline
+from observer_rt.model.parameters import InjectorParameters
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """A fit, and the section [baseline] of its file."""
+
+    done: Calibrated
+    baseline: Baseline
+
+    def write(self, path: Path, start: InjectorFile) -> None:
+        """Write the file that the fit started from, with its numbers. Raises `RunError` if it would not load."""
+        with file_errors(path):
+            write_fitted(path, start, self.done, self.baseline)
+
+
+def fitted_model(
+    start: InjectorParameters,
+    found: Sequence[Measurement],
+    weighed: Mapping[int, MeasuredMasses],
+    digests: dict[str, str],
+    progress: Callable[[float], None],
+) -> FittedModel:
+    """Fit a model; weighed: measured masses by the number of the recording; digests: SHA-256 of recordings by name.
+
+    Raises `RunError` where no structure has a solution.
+    """
+    done = calibrate(start, found, weighed, progress)
+    baseline = baseline_of(done, digests)
+    observer = observer_remainder(done.injector, baseline, [one.recording for one in found])
+    return FittedModel(done, baseline.model_copy(update={"observer": observer}))

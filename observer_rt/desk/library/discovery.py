@@ -1,0 +1,184 @@
+"""What a model is missing, as `Injector.discover` gives it: verdict, effects, proposals, amended model, report."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from observer_rt.config.bench import Bench
+from observer_rt.config.effects import effect_named
+from observer_rt.config.injector_file import InjectorFile
+from observer_rt.desk.evaluation.healthy_events import observer_remainder
+from observer_rt.desk.library.notes import Notes, screen
+from observer_rt.desk.second_opinion import second_opinion
+from observer_rt.desk.simulation.simulate import two_injections
+from observer_rt.foundation.console import progress_bar
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL
+from observer_rt.identification.discovery.discover import (
+    AMENDED,
+    REPORT,
+    DiscoveryTask,
+    answer,
+    make_folder,
+    planned,
+    refuse_incomparable,
+    write_findings,
+)
+from observer_rt.identification.discovery.findings import Findings
+from observer_rt.identification.discovery.report.formula import law_text
+from observer_rt.identification.discovery.report.text import as_text, printed, proposal_words
+from observer_rt.identification.discovery.search.candidates import NoMemory
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.reading import coverage
+from observer_rt.model.effects import VOCABULARY
+
+if TYPE_CHECKING:
+    from observer_rt.desk.library.injector import Injector
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Discovery:
+    """Answer of a search, with all it rests on.
+
+    notes: what was noted while recordings were read; load: an injector file.
+    """
+
+    file: InjectorFile
+    task: DiscoveryTask
+    findings: Findings
+    healthy: tuple[Path, ...]
+    notes: tuple[str, ...]
+    load: "Callable[[Path], Injector]"
+
+    @property
+    def verdict(self) -> str:
+        """`none`, `named`, `ambiguous` or `unknown`."""
+        return str(self.findings.discovery.verdict)
+
+    @property
+    def confidence(self) -> float:
+        """Confidence that the verdict is right."""
+        return self.findings.discovery.confidence
+
+    @cached_property
+    def effects(self) -> pd.DataFrame:
+        """Effects named, a row a parameter: value, 95 % interval, unit."""
+        rows = [
+            (effect.id, VOCABULARY[effect.id].sentence, name, size.value, *size.ci95, size.unit)
+            for effect in self.findings.discovery.effects
+            for name, size in printed(effect.id, effect.parameters).items()
+        ]
+        return pd.DataFrame(rows, columns=["effect", "meaning", "parameter", "value", "low", "high", "unit"])
+
+    @cached_property
+    def proposals(self) -> pd.DataFrame:
+        """Laws outside the vocabulary, the best first; index: their numbers, for `accept_term`."""
+        rows = [
+            {
+                "words": proposal_words(one),
+                "laws": "; ".join(map(law_text, one.terms)),
+                "gap_before_MPa": one.held_out[0] / MEGAPASCAL,
+                "gap_after_MPa": one.held_out[1] / MEGAPASCAL,
+                "may_enter": one.may_enter,
+                "may_enter_in_part": one.may_enter_in_part,
+                "refused": "" if one.refusal is None else one.refusal.reason,
+            }
+            for one in self.findings.discovery.proposals
+        ]
+        columns = [
+            "words",
+            "laws",
+            "gap_before_MPa",
+            "gap_after_MPa",
+            "may_enter",
+            "may_enter_in_part",
+            "refused",
+        ]
+        return pd.DataFrame(rows, columns=columns, index=pd.RangeIndex(1, len(rows) + 1, name="number"))
+
+    @cached_property
+    def amended(self) -> "Injector | None":
+        """The injector with what was found; None where nothing may be added: see `findings.not_accepted`."""
+        if self.findings.amended_model is None:
+            return None
+        with TemporaryDirectory() as folder:
+            self._write(Path(folder))
+            return self.load(Path(folder) / AMENDED)
+
+    def plan(self) -> pd.DataFrame:
+        """Plan what to measure next: operating points that decide between what is left; empty where nothing is."""
+        with progress_bar(screen, "planning what to measure next", 1.0) as progress:
+            plan = planned(self.findings, self.task, two_injections, progress).plan
+        return pd.DataFrame([] if plan is None else [one.model_dump() for one in plan.measurements])
+
+    def report(self, folder: str | PathLike[str], data: bool = False) -> Path:
+        """Write report, findings and amended model into a folder; data: figures and numbers, too. Its page.
+
+        Raises `UserError` where the folder cannot be written.
+        """
+        make_folder(Path(folder))
+        self._write(Path(folder), data)
+        return Path(folder) / REPORT
+
+    def _write(self, folder: Path, data: bool = False) -> None:
+        write_findings(folder, self.task, self.findings, self.file, self.healthy, data)
+
+    def __repr__(self) -> str:
+        return as_text(self.findings)
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        return f"<pre>{escape(as_text(self.findings))}</pre>"
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Choices for the amended model, as options of `observer-rt discover`."""
+
+    choose: str = ""
+    accept_term: int = 0
+    in_part: bool = False
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Ids of the effects chosen."""
+        names = self.choose.split("+") if self.choose else []
+        return tuple(effect_named("choose", name.strip()).id for name in names)
+
+
+def discovered(
+    bench: Bench,
+    file: InjectorFile,
+    measured: Sequence[Measurement],
+    healthy: Sequence[Measurement],
+    digests: dict[str, str],
+    wanted: Wanted,
+    notes: Notes,
+    load: "Callable[[Path], Injector]",
+) -> Discovery:
+    """Search for what the model of a bench's injector is missing in measurements; load: as of `Discovery`."""
+    if wanted.in_part and not wanted.accept_term:
+        raise UserError("in_part", "says nothing of which proposal", "give accept_term, too")
+    task = DiscoveryTask(
+        bench.injector.parameters,
+        tuple(measured),
+        tuple(healthy),
+        digests,
+        wanted.chosen,
+        wanted.accept_term,
+        observer_remainder if wanted.in_part else None,
+    )
+    refuse_incomparable(task, file.name)
+    ask = partial(second_opinion, signals=bench.injector.config.signals)
+    with progress_bar(screen, "looking for what is missing", 1.0) as progress:
+        found = answer(task, NoMemory(), ask, progress, AMENDED)
+    said = (*notes, *map(coverage, (*measured, *healthy)))
+    references = tuple(one.recording.path for one in healthy if one.recording.path is not None)
+    return Discovery(file, task, found, references, said, load)

@@ -1,0 +1,232 @@
+"""An injector as the library has it: its model, fitted, evaluated, searched for what is missing."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from html import escape
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Self
+
+import pandas as pd
+
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
+from observer_rt.config.channels import effects_on_one_raster
+from observer_rt.config.injector_file import InjectorFile
+from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
+from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
+from observer_rt.desk.library.calibration import Calibration
+from observer_rt.desk.library.discovery import Discovery, Wanted, discovered
+from observer_rt.desk.library.notes import Notes, noted, screen
+from observer_rt.desk.library.recordings import Recordings, digests, sources_of
+from observer_rt.desk.library.results import EvaluationResult
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.service.learners import doubt_about_fit
+from observer_rt.engine.signal_survey import doubts, refuse_dead
+from observer_rt.files.replay.framing import bench_for
+from observer_rt.files.signals.stream import SignalStream
+from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
+from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.reading import coverage, read_measured, refuse_rates_missing
+from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
+
+Pathlike = str | PathLike[str]
+_FITTED = "fitted.toml"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Injector:
+    """Model of an injector, from an injector file, and the bench it is on. Never changes: `fit` gives another.
+
+    calibration: of one that `fit` gave; None of one loaded from a file.
+    """
+
+    bench: Bench
+    file: InjectorFile
+    calibration: Calibration | None = None
+
+    @classmethod
+    def load(
+        cls, path: Pathlike | None = None, bench: Pathlike | None = None, injector: str | None = None
+    ) -> Self:
+        """Load an injector file; without one, that of the bench file, else the nominal injector.
+
+        bench: bench file, whose `[recording]`, `[signals]` and `[sampling]` say how recordings were made; injector:
+        name of one of several on it. Raises `UserError` naming file, key, problem and remedy.
+        """
+        model = None if path is None else Path(path)
+        found = load_bench(EXAMPLE_BENCH if bench is None else Path(bench), model, off_bus=True).of(injector)
+        return cls(found, InjectorFile.read(found.injector.parameters_path))
+
+    @property
+    def parameters(self) -> InjectorParameters:
+        """Parameters of the model [SI]."""
+        return self.bench.injector.parameters
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """Parameters [SI] by section and key."""
+        sections = self.parameters.model_dump(exclude_none=True, exclude={"baseline", "effects", "terms"})
+        rows = [
+            (section, key, value)
+            for section, entry in sections.items()
+            if isinstance(entry, dict)
+            for key, value in entry.items()
+        ]
+        return pd.DataFrame(rows, columns=["section", "key", "value"]).set_index(["section", "key"])
+
+    def save(self, path: Pathlike) -> None:
+        """Write the injector file, comments and all."""
+        with file_errors(Path(path)):
+            Path(path).write_text(self.file.text, encoding="utf-8")
+
+    def fit(self, recordings: Recordings, masses: Pathlike | None = None) -> Self:
+        """Fit the model, its structure included, to recordings of the healthy injector.
+
+        masses: CSV of measured masses (recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level.
+        Raises `UserError` for recordings that cannot serve, `RunError` where no structure has a solution.
+        """
+        from observer_rt.desk.fitted_model import fitted_model
+
+        with noted() as notes:
+            sources = sources_of(recordings, self.bench, notes.console)
+            most = (
+                MOST_SAMPLES if masses is None else sys.maxsize
+            )  # whole: masses go by the injection's number
+            found = self._measured(sources, notes, most)
+            refuse_rates_missing([one.recording for one in found])
+            refuse_clipped(found)
+            weighed = {} if masses is None else read_masses(Path(masses), found)
+            doubted = warnings(found)
+            with progress_bar(screen, "fitting", 1.0) as progress:
+                fitted = fitted_model(self.parameters, found, weighed, digests(sources), progress)
+            said = (*map(coverage, found), *doubted)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / _FITTED
+            fitted.write(path, self.file)
+            made = self._with_file(path)
+        return replace(made, calibration=Calibration(fitted, (*notes, *said), tuple(doubted)))
+
+    def evaluate(
+        self,
+        recordings: Recordings,
+        state: Pathlike | None = None,
+        chain: bool = False,
+        learn: bool = True,
+    ) -> EvaluationResult:
+        """Run recordings through the observer, exactly as the daemon would.
+
+        state: learned state to begin with; chain: the recordings are one history, learned from one after the other;
+        learn: whether they are learned from. Raises `UserError` for recordings or a state that cannot serve.
+        """
+        with noted() as notes:
+            sources = sources_of(recordings, self.bench, notes.console)
+            self._doubt(sources, notes)
+            if chain:
+                bench_for_all(self.bench, sources)
+            runs = [sources] if chain else [[source] for source in sources]
+            knowledge = None if state is None else self._restored(Path(state), notes)
+            c = effective_model(self.parameters).coefficients
+            evaluations: list[Evaluation] = []
+            with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
+                done = 0
+                for run in runs:
+                    history = evaluate(
+                        self.bench,
+                        run,
+                        knowledge,
+                        learn,
+                        lambda samples, before=done: progress(before + samples),  # type: ignore[misc]
+                        curves_of=c,
+                    )
+                    evaluations += history.evaluations
+                    done += sum(one.samples for one in run)
+        return EvaluationResult(self.bench.injector, tuple(evaluations), history.knowledge, tuple(notes))
+
+    def discover(
+        self,
+        recordings: Recordings,
+        healthy: Recordings | None = None,
+        choose: str = "",
+        accept_term: int = 0,
+        in_part: bool = False,
+    ) -> Discovery:
+        """Find the physical effect that the model is missing, its size and how sure that is.
+
+        healthy: recordings of a healthy injector to judge the model by; choose, accept_term, in_part: what the
+        amended model is to have, as of `observer-rt discover`. Raises `UserError` for recordings that cannot serve.
+        """
+        with noted() as notes:
+            sources = sources_of(recordings, self.bench, notes.console)
+            references = [] if healthy is None else sources_of(healthy, self.bench, notes.console)
+            measured = self._measured([*sources, *references], notes)
+            return discovered(
+                self.bench,
+                self.file,
+                measured[: len(sources)],
+                measured[len(sources) :],
+                digests(sources),
+                Wanted(choose, accept_term, in_part),
+                notes,
+                self._with_file,
+            )
+
+    def _with_file(self, path: Path) -> Self:
+        """The injector of another file, on this bench."""
+        bench = self.bench.with_parameters(load_injector(path))
+        return replace(self, bench=bench, file=InjectorFile.read(path), calibration=None)
+
+    def _measured(
+        self, sources: Sequence[SignalStream], notes: Notes, most: int = MOST_SAMPLES
+    ) -> tuple[Measurement, ...]:
+        """Looks for injections."""
+        named = {source.path: source for source in sources if source.path is not None}
+        stated = effects_on_one_raster(self.bench.injector)
+        paths = [source.path for source in sources if source.path is not None]
+        return read_measured(paths, named.__getitem__, notes.console, most, stated, self.parameters.baseline)
+
+    def _doubt(self, sources: Sequence[SignalStream], notes: Notes) -> None:
+        """Refuses dead signals, notes doubts about others and about the model's fit."""
+        for source in sources:
+            own = bench_for(self.bench, source)
+            if (doubt := doubt_about_fit(own.injector)) is not None:
+                say(notes.console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
+            refuse_dead(source.path, source.survey, source.names)
+            for odd in doubts(source.survey, self.parameters.baseline):
+                say(notes.console, odd.as_text(source.path))
+
+    def _restored(self, state: Path, notes: Notes) -> Knowledge | None:
+        if not state.exists():
+            raise UserError(f"state {state}", "no such file", "correct the path, or leave it out")
+        return restored_knowledge(
+            state,
+            model_hash(self.parameters),
+            self.parameters.scaling.pressure,
+            partial(say, notes.console),
+            set_aside=False,
+        )
+
+    def __repr__(self) -> str:
+        return "\n".join(self._lines)
+
+    def _repr_html_(self) -> str:
+        return "".join(f"<p>{escape(line)}</p>" for line in self._lines)
+
+    @property
+    def _lines(self) -> list[str]:
+        """Name of the file, line model, fit, and what is in force."""
+        baseline, line = self.parameters.baseline, self.parameters.line
+        lines = [f"Injector of {self.file.name}: line {line.model}"]
+        if baseline is not None:
+            verdict = "adequate" if baseline.adequate else "not adequate"
+            lines.append(f"fitted {baseline.date} to {len(baseline.recordings)} recordings, {verdict}")
+        lines += [f"effect in force: {one.id}" for one in self.parameters.effects]
+        lines += [f"term in force: {one.equation}: {one.law}" for one in self.parameters.terms]
+        return lines

@@ -1,0 +1,45 @@
+"""Notes of a call: what the command line would print besides its result; its warnings become Python's."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+
+from rich.console import Console
+
+screen = Console(stderr=True)
+"""Shows progress, on a terminal or in a notebook."""
+_WARNING = "warning: "
+_WIDE = 1 << 16  # no line is broken
+
+
+class ObserverWarning(UserWarning):
+    """A doubt about recordings or models, with its remedy."""
+
+
+class Notes(list[str]):
+    """Notes of a call, a line or more each; `console` takes them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._text = StringIO()
+        self.console = Console(file=self._text, width=_WIDE, force_terminal=False)
+
+    def end(self) -> None:
+        """Take what the console was given."""
+        for line in self._text.getvalue().splitlines():
+            if line.startswith(" ") and self:
+                self[-1] += f"\n{line}"
+            else:
+                self.append(line)
+
+
+@contextmanager
+def noted() -> Iterator[Notes]:
+    """Collect the notes of what is done within; at its end, warn of what is worth a warning."""
+    notes = Notes()
+    yield notes
+    notes.end()
+    for note in notes:
+        if note.startswith(_WARNING):
+            warnings.warn(note.removeprefix(_WARNING), ObserverWarning, stacklevel=4)

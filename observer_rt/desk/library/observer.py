@@ -1,0 +1,174 @@
+"""The observer fed sample by sample or block by block, in physical units: the daemon without its bus."""
+
+import math
+from collections.abc import Iterable, Iterator
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.injector import SamplingConfig
+from observer_rt.core.stream.stream import RING
+from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge, save_knowledge
+from observer_rt.desk.library.units import with_units
+from observer_rt.engine.reports.injection_report import (
+    FIELDS,
+    MASS_BOUND,
+    InjectionReport,
+    Output,
+    columns_of,
+    row_of,
+)
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.files.replay.recording_frames import Device
+from observer_rt.files.signals.recording import Chunk
+from observer_rt.files.signals.stream import cut, followed
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
+from observer_rt.model.effects import effective_model
+
+if TYPE_CHECKING:
+    from observer_rt.desk.library.injector import Injector
+
+
+class Observer:
+    """Observes samples as they come and learns between injections; results come some samples later.
+
+    Samples go through the bench's bus codec, as in the daemon: pressures and lifts have the resolution of the bus.
+    """
+
+    def __init__(
+        self,
+        injector: "Injector",
+        sample_rate_Hz: float = 100e3,  # noqa: N803 - units as printed
+        state: str | PathLike[str] | None = None,
+    ) -> None:
+        """state: learned state to begin with. Raises `UserError` for a rate or a state that cannot serve."""
+        sampling = injector.bench.injector.config.sampling
+        rate = SamplingConfig.model_validate({**sampling.model_dump(), "rate_hz": sample_rate_Hz})
+        bench = injector.bench.with_sections(sampling=rate)
+        self._parameters = injector.parameters
+        self._coefficients = effective_model(injector.parameters).coefficients
+        self._reports: list[InjectionReport] = []
+        self._rate = sample_rate_Hz
+        bus = map_bus(bench)
+        known = restored_knowledge(
+            None if state is None else Path(state),
+            model_hash(injector.parameters),
+            injector.parameters.scaling.pressure,
+            lambda _: None,
+            set_aside=False,
+        )
+        fuel = injector.parameters.fluid.reference_temperature
+        self._core = Core(bench.injector, bus, known, listeners=[self._take], fuel_temperature=fuel)
+        self._device = Device(bus)
+        self._device.begin(sample_rate_Hz)
+        self._held: Chunk | None = None
+        self._given = self._seen = 0
+
+    def feed(
+        self,
+        rail_pressure_MPa: ArrayLike,  # noqa: N803 - units as printed
+        needle_lift_mm: ArrayLike,
+        line_pressure_MPa: ArrayLike,  # noqa: N803
+    ) -> pd.DataFrame:
+        """Give it the next sample, or block of samples (n,), nan: not available; returns those observed since.
+
+        Raises `UserError` for signals of different length.
+        """
+        signals = [
+            np.atleast_1d(np.asarray(values, float)) * factor
+            for values, factor in (
+                (rail_pressure_MPa, MEGAPASCAL),
+                (needle_lift_mm, MILLIMETRE),
+                (line_pressure_MPa, MEGAPASCAL),
+            )
+        ]
+        sizes = {values.shape for values in signals}
+        if len(sizes) > 1 or signals[0].ndim != 1:
+            shapes = ", ".join(str(values.shape) for values in signals)
+            raise UserError("feed", f"the signals have the shapes {shapes}", "give each one value a sample")
+        if not signals[0].size:
+            return self._table([])
+        time = (self._given + np.arange(signals[0].size)) / self._rate
+        rail, lift, line = signals
+        chunk = Chunk(time, rail, lift, line, rate=self._rate, first=self._given)
+        self._given += chunk.samples
+        joined = chunk if self._held is None else followed(self._held, chunk)
+        full = joined.samples - joined.samples % self._device.block
+        self._held = cut(joined, full, joined.samples) if full < joined.samples else None
+        return self._table(self._sent(cut(joined, 0, full)))
+
+    def finish(self) -> pd.DataFrame:
+        """No sample will come: judges the last event, and returns the samples observed since."""
+        rows = [] if self._held is None else list(self._sent(self._held))
+        self._held = None
+        self._core.finish()
+        return self._table([*rows, self._observed()])
+
+    @property
+    def injections(self) -> pd.DataFrame:
+        """Injections reported so far, a row each, as of `EvaluationResult.injections`."""
+        names = [*columns_of(FIELDS, Output.PARQUET), MASS_BOUND.name]
+        rows = [
+            {**row_of(FIELDS, Output.PARQUET, one, self._coefficients), MASS_BOUND.name: self._bound(one)}
+            for one in self._reports
+        ]
+        return with_units(pd.DataFrame(rows, columns=names))
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the injection rate of the last sample observed is to be used."""
+        return self._core.is_valid
+
+    @property
+    def state(self) -> str:
+        """State of the observer, with the reason where it is not valid."""
+        state, reason = self._core.state
+        return f"{State(state).name}, {Reason(reason).name}" if reason else State(state).name
+
+    def save_state(self, path: str | PathLike[str]) -> None:
+        """Write what was learned. Raises `UserError`, `RunError` for a file that cannot be written."""
+        with sole_writer(Path(path)):
+            scale = self._parameters.scaling.pressure
+            save_knowledge(Path(path), self._core.knowledge, model_hash(self._parameters), scale)
+
+    def _take(self, news: Any) -> None:
+        if isinstance(news, InjectionReport):
+            self._reports.append(news)
+
+    def _sent(self, chunk: Chunk) -> Iterator[NDArray[np.void]]:
+        """Sends samples in parts that its ring remembers, and yields those observed."""
+        step = RING // 4 - RING // 4 % self._device.block
+        for first in range(0, chunk.samples, step):
+            for block in self._device.blocks(cut(chunk, first, min(chunk.samples, first + step))):
+                self._core.handle_many(block)
+            yield self._observed()
+
+    def _observed(self) -> NDArray[np.void]:
+        """Samples observed since the last call."""
+        first, self._seen = self._seen, self._core.processed
+        return self._core.rows(first, self._seen)
+
+    def _table(self, parts: Iterable[NDArray[np.void]]) -> pd.DataFrame:
+        rows = np.concatenate([self._core.rows(0, 0), *parts])
+        return with_units(
+            pd.DataFrame(
+                {
+                    "time_s": rows["index"] / self._rate,
+                    "injection_rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
+                    "valid": rows["valid"],
+                    "state": pd.Categorical.from_codes(rows["state"], [each.name for each in State]),
+                }
+            )
+        )
+
+    def _bound(self, one: InjectionReport) -> float | None:
+        bound: float | None = MASS_BOUND.of(one, self._coefficients)
+        return None if bound is None or math.isnan(bound) else bound

@@ -1,0 +1,120 @@
+"""Recordings in whichever form they come: files, tables, arrays, one or many."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+
+from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.desk.evaluation.logged import open_source
+from observer_rt.desk.library.notes import noted
+from observer_rt.desk.library.units import with_units
+from observer_rt.engine.signal_survey import refuse_implausible
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import HeldSignals, SignalStream
+from observer_rt.files.signals.table_writers import PRINTED, SI
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_hash
+
+RecordingLike: TypeAlias = str | PathLike[str] | Recording | pd.DataFrame | Mapping[str, Any]
+"""A recording: its file, the recording itself, a table, or arrays by name."""
+Recordings: TypeAlias = RecordingLike | Sequence[RecordingLike]
+
+
+def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Recording:
+    """Read a recording into memory: a file in any format that is read, a DataFrame, or arrays by name.
+
+    bench: bench file whose `[recording]` describes the columns; without one they have our own names, or time and
+    signals are named as those of a `Recording` and are in SI units.
+    Raises `UserError` for a file or a table that cannot serve, `TypeError` for what is no recording.
+    """
+    found = load_bench(EXAMPLE_BENCH if bench is None else Path(bench), off_bus=True)
+    with noted() as notes:
+        (source,) = sources_of([given], found, notes.console)
+        return source.collected()
+
+
+def to_frame(recording: Recording) -> pd.DataFrame:
+    """Table of a recording, in the units that end its columns' names."""
+    arrays = recording.arrays
+    columns = {c.header: arrays[c.channel] / c.factor for c in PRINTED if c.channel in arrays}
+    return with_units(pd.DataFrame(columns))
+
+
+def recording_of_table(given: pd.DataFrame | Mapping[str, Any], bench: Bench, name: str) -> Recording:
+    """Recording of columns by name."""
+    known = {c.header: (c.channel, c.factor) for c in PRINTED} | {c.channel: (c.channel, 1.0) for c in SI}
+    arrays: dict[str, Any] = {
+        known[column][0]: np.asarray(given[column], float) * known[column][1]
+        for column in given
+        if column in known
+    }
+    missing = {"time", "rail_pressure", "needle_lift", "line_pressure"} - arrays.keys()
+    if missing:
+        raise UserError(
+            name, f"has no column for {', '.join(sorted(missing))}", "name them as to_frame() does"
+        )
+    return Recording(**arrays)
+
+
+def sources_of(given: Recordings, bench: Bench, console: Console) -> list[SignalStream]:
+    """Recordings looked through, files by the bench's `[recording]`; those in memory are named by their number.
+
+    Raises `TypeError` for what is no recording, `UserError` for one that cannot serve.
+    """
+    several = _listed(given)
+    if not several:
+        raise UserError("recordings", "there is none", "give a file, a DataFrame, or a list of them")
+    return [_source(one, number, bench, console) for number, one in enumerate(several, 1)]
+
+
+def _listed(given: Recordings) -> list[RecordingLike]:
+    is_one = isinstance(given, str | PathLike | Recording | pd.DataFrame | Mapping)
+    if not is_one and not isinstance(given, Sequence):
+        raise TypeError(
+            f"recordings: {type(given).__name__} is no recording; give a path, a DataFrame, a mapping of arrays, a "
+            "Recording, or a list of them"
+        )
+    return [given] if is_one else list(given)  # type: ignore[arg-type]  # as was looked at
+
+
+def _source(given: RecordingLike, number: int, bench: Bench, console: Console) -> SignalStream:
+    match given:
+        case str() | PathLike():
+            return open_source(Path(given), bench, (), console)
+        case Recording():
+            return _held(given, number)
+        case pd.DataFrame() | Mapping():
+            return _held(recording_of_table(given, bench, f"recording {number}"), number)
+    raise TypeError(
+        f"recording {number}: {type(given).__name__} is none; give a path, a DataFrame, a mapping of arrays or a "
+        "Recording"
+    )
+
+
+def _held(recording: Recording, number: int) -> HeldSignals:
+    if recording.path is None:
+        recording = replace(recording, path=Path(f"recording {number}"))
+    held = HeldSignals(recording)
+    refuse_implausible(held.path, held.survey, held.names)
+    return held
+
+
+def digests(sources: Sequence[SignalStream]) -> dict[str, str]:
+    """SHA-256 by name: of files, or of the values of recordings in memory."""
+    return {str(source.path): _digest(source) for source in sources}
+
+
+def _digest(source: SignalStream) -> str:
+    if not isinstance(source, HeldSignals) and source.path is not None:
+        return file_hash(source.path)
+    digest = hashlib.sha256()
+    for values in source.collected().arrays.values():
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,138 @@
+"""Results of evaluated recordings: injections and samples as tables, a figure, what was learned."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from observer_rt.config.bench import BenchInjector
+from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
+from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN, InjectionResult, numbers_shown
+from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.library.units import with_units
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
+from observer_rt.engine.stream.state import State
+from observer_rt.foundation.units import MM3_PER_MS
+from observer_rt.model.effective import Coefficients
+from observer_rt.model.effects import effective_model
+
+RECORDING = "recording"
+_BOUND = SHOWN["mass_bound_mg"]
+_SHOWN_ROWS = 12
+_IN_SHORT = (
+    RECORDING,
+    "number",
+    "start_s",
+    "rail_pressure_MPa",
+    "mass_mg",
+    "mass_bound_mg",
+    "valid",
+    "reasons",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluationResult:
+    """Recordings as the observer saw them.
+
+    notes: what was noted while they were read; knowledge: learned at the end of the last recording.
+    """
+
+    injector: BenchInjector
+    evaluations: tuple[Evaluation, ...]
+    knowledge: Knowledge
+    notes: tuple[str, ...]
+
+    @cached_property
+    def injections(self) -> pd.DataFrame:
+        """Injections, a row each: masses, wear, validity; units end the names, `attrs["si"]` has their factors."""
+        c = self._coefficients
+        rows = [_row(one, result, c) for one in self.evaluations for result in one.injections]
+        columns = [RECORDING, *columns_of(RESULT_FIELDS, Output.PARQUET), _BOUND.name]
+        return with_units(pd.DataFrame(rows, columns=columns))
+
+    @cached_property
+    def trace(self) -> pd.DataFrame:
+        """Samples, a row each: injection rate with its standard deviation, validity, states."""
+        return with_units(pd.concat([_samples(one) for one in self.evaluations], ignore_index=True))
+
+    @property
+    def valid_share(self) -> float:
+        """Share of the injections whose rate and mass are to be used; nan without any."""
+        return float(self.injections.valid.mean()) if len(self.injections) else float("nan")
+
+    def plot(self, injections: Sequence[int] = ()) -> Any:
+        """Draw curves of injections (by number; none: first, middle, last), masses and wear: a matplotlib Figure.
+
+        Raises `UserError` for a number that no injection has.
+        """
+        from observer_rt.desk.evaluation.figures import injections_figure, picture_of
+
+        there = {one.report.number for each in self.evaluations for one in each.injections}
+        shown = numbers_shown(injections, there)
+        return injections_figure([picture_of(each, shown) for each in self.evaluations], "measured")
+
+    def save_state(self, path: str | PathLike[str]) -> None:
+        """Write what was learned, for `state=` and `observer-rt run --state`. Raises `UserError`, `RunError`."""
+        parameters = self.injector.parameters
+        with sole_writer(Path(path)):
+            save_knowledge(Path(path), self.knowledge, model_hash(parameters), parameters.scaling.pressure)
+
+    @property
+    def _coefficients(self) -> Coefficients:
+        return effective_model(self.injector.parameters).coefficients
+
+    def __repr__(self) -> str:
+        return f"{self._headline}\n{self._in_short.to_string(index=False)}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self._headline}</p>{self._in_short.to_html(index=False, max_rows=_SHOWN_ROWS)}"
+
+    @property
+    def _headline(self) -> str:
+        count = len(self.injections)
+        recordings = f"{len(self.evaluations)} recording{'s' if len(self.evaluations) > 1 else ''}"
+        return f"{count} injections of {recordings}, {int(self.injections.valid.sum())} of them valid"
+
+    @property
+    def _in_short(self) -> pd.DataFrame:
+        names = _IN_SHORT if len(self.evaluations) > 1 else _IN_SHORT[1:]
+        return self.injections[list(names)].round(
+            {"start_s": 4, "rail_pressure_MPa": 1, "mass_mg": 2, _BOUND.name: 2}
+        )
+
+
+def _row(one: Evaluation, result: InjectionResult, c: Coefficients) -> dict[str, Any]:
+    bound = _BOUND.of(result, c)
+    return {
+        RECORDING: one.path.name if one.path is not None else "",
+        **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
+        _BOUND.name: bound,
+    }
+
+
+def _samples(one: Evaluation) -> pd.DataFrame:
+    trace = one.trace
+    states = pd.Categorical.from_codes(trace.state, [state.name for state in State])
+    return pd.DataFrame(
+        {
+            RECORDING: pd.Categorical.from_codes(
+                np.zeros(one.time.size, int), [one.path.name if one.path is not None else ""]
+            ),
+            "time_s": one.time,
+            "injection_rate_mm3_per_ms": trace.injection_rate / MM3_PER_MS,
+            "injection_rate_sigma_mm3_per_ms": trace.injection_rate_sigma / MM3_PER_MS,
+            "nominal_rate_mm3_per_ms": trace.nominal_rate / MM3_PER_MS,
+            "valid": trace.valid,
+            "state": states,
+            **{f"x{i + 1}": trace.x[:, i] for i in range(3)},
+            **{f"phi{i + 1}": trace.phi[:, i] for i in range(3)},
+        }
+    )

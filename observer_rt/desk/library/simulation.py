@@ -1,0 +1,66 @@
+"""Simulated recordings for notebooks: rail pressures and durations in, a recording with its truth out."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from observer_rt.config.bench import load_injector
+from observer_rt.desk.library.units import with_units
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, parse_effects
+from observer_rt.desk.simulation.simulate import simulate as simulated
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, MM3_PER_MS
+
+if TYPE_CHECKING:
+    from observer_rt.desk.library.injector import Injector
+
+TRUTH = "truth"
+
+
+def simulate(
+    injector: "Injector | None" = None,
+    rail_pressure_MPa: float | Sequence[float] = 100.0,  # noqa: N803 - units as printed
+    energizing_ms: float | Sequence[float] = 1.9,
+    injections: int = 10,
+    period_ms: float = 60.0,
+    sample_rate_Hz: float = 100e3,  # noqa: N803
+    effects: Mapping[str, float] | None = None,
+    noise: bool = True,
+    measured_rate: bool = False,
+    seed: int = 0,
+) -> tuple[Recording, pd.DataFrame]:
+    """Simulate a healthy or worn injector: its recording, and the truth behind it, which the observer never sees.
+
+    injector: None: the nominal one; rail pressures and energizing times are taken in turn; effects: sizes by id, or
+    `id:parameter`, in the units of `observer-rt effects`, such as {"orifice_area": 0.3}.
+    Raises `UserError` for an effect or a schedule that cannot be.
+    """
+    parameters = load_injector() if injector is None else injector.parameters
+    schedule = make_schedule(
+        [pressure * MEGAPASCAL for pressure in _listed(rail_pressure_MPa)],
+        injections,
+        period_ms * MILLISECOND,
+        [duration * MILLISECOND for duration in _listed(energizing_ms)],
+    )
+    sizes = parse_effects([f"{name}={size:.17g}" for name, size in (effects or {}).items()])
+    levels = SimulatedNoise() if noise else None
+    made = simulated(parameters, schedule, sample_rate_Hz, sizes, levels, measured_rate, seed)
+    truth = made.truth
+    return made.recording, with_units(
+        pd.DataFrame(
+            {
+                "time_s": truth.time,
+                "injection_rate_mm3_per_ms": truth.injection_rate / MM3_PER_MS,
+                "needle_lift_mm": truth.needle_lift / MILLIMETRE,
+                "line_pressure_MPa": truth.line_pressure / MEGAPASCAL,
+                "sac_pressure_MPa": truth.sac_pressure / MEGAPASCAL,
+                "line_flow_mm3_per_ms": truth.line_flow / MM3_PER_MS,
+            }
+        )
+    )
+
+
+def _listed(values: float | Sequence[float]) -> list[float]:
+    return [float(values)] if isinstance(values, int | float) else [float(value) for value in values]

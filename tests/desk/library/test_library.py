@@ -1,0 +1,228 @@
+"""The library: recordings in whichever form, injectors, results, discoveries, an observer fed in blocks."""
+
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import observer_rt as ort
+from observer_rt.config.bench import load_bench
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.files.formats import write_recording
+from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
+from observer_rt.model.effects import effective_model
+
+WORN = {"orifice_area": 0.25}
+
+
+@pytest.fixture(scope="module")
+def worn() -> tuple[Recording, pd.DataFrame]:
+    return ort.simulate(
+        rail_pressure_MPa=[60, 100, 140], energizing_ms=[1.9, 1.0], injections=6, effects=WORN, seed=3
+    )
+
+
+@pytest.fixture(scope="module")
+def result(worn: tuple[Recording, pd.DataFrame]) -> ort.EvaluationResult:
+    return ort.Injector.load().evaluate(worn[0])
+
+
+def true_masses(truth: pd.DataFrame, injections: pd.DataFrame) -> list[float]:
+    """Masses [mg] by the truth."""
+    density = effective_model(load_bench().injector.parameters).coefficients.density
+    masses = []
+    for row in injections.itertuples():
+        flowing = truth[(truth.time_s >= row.start_s - 1e-3) & (truth.time_s <= row.end_s + 1e-3)]
+        volume = np.trapezoid(flowing.injection_rate_mm3_per_ms, flowing.time_s) * MM3_PER_MS
+        masses.append(volume * density / MILLIGRAM)
+    return masses
+
+
+def test_import_is_light() -> None:
+    """Nothing is imported before it is asked for."""
+    code = "import sys, observer_rt; print([n for n in ('numpy', 'pandas', 'scipy', 'rich') if n in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_names_of_the_library_are_there() -> None:
+    assert all(callable(getattr(ort, name)) for name in ort.__all__)
+    assert set(ort.__all__) <= set(dir(ort))
+    with pytest.raises(AttributeError, match="Injektor"):
+        ort.Injektor  # noqa: B018
+
+
+def test_masses_are_those_of_the_command(
+    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult
+) -> None:
+    history = evaluate(load_bench(), [worn[0]])
+    masses = [report.mass * 1e6 for report in history.evaluations[0].reports]
+    np.testing.assert_allclose(result.injections.mass_mg, masses, rtol=1e-12)
+    assert len(masses) == 6
+
+
+def test_valid_masses_are_true(worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult) -> None:
+    valid = result.injections[result.injections.valid]
+    true = true_masses(worn[1], valid)
+    np.testing.assert_allclose(valid.mass_mg, true, rtol=0.01)
+    assert (abs(valid.mass_mg - true) < valid.mass_bound_mg).all()
+    assert len(valid) >= 3
+
+
+@pytest.mark.parametrize("form", ["frame", "arrays", "si", "path", "text", "list"])
+def test_every_form_of_a_recording_gives_the_same_masses(
+    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, form: str, tmp_path: Path
+) -> None:
+    recording, frame = worn[0], ort.to_frame(worn[0])
+    path = tmp_path / "worn.parquet"
+    write_recording(path, recording)
+    given = {
+        "frame": frame,
+        "arrays": {name: frame[name].tolist() for name in frame},
+        "si": recording.arrays,
+        "path": path,
+        "text": str(path),
+        "list": [path],
+    }[form]
+    found = ort.Injector.load().evaluate(given)
+    np.testing.assert_allclose(found.injections.mass_mg, result.injections.mass_mg, rtol=1e-6)
+
+
+def test_units_end_the_names_and_lead_to_si(result: ort.EvaluationResult) -> None:
+    table, si = result.injections, ort.in_si(result.injections)
+    assert table.attrs["si"]["mass_mg"].factor == 1e-6
+    np.testing.assert_allclose(si.mass, table.mass_mg * 1e-6)
+    np.testing.assert_allclose(si.rail_pressure, table.rail_pressure_MPa * 1e6)
+    assert "number" in si
+    assert set(result.trace.attrs["si"]) >= {"time_s", "injection_rate_mm3_per_ms"}
+
+
+def test_trace_has_the_time_of_every_sample(
+    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult
+) -> None:
+    np.testing.assert_allclose(result.trace.time_s, worn[0].time, atol=1e-12)
+    assert result.trace.valid.any()
+    assert not result.trace.valid.all()
+
+
+def test_result_shows_itself(result: ort.EvaluationResult) -> None:
+    assert repr(result).startswith("6 injections of 1 recording, ")
+    assert "<table" in result._repr_html_()
+    figure = result.plot(injections=[4])
+    assert any("injection 4" in axes.get_title() for axes in figure.axes)
+    with pytest.raises(ort.UserError, match="no injection 9"):
+        result.plot(injections=[9])
+
+
+def test_learned_state_goes_on(
+    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, tmp_path: Path
+) -> None:
+    path = tmp_path / "learned.state"
+    result.save_state(path)
+    again = ort.Injector.load().evaluate(worn[0], state=path)
+    assert again.injections.valid.sum() > result.injections.valid.sum()
+    with pytest.raises(ort.UserError, match="no such file"):
+        ort.Injector.load().evaluate(worn[0], state=tmp_path / "other.state")
+
+
+def test_chained_recordings_are_one_history(worn: tuple[Recording, pd.DataFrame]) -> None:
+    injector, recording = ort.Injector.load(), worn[0]
+    apart, chained = (injector.evaluate([recording, recording], chain=chain) for chain in (False, True))
+    assert list(apart.injections.recording.unique()) == ["recording 1", "recording 2"]
+    assert chained.valid_share > apart.valid_share
+
+
+@pytest.mark.parametrize("block", [7, 5000])
+def test_observer_in_blocks_sees_what_evaluate_sees(
+    worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, block: int
+) -> None:
+    frame = ort.to_frame(worn[0])
+    signals = frame[["rail_pressure_MPa", "needle_lift_mm", "line_pressure_MPa"]].to_numpy()
+    if block == 7:  # far enough for the first injection
+        signals = signals[:19000]
+    observer = ort.Observer(ort.Injector.load())
+    parts = [observer.feed(*signals[i : i + block].T) for i in range(0, len(signals), block)]
+    seen = pd.concat([*parts, observer.finish()], ignore_index=True)
+    expected = result.trace.injection_rate_mm3_per_ms[: len(seen)]
+    assert len(seen) >= len(signals) - 16
+    np.testing.assert_array_equal(seen.injection_rate_mm3_per_ms[:18000], expected[:18000])
+    count = len(observer.injections)
+    np.testing.assert_allclose(observer.injections.mass_mg, result.injections.mass_mg[:count])
+    assert count == (1 if block == 7 else 6)
+    assert observer.is_valid == (block != 7)
+
+
+def test_observer_refuses_signals_of_different_length() -> None:
+    with pytest.raises(ort.UserError, match=r"\(2,\), \(1,\), \(2,\)"):
+        ort.Observer(ort.Injector.load()).feed([100.0, 100.0], 0.0, [100.0, 100.0])
+
+
+def test_discovery_names_effect_and_amends(worn: tuple[Recording, pd.DataFrame], tmp_path: Path) -> None:
+    injector = ort.Injector.load()
+    discovery = injector.discover(worn[0])
+    assert discovery.verdict == "named"
+    (row,) = discovery.effects.itertuples()
+    assert row.effect == "orifice_area"
+    assert row.low <= 0.25 <= row.high
+    amended = discovery.amended
+    assert amended is not None
+    assert "orifice_area" in repr(amended)
+    injections = amended.evaluate(worn[0]).injections
+    np.testing.assert_allclose(injections.nominal_mass_mg, true_masses(worn[1], injections), rtol=0.01)
+    assert discovery.report(tmp_path / "out").exists()
+    assert (tmp_path / "out" / "amended.toml").exists()
+    amended.save(tmp_path / "mine.toml")
+    assert ort.Injector.load(tmp_path / "mine.toml").parameters == amended.parameters
+    assert discovery.proposals.empty
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        (3.0, TypeError, "float is no recording"),
+        ([3.0], TypeError, "recording 1: float"),
+        ([], ort.UserError, "there is none"),
+        ("missing.csv", ort.UserError, "missing.csv"),
+        (pd.DataFrame({"time_s": [0.0, 1.0]}), ort.UserError, "rail_pressure"),
+    ],
+)
+def test_wrong_call_says_what_to_give(given: object, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        ort.Injector.load().evaluate(given)
+
+
+def test_doubt_becomes_a_warning(worn: tuple[Recording, pd.DataFrame]) -> None:
+    frame = ort.to_frame(worn[0])
+    swapped = frame.assign(
+        rail_pressure_MPa=frame.line_pressure_MPa, line_pressure_MPa=frame.rail_pressure_MPa
+    )
+    with pytest.warns(ort.ObserverWarning, match="swapped|exchanged"):
+        ort.Injector.load().evaluate(swapped)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ort.Injector.load().evaluate(frame)
+
+
+@pytest.mark.slow
+def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> None:
+    recordings = [
+        ort.simulate(rail_pressure_MPa=pressure, energizing_ms=[0.8, 1.6], injections=4, seed=pressure)[0]
+        for pressure in (60, 120)
+    ]
+    start = ort.Injector.load()
+    fitted = start.fit(recordings)
+    assert start.calibration is None
+    assert fitted.calibration is not None
+    assert fitted.calibration.adequate
+    table = fitted.calibration.parameters
+    truth = start.parameters.seat.flow_coefficient
+    assert table.loc["seat.flow_coefficient", "value"] == pytest.approx(truth, rel=0.05)
+    fitted.save(tmp_path / "fitted.toml")
+    assert ort.Injector.load(tmp_path / "fitted.toml").parameters == fitted.parameters
+    assert fitted.calibration.plot().axes
+    assert fitted.evaluate(recordings[0], chain=True).valid_share > 0

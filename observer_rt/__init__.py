@@ -12,10 +12,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from observer_rt.desk.library.discovery import Discovery
+    from observer_rt.desk.library.discovery import DiscoveryResult as Discovery
+    from observer_rt.desk.library.fit import FitResult
     from observer_rt.desk.library.injector import Injector
     from observer_rt.desk.library.notes import ObserverWarning
-    from observer_rt.desk.library.observer import Observer
+    from observer_rt.desk.library.observer import SampleObserver as Observer
     from observer_rt.desk.library.recordings import read, to_frame
     from observer_rt.desk.library.results import EvaluationResult
     from observer_rt.desk.library.simulation import simulate
@@ -26,6 +27,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Discovery",
     "EvaluationResult",
+    "FitResult",
     "Injector",
     "Observer",
     "ObserverWarning",
@@ -36,16 +38,17 @@ __all__ = [
     "to_frame",
 ]
 _PLACES = {
-    "Discovery": "desk.library.discovery",
-    "EvaluationResult": "desk.library.results",
-    "Injector": "desk.library.injector",
-    "Observer": "desk.library.observer",
-    "ObserverWarning": "desk.library.notes",
-    "UserError": "foundation.errors",
-    "in_si": "desk.library.units",
-    "read": "desk.library.recordings",
-    "simulate": "desk.library.simulation",
-    "to_frame": "desk.library.recordings",
+    "Discovery": "desk.library.discovery.DiscoveryResult",
+    "EvaluationResult": "desk.library.results.EvaluationResult",
+    "FitResult": "desk.library.fit.FitResult",
+    "Injector": "desk.library.injector.Injector",
+    "Observer": "desk.library.observer.SampleObserver",
+    "ObserverWarning": "desk.library.notes.ObserverWarning",
+    "UserError": "foundation.errors.UserError",
+    "in_si": "desk.library.units.in_si",
+    "read": "desk.library.recordings.read",
+    "simulate": "desk.library.simulation.simulate",
+    "to_frame": "desk.library.recordings.to_frame",
 }
 
 
@@ -53,7 +56,8 @@ def __getattr__(name: str) -> Any:
     """A name of the library, its module imported when it is first asked for: the daemon needs none of them."""
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+    module, _, found = _PLACES[name].rpartition(".")
+    return getattr(import_module(f"{__name__}.{module}"), found)
 
 
 def __dir__() -> list[str]:

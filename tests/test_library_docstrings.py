@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from numpydoc.validate import validate
 
+OPTIONAL = ("ES01", "SA01", "EX01")  # further text, see also, examples
 ROOT = Path(__file__).parents[1]
 SHAPE = re.compile(r"\(\w+,( ?\w+(, ?\w+)*)?\)")  # (n,) or (n, 3)
 ROW = re.compile(r"^\| [^|]+ \| `(observer_rt[\w.]*)` \| ([^|]+) \|$", re.MULTILINE)
@@ -121,11 +123,29 @@ def _of_function(module: str, node: ast.FunctionDef, about: str) -> Iterator[str
         if not known and not explains_itself(module, each.annotation):
             yield f"{node.name}: {each.arg} is not explained"
     raised = {ast.unparse(each.exc) for each in ast.walk(node) if isinstance(each, ast.Raise) and each.exc}
-    if any(each.startswith("UserError") for each in raised) and not re.search("[Rr]aises? `?UserError", text):
+    says = re.search(r"[Rr]aises?(?:\s+-+)?\s+`?UserError", text)
+    if any(each.startswith("UserError") for each in raised) and not says:
         yield f"{node.name}: does not say that it raises UserError"
     annotations = [*(each.annotation for each in arguments), node.returns]
     if any("NDArray" in names_of(each) for each in annotations) and not SHAPE.search(text):
         yield f"{node.name}: no shape of its arrays"
+
+
+CALLS = (
+    "Injector.load",
+    "Injector.fit",
+    "Injector.evaluate",
+    "Injector.discover",
+    "Observer",
+    "Observer.feed",
+)
+
+
+@pytest.mark.parametrize("name", [*CALLS, "read", "to_frame", "in_si", "simulate"])
+def test_a_call_of_the_library_has_its_sections(name: str) -> None:
+    """Parameters, results and errors as numpydoc has them, for notebooks and the site."""
+    found = validate(f"observer_rt.{name}")["errors"]
+    assert [error for error in found if error[0] not in OPTIONAL] == []
 
 
 @pytest.mark.parametrize(("module", "name"), LISTED)
@@ -136,5 +156,5 @@ def test_a_public_name_explains_itself(module: str, name: str) -> None:
 
 
 def test_every_row_of_the_table_is_read() -> None:
-    rows = (ROOT / "docs" / "library.md").read_text().count("| `observer_rt.")
+    rows = (ROOT / "docs" / "library.md").read_text().count("| `observer_rt")
     assert len({module for module, _ in LISTED}) == rows > 0

@@ -25,7 +25,7 @@ class InterruptionError(ObserverError):
 class UserError(ObserverError):
     """The command line or a file the user supplied must change (exit code 2).
 
-    The message names the place (file, key or line), what was found, what was expected and how to mend it.
+    The message names the place (file, key or line), the problem (what was found, what was expected) and the remedy.
     """
 
     exit_code = 2

@@ -14,7 +14,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.effects import effect_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
-from observer_rt.desk.library.notes import Notes, screen
+from observer_rt.desk.library.notes import CallNotes, screen
 from observer_rt.desk.second_opinion import second_opinion
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.console import progress_bar
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Discovery:
+class DiscoveryResult:
     """Answer of a search, with all it rests on.
 
     notes: what was noted while recordings were read; load: an injector file.
@@ -160,10 +160,10 @@ def discovered(
     healthy: Sequence[Measurement],
     digests: dict[str, str],
     wanted: Wanted,
-    notes: Notes,
+    notes: CallNotes,
     load: "Callable[[Path], Injector]",
-) -> Discovery:
-    """Search for what the model of a bench's injector is missing in measurements; load: as of `Discovery`."""
+) -> DiscoveryResult:
+    """Search for what the model of a bench's injector is missing in measurements; load: as of `DiscoveryResult`."""
     if wanted.in_part and not wanted.accept_term:
         raise UserError("in_part", "says nothing of which proposal", "give accept_term, too")
     task = DiscoveryTask(
@@ -181,4 +181,4 @@ def discovered(
         found = answer(task, NoMemory(), ask, progress, AMENDED)
     said = (*notes, *map(coverage, (*measured, *healthy)))
     references = tuple(one.recording.path for one in healthy if one.recording.path is not None)
-    return Discovery(file, task, found, references, said, load)
+    return DiscoveryResult(file, task, found, references, said, load)

@@ -17,9 +17,9 @@ from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
-from observer_rt.desk.library.calibration import Calibration
-from observer_rt.desk.library.discovery import Discovery, Wanted, discovered
-from observer_rt.desk.library.notes import Notes, noted, screen
+from observer_rt.desk.library.discovery import DiscoveryResult, Wanted, discovered
+from observer_rt.desk.library.fit import FitResult
+from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, sources_of
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -50,16 +50,27 @@ class Injector:
 
     bench: Bench
     file: InjectorFile
-    calibration: Calibration | None = None
+    calibration: FitResult | None = None
 
     @classmethod
     def load(
         cls, path: Pathlike | None = None, bench: Pathlike | None = None, injector: str | None = None
     ) -> Self:
-        """Load an injector file; without one, that of the bench file, else the nominal injector.
+        """Load an injector file.
 
-        bench: bench file, whose `[recording]`, `[signals]` and `[sampling]` say how recordings were made; injector:
-        name of one of several on it. Raises `UserError` naming file, key, problem and remedy.
+        Parameters
+        ----------
+        path : path, optional
+            Injector file; without one, that of the bench file, else the nominal injector.
+        bench : path, optional
+            Bench file, whose `[recording]`, `[signals]` and `[sampling]` say how recordings were made.
+        injector : str, optional
+            Name of one of several on the bench.
+
+        Raises
+        ------
+        UserError
+            Naming file, key, problem and remedy.
         """
         model = None if path is None else Path(path)
         found = load_bench(EXAMPLE_BENCH if bench is None else Path(bench), model, off_bus=True).of(injector)
@@ -83,15 +94,31 @@ class Injector:
         return pd.DataFrame(rows, columns=["section", "key", "value"]).set_index(["section", "key"])
 
     def save(self, path: Pathlike) -> None:
-        """Write the injector file, comments and all."""
+        """Write the injector file, comments and all, to a path; an existing file is replaced."""
         with file_errors(Path(path)):
             Path(path).write_text(self.file.text, encoding="utf-8")
 
     def fit(self, recordings: Recordings, masses: Pathlike | None = None) -> Self:
         """Fit the model, its structure included, to recordings of the healthy injector.
 
-        masses: CSV of measured masses (recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level.
-        Raises `UserError` for recordings that cannot serve, `RunError` where no structure has a solution.
+        Parameters
+        ----------
+        recordings : path, DataFrame, mapping of arrays, Recording, or a list of them
+            At several rail pressures and durations, of one sample rate.
+        masses : path, optional
+            CSV of measured masses (recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level.
+
+        Returns
+        -------
+        Injector
+            With the numbers found; its `calibration` says how well they explain the recordings.
+
+        Raises
+        ------
+        UserError
+            For recordings that cannot serve.
+        RunError
+            Where no structure of the model has a solution.
         """
         from observer_rt.desk.fitted_model import fitted_model
 
@@ -112,7 +139,7 @@ class Injector:
             path = Path(folder) / _FITTED
             fitted.write(path, self.file)
             made = self._with_file(path)
-        return replace(made, calibration=Calibration(fitted, (*notes, *said), tuple(doubted)))
+        return replace(made, calibration=FitResult(fitted, (*notes, *said), tuple(doubted)))
 
     def evaluate(
         self,
@@ -123,8 +150,26 @@ class Injector:
     ) -> EvaluationResult:
         """Run recordings through the observer, exactly as the daemon would.
 
-        state: learned state to begin with; chain: the recordings are one history, learned from one after the other;
-        learn: whether they are learned from. Raises `UserError` for recordings or a state that cannot serve.
+        Parameters
+        ----------
+        recordings : path, DataFrame, mapping of arrays, Recording, or a list of them
+            CAN logs, too, where the injector was loaded with a bench file.
+        state : path, optional
+            Learned state to begin with.
+        chain : bool
+            Whether the recordings are one history, learned from one after the other.
+        learn : bool
+            Whether they are learned from.
+
+        Returns
+        -------
+        EvaluationResult
+            Injections and samples as tables, a figure, what was learned.
+
+        Raises
+        ------
+        UserError
+            For recordings or a state that cannot serve.
         """
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
@@ -157,11 +202,31 @@ class Injector:
         choose: str = "",
         accept_term: int = 0,
         in_part: bool = False,
-    ) -> Discovery:
+    ) -> DiscoveryResult:
         """Find the physical effect that the model is missing, its size and how sure that is.
 
-        healthy: recordings of a healthy injector to judge the model by; choose, accept_term, in_part: what the
-        amended model is to have, as of `observer-rt discover`. Raises `UserError` for recordings that cannot serve.
+        Parameters
+        ----------
+        recordings : path, DataFrame, mapping of arrays, Recording, or a list of them
+            At least three rail pressures and two durations tell most.
+        healthy : the same, optional
+            Recordings of a healthy injector to judge the model by.
+        choose : str
+            Effect for the amended model, where several explain the recordings as well; `ID+ID` for two.
+        accept_term : int
+            Number of the proposal, in an `unknown` answer, that the amended model is to have; 0: none.
+        in_part : bool
+            Also a proposal that closes two thirds of the gap; the rest widens all intervals.
+
+        Returns
+        -------
+        Discovery
+            Verdict, effects, proposals, amended model and report.
+
+        Raises
+        ------
+        UserError
+            For recordings that cannot serve.
         """
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
@@ -184,7 +249,7 @@ class Injector:
         return replace(self, bench=bench, file=InjectorFile.read(path), calibration=None)
 
     def _measured(
-        self, sources: Sequence[SignalStream], notes: Notes, most: int = MOST_SAMPLES
+        self, sources: Sequence[SignalStream], notes: CallNotes, most: int = MOST_SAMPLES
     ) -> tuple[Measurement, ...]:
         """Looks for injections."""
         named = {source.path: source for source in sources if source.path is not None}
@@ -192,7 +257,7 @@ class Injector:
         paths = [source.path for source in sources if source.path is not None]
         return read_measured(paths, named.__getitem__, notes.console, most, stated, self.parameters.baseline)
 
-    def _doubt(self, sources: Sequence[SignalStream], notes: Notes) -> None:
+    def _doubt(self, sources: Sequence[SignalStream], notes: CallNotes) -> None:
         """Refuses dead signals, notes doubts about others and about the model's fit."""
         for source in sources:
             own = bench_for(self.bench, source)
@@ -202,7 +267,7 @@ class Injector:
             for odd in doubts(source.survey, self.parameters.baseline):
                 say(notes.console, odd.as_text(source.path))
 
-    def _restored(self, state: Path, notes: Notes) -> Knowledge | None:
+    def _restored(self, state: Path, notes: CallNotes) -> Knowledge | None:
         if not state.exists():
             raise UserError(f"state {state}", "no such file", "correct the path, or leave it out")
         return restored_knowledge(

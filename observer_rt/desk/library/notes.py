@@ -1,4 +1,4 @@
-"""Notes of a call: what the command line would print besides its result; its warnings become Python's."""
+"""CallNotes of a call: what the command line would print besides its result; its warnings become Python's."""
 
 import warnings
 from collections.abc import Iterator
@@ -17,8 +17,8 @@ class ObserverWarning(UserWarning):
     """A doubt about recordings or models, with its remedy."""
 
 
-class Notes(list[str]):
-    """Notes of a call, a line or more each; `console` takes them."""
+class CallNotes(list[str]):
+    """CallNotes of a call, a line or more each; `console` takes them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -35,9 +35,9 @@ class Notes(list[str]):
 
 
 @contextmanager
-def noted() -> Iterator[Notes]:
+def noted() -> Iterator[CallNotes]:
     """Collect the notes of what is done within; at its end, warn of what is worth a warning."""
-    notes = Notes()
+    notes = CallNotes()
     yield notes
     notes.end()
     for note in notes:

@@ -37,10 +37,24 @@ if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
 
 
-class Observer:
+class SampleObserver:
     """Observes samples as they come and learns between injections; results come some samples later.
 
     Samples go through the bench's bus codec, as in the daemon: pressures and lifts have the resolution of the bus.
+
+    Parameters
+    ----------
+    injector : Injector
+        Model, and bench file where it was loaded with one.
+    sample_rate_Hz : float
+        Of all signals.
+    state : path, optional
+        Learned state to begin with.
+
+    Raises
+    ------
+    UserError
+        For a rate or a state that cannot serve.
     """
 
     def __init__(
@@ -49,7 +63,6 @@ class Observer:
         sample_rate_Hz: float = 100e3,  # noqa: N803 - units as printed
         state: str | PathLike[str] | None = None,
     ) -> None:
-        """state: learned state to begin with. Raises `UserError` for a rate or a state that cannot serve."""
         sampling = injector.bench.injector.config.sampling
         rate = SamplingConfig.model_validate({**sampling.model_dump(), "rate_hz": sample_rate_Hz})
         bench = injector.bench.with_sections(sampling=rate)
@@ -78,9 +91,22 @@ class Observer:
         needle_lift_mm: ArrayLike,
         line_pressure_MPa: ArrayLike,  # noqa: N803
     ) -> pd.DataFrame:
-        """Give it the next sample, or block of samples (n,), nan: not available; returns those observed since.
+        """Give it the next sample, or the next block of samples.
 
-        Raises `UserError` for signals of different length.
+        Parameters
+        ----------
+        rail_pressure_MPa, needle_lift_mm, line_pressure_MPa : float or array of shape (n,)
+            Values; nan: not available.
+
+        Returns
+        -------
+        DataFrame
+            Samples observed since the last call: time_s, injection_rate_mm3_per_ms, valid, state.
+
+        Raises
+        ------
+        UserError
+            For signals of different length.
         """
         signals = [
             np.atleast_1d(np.asarray(values, float)) * factor
@@ -134,7 +160,7 @@ class Observer:
         return f"{State(state).name}, {Reason(reason).name}" if reason else State(state).name
 
     def save_state(self, path: str | PathLike[str]) -> None:
-        """Write what was learned. Raises `UserError`, `RunError` for a file that cannot be written."""
+        """Write what was learned to a path. Raises `UserError`, `RunError` where it cannot be written."""
         with sole_writer(Path(path)):
             scale = self._parameters.scaling.pressure
             save_knowledge(Path(path), self._core.knowledge, model_hash(self._parameters), scale)

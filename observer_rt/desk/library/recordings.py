@@ -28,11 +28,31 @@ Recordings: TypeAlias = RecordingLike | Sequence[RecordingLike]
 
 
 def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Recording:
-    """Read a recording into memory: a file in any format that is read, a DataFrame, or arrays by name.
+    """Read a recording into memory.
 
-    bench: bench file whose `[recording]` describes the columns; without one they have our own names, or time and
-    signals are named as those of a `Recording` and are in SI units.
-    Raises `UserError` for a file or a table that cannot serve, `TypeError` for what is no recording.
+    Parameters
+    ----------
+    given : path, DataFrame, mapping of arrays, or Recording
+        A file in any format that is read; or columns with the names of `to_frame` and their units, or those of a
+        `Recording` in SI units.
+    bench : path, optional
+        Bench file whose `[recording]` describes the columns.
+
+    Returns
+    -------
+    Recording
+        Time and signals in SI units, arrays of shape (n,).
+
+    Raises
+    ------
+    UserError
+        For a file or a table that cannot serve, with the remedy.
+    TypeError
+        For what is no recording.
+
+    Examples
+    --------
+    >>> recording = ort.read("worn.csv")  # doctest: +SKIP
     """
     found = load_bench(EXAMPLE_BENCH if bench is None else Path(bench), off_bus=True)
     with noted() as notes:
@@ -41,7 +61,18 @@ def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Reco
 
 
 def to_frame(recording: Recording) -> pd.DataFrame:
-    """Table of a recording, in the units that end its columns' names."""
+    """Table of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        As of `read` or `simulate`.
+
+    Returns
+    -------
+    DataFrame
+        A row a sample; the end of a column's name is its unit, `attrs["si"]` has the factors to SI.
+    """
     arrays = recording.arrays
     columns = {c.header: arrays[c.channel] / c.factor for c in PRINTED if c.channel in arrays}
     return with_units(pd.DataFrame(columns))

@@ -80,7 +80,7 @@ class EvaluationResult:
         return injections_figure([picture_of(each, shown) for each in self.evaluations], "measured")
 
     def save_state(self, path: str | PathLike[str]) -> None:
-        """Write what was learned, for `state=` and `observer-rt run --state`. Raises `UserError`, `RunError`."""
+        """Write what was learned to a path, for `state=` and `observer-rt run`. Raises `UserError`, `RunError`."""
         parameters = self.injector.parameters
         with sole_writer(Path(path)):
             save_knowledge(Path(path), self.knowledge, model_hash(parameters), parameters.scaling.pressure)

@@ -31,11 +31,40 @@ def simulate(
     measured_rate: bool = False,
     seed: int = 0,
 ) -> tuple[Recording, pd.DataFrame]:
-    """Simulate a healthy or worn injector: its recording, and the truth behind it, which the observer never sees.
+    """Simulate a healthy or worn injector.
 
-    injector: None: the nominal one; rail pressures and energizing times are taken in turn; effects: sizes by id, or
-    `id:parameter`, in the units of `observer-rt effects`, such as {"orifice_area": 0.3}.
-    Raises `UserError` for an effect or a schedule that cannot be.
+    Parameters
+    ----------
+    injector : Injector, optional
+        Model; without one the nominal injector.
+    rail_pressure_MPa, energizing_ms : float or list of them
+        Events take them in turn.
+    injections : int
+        Number of events.
+    period_ms : float
+        Time from event to event.
+    sample_rate_Hz : float
+        Of all signals.
+    effects : dict, optional
+        Sizes by id, or by `id:parameter`, in the units of `observer-rt effects`, such as `{"orifice_area": 0.3}`.
+    noise : bool
+        Whether signals have noise and the resolution of the bus.
+    measured_rate : bool
+        Whether the recording has a measured injection rate, with its errors.
+    seed : int
+        Of the noise.
+
+    Returns
+    -------
+    recording : Recording
+        As sensors would give it.
+    truth : DataFrame
+        What nobody can measure.
+
+    Raises
+    ------
+    UserError
+        For an effect or a schedule that cannot be.
     """
     parameters = load_injector() if injector is None else injector.parameters
     schedule = make_schedule(

@@ -52,7 +52,18 @@ def with_units(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def in_si(frame: pd.DataFrame) -> pd.DataFrame:
-    """Table of the same values in SI units, its columns named without them."""
+    """Table of the same values in SI units.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        Columns that end in their units, as all tables of the library.
+
+    Returns
+    -------
+    DataFrame
+        The same columns without units in their names.
+    """
     result = {}
     for column in frame.columns:
         unit = unit_of(column)

@@ -347,7 +347,7 @@ def printed(program: str, folder: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
-    recorded, reported, framed, *_ = PROGRAMS
+    first, loop, recorded, reported, framed, *_ = PROGRAMS
     made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
     write_recording(tmp_path / "worn.csv", made.recording)
     *lines, lag = printed(recorded + reported, tmp_path)
@@ -358,6 +358,11 @@ def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
     ]
     assert re.fullmatch(r"\{'value': \S+, 'ci95': \[\S+, \S+\], 'unit': 's'\}", lag)
     assert printed(framed, tmp_path) == ["1 frame with a wrong CRC"]
+    heading, *rows = printed(first, tmp_path)
+    assert heading.split() == ["mass_mg", "mass_bound_mg", "valid"]
+    assert [row.split()[-1] for row in rows] == ["False", "False", "True"]
+    assert (tmp_path / "worn.png").exists()
+    assert printed(loop, tmp_path)[0].startswith("named: seat_area")
 
 
 def test_every_name_of_the_page_is_there() -> None:

@@ -12,7 +12,7 @@ from observer_rt.identification.fit.report import verdict_words
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration:
+class FitResult:
     """A fit. notes: what was noted while recordings were read; warnings: doubts about them."""
 
     fitted: FittedModel

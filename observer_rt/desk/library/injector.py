@@ -17,13 +17,14 @@ from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
+from observer_rt.desk.evaluation.twice import SecondLook
 from observer_rt.desk.library.discovery import DiscoveryResult, Wanted, discovered
 from observer_rt.desk.library.fit import FitResult
 from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, sources_of
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.service.learners import doubt_about_fit
+from observer_rt.engine.service.learners import doubt_about_fit, make_learner
 from observer_rt.engine.signal_survey import doubts, refuse_dead
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.signals.stream import SignalStream
@@ -147,8 +148,9 @@ class Injector:
         state: Pathlike | None = None,
         chain: bool = False,
         learn: bool = True,
+        twice: bool = True,
     ) -> EvaluationResult:
-        """Run recordings through the observer, exactly as the daemon would.
+        """Run recordings through the observer.
 
         Parameters
         ----------
@@ -160,6 +162,9 @@ class Injector:
             Whether the recordings are one history, learned from one after the other.
         learn : bool
             Whether they are learned from.
+        twice : bool
+            Whether every injection is looked at again with what all of them taught, so that the first are as good
+            as the last; False: as the daemon would have it live.
 
         Returns
         -------
@@ -183,14 +188,17 @@ class Injector:
             with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
                 done = 0
                 for run in runs:
+                    look = SecondLook()
                     history = evaluate(
                         self.bench,
                         run,
                         knowledge,
                         learn,
                         lambda samples, before=done: progress(before + samples),  # type: ignore[misc]
+                        look.learner if twice else make_learner,
                         curves_of=c,
                     )
+                    look.revise(history.evaluations)
                     evaluations += history.evaluations
                     done += sum(one.samples for one in run)
         return EvaluationResult(self.bench.injector, tuple(evaluations), history.knowledge, tuple(notes))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
+from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.adequacy import Objection
@@ -57,7 +58,7 @@ class Outcome:
     estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
     outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
     square of its innovations where it is loudest over that at rest, by what is known of its noise. known:
-    where the flow is known well enough by what is to be carried.
+    where the flow is known well enough by what is to be carried. prior: belief before the event, drift included.
     """
 
     adoption: Adoption
@@ -71,6 +72,7 @@ class Outcome:
     outliers: int = 0
     loudest: float = 1.0
     known: KnownFlow = EVERYWHERE
+    prior: Belief | None = None
 
 
 class EventLearner(Protocol):

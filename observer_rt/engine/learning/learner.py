@@ -327,6 +327,7 @@ def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
         outliers=int(found.window.masked.sum()) - int(undone.masked.sum()),
         loudest=state.jitter.loudest(found.window, believed.sigmas.innovation),
         known=known_flow(again, taken, gated.carried(taken), state.learned_at[-1]),
+        prior=found.fit.prior,
     )
 
 

@@ -1,0 +1,211 @@
+"""Injections looked at twice: learned from forward, then each with what all of them taught; the first are as good as
+the last. What is live cannot know that.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import BenchInjector
+from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
+from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.spool import Spool
+from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
+from observer_rt.engine.estimation.gating import Belief, GatedBelief, best_subset
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import SCALARS, Theta
+from observer_rt.engine.learning.fallback import Rehearsed
+from observer_rt.engine.learning.interval import Resimulated, rate_sigma, resimulated, volume_interval
+from observer_rt.engine.learning.knowledge import EventLearner, Knowledge, Outcome
+from observer_rt.engine.learning.learned_range import (
+    FLOW_KNOWN,
+    UNSEEN,
+    EventPoint,
+    extrapolation_sigma,
+    operating_point,
+)
+from observer_rt.engine.learning.learner import Learner
+from observer_rt.engine.learning.smoothing import TaughtEvent, smoothed
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.service.constants import EVENTS_REQUIRED
+from observer_rt.engine.service.learners import make_learner
+from observer_rt.engine.stream.phi import Phi
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.state import Constants, Reason, State
+from observer_rt.foundation.errors import UserError
+
+Matrix = NDArray[np.float64]
+_LIFTED = frozenset({Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.REVISED})
+"""Reasons of the moment: what later injections taught may lift them."""
+
+
+_MOST_POINTS = 64  # operating points among which a place is near
+
+
+@dataclass(frozen=True, eq=False)
+class _Event:
+    """An event that was learned from, as it is run again.
+
+    start: position of its first sample; systematic: share of a volume that the model gets wrong, but for places far
+    from all learned at; passed: without objections.
+    """
+
+    start: int
+    samples: int
+    point: EventPoint
+    noise: NoiseLevels
+    by_coil: Matrix | float
+    systematic: float
+    passed: bool
+
+
+class SecondLook:
+    """Keeps what a learner makes of every event, and revises the results of all when the last one is there."""
+
+    def __init__(self) -> None:
+        self._beliefs: list[TaughtEvent] = []
+        self._events: list[_Event] = []
+        self._rehearsed: Spool[Rehearsed] = Spool()
+        self._active: frozenset[int] = frozenset()
+
+    def learner(self, fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
+        """Learner of an injector that is listened to, as of `LearnerFactory`.
+
+        Raises `UserError` for a training that has no intervals.
+        """
+        learner = make_learner(fitted, constants, knowledge)
+        if not isinstance(learner, Learner):
+            raise UserError(
+                fitted.place("learning.training"), "has no intervals", "look once, or leave training out"
+            )
+        return _Listened(learner, self)
+
+    def take(self, outcome: Outcome, interval: float) -> None:
+        """Keep an event from which something was learned; interval: of its samples [s]."""
+        state = outcome.knowledge.state
+        again, rehearsed = outcome.resimulated, state.last_event
+        if outcome.prior is None or again is None or rehearsed is None:
+            return
+        window = rehearsed.window
+        point = operating_point(window, interval)
+        far = UNSEEN * extrapolation_sigma(point, state.learned_at[:-1])
+        by_coil = state.energizing.current.covariance
+        self._beliefs.append(TaughtEvent(outcome.prior, state.learned.belief))
+        self._rehearsed.append(replace(rehearsed, errors={}))
+        self._events.append(
+            _Event(
+                round(window.clock.time / interval),
+                window.output.size,
+                point,
+                state.noise,
+                0.0 if by_coil is None else by_coil,
+                math.sqrt(max(again.systematic**2 - far**2, 0.0)),
+                not outcome.objections,
+            )
+        )
+        self._active = state.learned.active
+
+    def revise(self, evaluations: Sequence[Evaluation]) -> None:
+        """Give every injection of the evaluations the rate and mass that all events together teach."""
+        if sum(event.passed for event in self._events) <= EVENTS_REQUIRED:
+            return
+        beliefs = smoothed(self._beliefs)
+        starts = [event.start for event in self._events]
+        chosen = np.unique(np.linspace(0, len(starts) - 1, _MOST_POINTS).round().astype(int))
+        learned_at = [self._events[number].point for number in chosen]
+        for evaluation in evaluations:
+            pairs = list(zip(evaluation.injections, evaluation.curves, strict=True))
+            evaluation.revise(self._revised(*pair, starts, beliefs, learned_at) for pair in pairs)
+
+    def _revised(
+        self,
+        result: InjectionResult,
+        curves: RateCurves,
+        starts: Sequence[int],
+        beliefs: Sequence[Belief],
+        learned_at: Sequence[EventPoint],
+    ) -> tuple[InjectionResult, RateCurves]:
+        """An injection by its event run again; as it was where that is not known."""
+        report = result.report
+        number = bisect_right(starts, report.start) - 1
+        if number < 0 or report.end >= starts[number] + self._events[number].samples:
+            return result, curves
+        again = self._again(number, beliefs[number], learned_at)
+        window = slice(report.start - starts[number], report.end - starts[number] + 1)
+        if curves.estimated.size != window.stop - window.start:
+            return result, curves
+        return _by_event(result, curves, again, window, self._events[number].passed)
+
+    def _again(self, number: int, belief: Belief, learned_at: Sequence[EventPoint]) -> Resimulated:
+        """An event run with what all events teach of it."""
+        event, rehearsed = self._events[number], self._rehearsed[number]
+        theta, active = best_subset(
+            belief.information, belief.information @ belief.mean, SCALARS.gate, self._active
+        )
+        covariance = GatedBelief(belief, SCALARS.gate, active).carried(theta) + event.by_coil
+        again = resimulated(rehearsed.window, rehearsed.setting, event.noise, theta, covariance, covariance)
+        far = UNSEEN * extrapolation_sigma(event.point, learned_at)
+        return replace(again, systematic=math.hypot(event.systematic, far))
+
+
+class _Listened:
+    """A learner whose outcomes a second look keeps."""
+
+    def __init__(self, learner: Learner, look: SecondLook) -> None:
+        self._learner, self._look = learner, look
+
+    @property
+    def schedule(self) -> GainSchedule:
+        """Gains of the live x~."""
+        return self._learner.schedule
+
+    @property
+    def phi(self) -> Phi:
+        """Correction that x^ carries at the start."""
+        return self._learner.phi
+
+    def learn(
+        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
+    ) -> Outcome:
+        """Learn from one event, during which `in_force` (m,) was carried, and have the outcome kept."""
+        outcome = self._learner.learn(window, standstill, in_force, constants)
+        self._look.take(outcome, self._learner.state.interval)
+        return outcome
+
+
+def _by_event(
+    result: InjectionResult, curves: RateCurves, again: Resimulated, window: slice, passed: bool
+) -> tuple[InjectionResult, RateCurves]:
+    """An injection, and its curves, by an event run again, in a window of that; passed: the event."""
+    rate, sigma = again.run.rate[window], rate_sigma(again, window)
+    report = _report_by(result.report, again, window, passed)
+    measured = curves.reference
+    return replace(
+        result,
+        report=report,
+        rate_rmse=math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2))),
+        rate_ci95_halfwidth=1.96 * float(np.mean(sigma[rate != 0.0])) if rate.any() else math.nan,
+    ), replace(curves, estimated=rate, sigma=sigma)
+
+
+def _report_by(report: InjectionReport, again: Resimulated, window: slice, passed: bool) -> InjectionReport:
+    """A report by an event run again; one that only lacked knowledge is judged by what is known now."""
+    volume = float(np.trapezoid(again.run.rate[window])) * again.interval
+    low, high = volume_interval(again, window, math.nan)
+    report = replace(
+        report,
+        volume=volume,
+        mass=volume * report.density,
+        mass_ci95=(low * report.density, high * report.density),
+        peak_rate=float(again.run.rate[window].max()),
+    )
+    if not passed or not set(report.reasons) <= _LIFTED:
+        return report
+    gradient = np.trapezoid(again.run.slopes[window], axis=0) * again.interval
+    is_known = math.sqrt(max(float(gradient @ again.covariance @ gradient), 0.0)) <= FLOW_KNOWN * volume
+    reason = Reason.NONE if is_known else Reason.OUTSIDE_LEARNED_RANGE
+    return replace(report, valid=is_known, reason=reason, further=(), state=State.ADAPTED)

@@ -13,6 +13,7 @@ from tools.benchmarks import (  # noqa: F401
     history,
     loop,
     surgery,
+    twice,
     wave_recordings,
 )
 from tools.benchmarks.command_line import app, messages

@@ -125,6 +125,13 @@ def evaluate(
     state: options.StateOption = None,
     save_state: Annotated[Path | None, file_option("--save-state", "File for what was learned.")] = None,
     no_learning: Annotated[bool, option("--no-learning", "Keep the model as it is at the start.")] = False,
+    twice: Annotated[
+        bool,
+        option(
+            "--twice",
+            "Look at every injection again with what all of them taught: the first are as good as the last.",
+        ),
+    ] = False,
     chain: Annotated[
         bool, option("--chain", "Treat the recordings as one history: learning goes on from file to file.")
     ] = False,
@@ -149,7 +156,7 @@ def evaluate(
     as_json: options.JsonOption = False,
     effects: options.EffectsOption = None,
 ) -> None:
-    """Run recordings through the observer, exactly as the daemon would, as fast as the machine allows."""
+    """Run recordings through the observer, as the daemon would and as fast as the machine allows; or --twice."""
     from observer_rt.desk.evaluation.command import EvaluateOptions, evaluate_bench
     from observer_rt.desk.evaluation.curves import chosen_numbers
 
@@ -165,6 +172,7 @@ def evaluate(
         force=force,
         fuel_temperature=fuel_temperature,
         injections=chosen_numbers(injections) if injections is not None else (),
+        twice=twice,
     )
     evaluate_bench(load_bench(bench, model, lenient, off_bus=True).of(injector), recordings, asked, messages)
 

@@ -19,9 +19,10 @@ from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, eval
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
+from observer_rt.desk.evaluation.twice import SecondLook
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.constants import injector_at
-from observer_rt.engine.service.learners import doubt_about_fit, refuse_state
+from observer_rt.engine.service.learners import doubt_about_fit, make_learner, refuse_state
 from observer_rt.engine.signal_survey import doubts, refuse_dead
 from observer_rt.files.formats import is_log
 from observer_rt.files.replay.framing import bench_for, clamped_in
@@ -61,6 +62,8 @@ class EvaluateOptions:
     """degC of recordings, which know none; None: as in the injector file."""
     injections: Sequence[int] = ()
     """Numbers of those to be drawn as curves, empty: some."""
+    twice: bool = False
+    """Look at every injection again with what all of them taught."""
 
     @property
     def has_folder(self) -> bool:
@@ -186,6 +189,12 @@ def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions)
         raise UserError(place, "names a file, but there are several recordings", "name a folder")
     if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
         raise UserError(place, f"{twice[0]} would be written twice", "rename the recordings")
+    if options.twice and options.output is not None:
+        raise UserError(
+            "--twice", "revises rates after they are written by --output", "leave one of them out"
+        )
+    if options.twice and not options.learning:
+        raise UserError("--twice", "has nothing to go by with --no-learning", "leave one of them out")
     if len(paths) > 1 and options.save_state is not None and not options.chain:
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
@@ -268,7 +277,8 @@ def _evaluated(
     if options.chain:
         bench_for_all(bench, sources)
     learning = options.learning and bench.injector.config.learning.enabled
-    curves = None if options.plot is None else effective_model(bench.injector.parameters).coefficients
+    wants_curves = options.plot is not None or options.twice
+    curves = effective_model(bench.injector.parameters).coefficients if wants_curves else None
     evaluations: list[Evaluation] = []
     known, done = knowledge, 0
     with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
@@ -279,7 +289,12 @@ def _evaluated(
             def report(samples: int, before: int = done) -> None:
                 progress(before + samples)
 
-            found, known = evaluate_stream(bench, run, mine, known, learning, report, curves)
+            look = SecondLook()
+            learner_of = look.learner if options.twice else make_learner
+            found, known = evaluate_stream(
+                bench, run, mine, known, learning, report, curves, learner_of=learner_of
+            )
+            look.revise(found)
             evaluations += found
             done += sum(source.samples for source in run)
     assert known is not None  # there is a run

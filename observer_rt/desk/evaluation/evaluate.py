@@ -184,10 +184,12 @@ def evaluate_stream(
     progress: Progress | None = None,
     curves_of: Coefficients | None = None,
     reads_ahead: bool = True,
+    learner_of: LearnerFactory = make_learner,
 ) -> tuple[list[Evaluation], Knowledge]:
     """Evaluate files as one history, as `evaluate`, keeping no samples.
 
-    traces: files to be written, of each, or none; curves_of: as of `Evaluation`; reads_ahead: as of `ObserverRun`.
+    traces: files to be written, of each, or none; curves_of: as of `Evaluation`; reads_ahead: as of `ObserverRun`;
+    learner_of: as of `evaluate`.
     """
     evaluations = [Evaluation(source, curves_of) for source in sources]
     with ExitStack() as stack:
@@ -195,7 +197,7 @@ def evaluate_stream(
             stack.enter_context(file_errors(path))
             evaluation.writer = stack.enter_context(open_trace(path))
         begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
-        run = _observed(bench, evaluations, partial(begin, reads_ahead=reads_ahead))
+        run = _observed(bench, evaluations, partial(begin, reads_ahead=reads_ahead, learner_of=learner_of))
     return evaluations, run.core.knowledge
 
 

@@ -194,7 +194,7 @@ def print_evaluation(
     if len(not_valid.get(Reason.TOO_FEW_EVENTS, ())) > 1 and sum(map(len, not_valid.values())) < count:
         say(
             console,
-            "(they were learned from: --save-state FILE, then --state FILE has all but the first valid)",
+            "(they were learned from: --twice looks at them again, with what the others taught)",
         )
     if count:
         for line in _line_side(evaluation.injections[-1], c):

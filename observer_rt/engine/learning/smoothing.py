@@ -32,10 +32,10 @@ def smoothed(events: Sequence[TaughtEvent]) -> list[Belief]:
     Raises numpy.linalg.LinAlgError when a covariance is singular.
     """
     result: list[Belief] = []
-    ahead: _Smoothed | None = None
+    ahead: _SmoothedEvent | None = None
     for event, following in zip(reversed(events), (None, *reversed(events)), strict=False):
         if ahead is None or following is None or not _goes_on(event.after, following.prior):
-            ahead = _Smoothed(
+            ahead = _SmoothedEvent(
                 event.after, np.eye(event.after.mean.size), np.zeros_like(event.after.covariance)
             )
         else:
@@ -45,7 +45,7 @@ def smoothed(events: Sequence[TaughtEvent]) -> list[Belief]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Smoothed:
+class _SmoothedEvent:
     """A smoothed belief; its error is kept (m, m) times that of the belief after the event, and one of later noise.
 
     later: covariance of that (m, m).
@@ -64,7 +64,7 @@ def _goes_on(after: Belief, prior: Belief) -> bool:
     return bool(np.all(np.abs(prior.mean - after.mean) <= _MOVED * prior.sigma))
 
 
-def _before(event: TaughtEvent, following: TaughtEvent, ahead: _Smoothed) -> _Smoothed:
+def _before(event: TaughtEvent, following: TaughtEvent, ahead: _SmoothedEvent) -> _SmoothedEvent:
     """Belief about an event, by the smoothed one about that which follows it."""
     after, prior = event.after, following.prior
     gain = after.covariance @ prior.information
@@ -78,7 +78,7 @@ def _before(event: TaughtEvent, following: TaughtEvent, ahead: _Smoothed) -> _Sm
     later = gain @ (ahead.kept @ noise @ ahead.kept.T + ahead.later + rest @ moved @ rest.T) @ gain.T
     error = kept @ after.error_covariance @ kept.T + later
     mean = after.mean + gain @ (ahead.belief.mean - prior.mean)
-    return _Smoothed(Belief(mean, _symmetric(covariance), _symmetric(error)), kept, _symmetric(later))
+    return _SmoothedEvent(Belief(mean, _symmetric(covariance), _symmetric(error)), kept, _symmetric(later))
 
 
 def _symmetric(matrix: Matrix) -> Matrix:

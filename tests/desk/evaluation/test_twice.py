@@ -34,8 +34,7 @@ def looked(twice: bool, v_h: float = 0.25) -> Evaluation:
 
 def evaluated(recording: Recording, twice: bool) -> Evaluation:
     look = SecondLook()
-    options = {"learner_of": look.learner} if twice else {}
-    found = evaluate(BENCH, [recording], curves_of=C, **options)
+    found = evaluate(BENCH, [recording], learner_of=look.learner, curves_of=C)
     if twice:
         look.revise(found.evaluations)
     return found.evaluations[0]

@@ -22,7 +22,8 @@ INFORMATION = [
 
 def filtered(seen: list[NDArray[np.float64]]) -> list[TaughtEvent]:
     """Events that each measured theta (2,) with the information of their place."""
-    belief, events = prior_belief(np.zeros(2), START), []
+    belief = prior_belief(np.zeros(2), START)
+    events: list[TaughtEvent] = []
     for information, theta in zip(INFORMATION, seen, strict=True):
         prior = belief.drifted(DRIFT) if events else belief
         belief = prior.updated(information, information @ theta)
@@ -45,7 +46,7 @@ def jointly(seen: list[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArr
             matrix[here, here] += step
             matrix[before, here] -= step
             matrix[here, before] -= step
-    covariance = np.linalg.inv(matrix)
+    covariance = np.asarray(np.linalg.inv(matrix), np.float64)
     return (covariance @ vector).reshape(4, 2), covariance
 
 

@@ -1,15 +1,12 @@
 """The picture of evaluated recordings: what is drawn can be seen, and nothing lies on anything else."""
 
-from pathlib import Path
-
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from observer_rt.desk.evaluation.curves import RateCurves
-from observer_rt.desk.evaluation.figures import MassRow, Picture, draw_masses, plot_injections
+from observer_rt.desk.evaluation.figures import MassRow, Picture, draw_masses, injections_figure
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 TIME = np.linspace(0.0, 2.0, 50) * MILLISECOND
@@ -34,14 +31,6 @@ def picture(title: str, sigma: float | None = None, reference: float | None = No
     return Picture(title, curves, rows)
 
 
-@pytest.fixture
-def figure(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """The figures that were written, kept."""
-    kept: list[Figure] = []
-    monkeypatch.setattr(plt, "close", kept.append)
-    return kept
-
-
 def test_a_percent_of_a_mass_can_be_seen_whatever_the_masses_are() -> None:
     axes = Figure().add_subplot()
     draw_masses(axes, [picture("one")], "measured")
@@ -61,22 +50,18 @@ def test_errors_are_those_of_the_reference_where_there_is_one() -> None:
     assert "mass error against measured" in axes.get_ylabel()
 
 
-def test_an_interval_that_tells_nothing_does_not_flatten_the_curves(
-    figure: list[Figure], tmp_path: Path
-) -> None:
-    plot_injections(tmp_path / "wide.png", [picture("one", sigma=50.0)], "measured")
-    low, high = figure[0].axes[0].get_ylim()
+def test_an_interval_that_tells_nothing_does_not_flatten_the_curves() -> None:
+    figure = injections_figure([picture("one", sigma=50.0)], "measured")
+    low, high = figure.axes[0].get_ylim()
     assert -10.0 < low < 0.0
     assert 60.0 < high < 70.0
 
 
 @pytest.mark.parametrize("count", [2, 6, 8])
-def test_the_legend_of_several_recordings_lies_on_nothing(
-    figure: list[Figure], tmp_path: Path, count: int
-) -> None:
+def test_the_legend_of_several_recordings_lies_on_nothing(count: int) -> None:
     names = [f"measured_on_the_other_bench/recording_number_{number}.csv" for number in range(count)]
-    plot_injections(tmp_path / "several.png", [picture(name) for name in names], "measured")
-    (drawn,) = figure
+    drawn = injections_figure([picture(name) for name in names], "measured")
+    drawn.draw_without_rendering()
     (legend,) = drawn.legends
     box = legend.get_window_extent()
     assert box.x0 >= 0.0

@@ -1,0 +1,44 @@
+"""The page of a first hour: its commands and its program as they stand, in one folder, in their order.
+
+Those that need a bus run in tests/daemon/test_on_vcan_pages.py.
+"""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.desk.cli.conftest import Command
+from tests.desk.cli.test_pages import run_all, without_bus
+from tests.pages import Page, without_learned
+
+PAGE = Page("docs/tutorial.md")
+
+
+@pytest.mark.slow
+def test_the_first_hour(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    simulate, evaluate, *own, discover, amended, example, check = without_bus(PAGE)
+    run_all(command, [simulate])
+    printed = {without_learned(line) for line in indented(command, evaluate)}
+    shown = [without_learned(line) for line in PAGE.shown(evaluate)]
+    assert len(shown) == 6
+    assert set(shown) <= printed
+    (program,), (layout,) = PAGE.fenced("python"), PAGE.fenced("toml")
+    subprocess.run([sys.executable, "-c", program], check=True)
+    Path("mine.toml").write_text(layout)
+    run_all(command, own)
+    assert Path("mine.png").exists()
+    assert set(PAGE.shown(discover)) <= set(indented(command, discover))
+    rows = [line for line in indented(command, amended) if line.endswith("yes")]
+    assert len(rows) == 10
+    assert all(abs(float(re.findall(r"([+-]\d+\.\d)%", row)[0])) < 1.0 for row in rows)
+    run_all(command, [example, check])
+    assert Path("found/report.html").exists()
+
+
+def indented(command: Command, line: str) -> list[str]:
+    """What a command prints, as a page shows it."""
+    return [f"    {each}".rstrip() for each in command.done(*line.split()[1:]).out.splitlines()]

@@ -1,5 +1,7 @@
 """What we write, opened by others as docs/measurement-tools.md says: asammdf, python-can with cantools, pandas."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from observer_rt.files.formats import open_log, open_writer, read_recording, wri
 from tests.daemon.participants import bench_file
 from tests.desk.live_page.traffic import BEGIN, Observed, traffic, write_log
 from tests.device import frames_of, worn_recording
-from tests.pages import ROOT
+from tests.pages import ROOT, Page
 
 DATABASE = ROOT / "dbc" / "observer_fd.dbc"
 NO_RATE = 555.34  # mm3/ms, beyond which lies the code for it
@@ -103,3 +105,20 @@ def test_asammdf_and_pandas_read_recordings_with_their_units(tmp_path: Path) -> 
     np.testing.assert_array_equal(
         table["line_pressure_Pa"], read_recording(tmp_path / "worn.mf4").line_pressure
     )
+
+
+def test_the_programs_of_the_page(log: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """In a folder with the log and our databases: asammdf first, python-can with cantools then."""
+    (tmp_path / "dbc").symlink_to(ROOT / "dbc")
+    for suffix in (".mf4", ".blf"):
+        (tmp_path / f"bus{suffix}").write_bytes(converted(log, suffix).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    of_signals, of_masses = (
+        subprocess.run([sys.executable, "-c", each], capture_output=True, text=True, check=True).stdout
+        for each in Page("docs/measurement-tools.md").fenced("python")
+    )
+    assert of_signals.startswith("mm3/ms [")
+    numbers = [line.split()[0] for line in of_masses.splitlines()]
+    assert numbers == ["1", "2", "3", "4"]
+    assert "1 not valid: TOO_FEW_EVENTS" in of_masses
+    assert float(of_masses.splitlines()[-1].split()[1]) > 10

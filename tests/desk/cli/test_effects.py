@@ -133,3 +133,13 @@ def test_a_file_that_will_not_do_is_refused_by_every_command(
     said = command.refused(*shlex.split(words), "--effects", example)
     assert "my_effects.py: sac_volume: apply at r = -0.5 -: fails" in said
     assert "remedy: mend the law" in said
+
+
+def test_the_other_bounds_of_the_page(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "worn_only.py"
+    path.write_text(PAGE.fenced("python")[1])
+    try:
+        listed = command.done("effects", "orifice_area", "--effects", path).out
+        assert "v_H = 0 to 0.5" in listed
+    finally:
+        use_effects(())

@@ -50,7 +50,7 @@ def test_every_key_of_the_bench_file_is_listed_with_words() -> None:
 def test_a_key_has_its_limits_default_and_words() -> None:
     (row,) = (line for line in bench_file().splitlines() if line.startswith("| `event_gap_ms`"))
     assert row == (
-        "| `event_gap_ms` | a number from 2 to 50 ms | `10.0` "
+        "| `event_gap_ms` | a number from 2 to 50 ms | `10` "
         "| needle openings within this are one event (pilot, main, post) |"
     )
 

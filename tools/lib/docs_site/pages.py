@@ -100,7 +100,7 @@ def words_of_example() -> Words:
             choices, before = {}, ""
         elif key := _KEY.match(line):
             last = section, key[1]
-            keys[last] = keys.get(last) or (key[2] or "").removeprefix("(required) ")
+            keys[last] = keys.get(last) or re.sub(r"^\(required\);? ?", "", key[2] or "")
         elif last and (more := re.match(r" {8,}# (.*)", line)):
             keys[last] += f" {more[1]}"
         else:
@@ -175,7 +175,9 @@ def _default(field: FieldInfo) -> str:
     """The value of a key that is left out, as in the file."""
     if field.is_required():
         return "(required)"
-    return "" if field.default is None else f"`{json.dumps(field.default)}`"
+    value = field.default
+    shown = f"{value:.0f}" if isinstance(value, float) and value.is_integer() else json.dumps(value)
+    return "" if value is None else f"`{shown}`"
 
 
 def api() -> str:

@@ -1,6 +1,6 @@
 """The scenarios of time: what is sent, which rule applies, what the service must make of it.
 
-`python -m tests.daemon.time_scenarios` prints the table of `docs/time.md`.
+`python -m tests.daemon.time_scenarios` prints the table that `docs/time.md` sums up.
 """
 
 import tempfile

@@ -41,9 +41,9 @@ def test_every_key_of_the_bench_file_is_listed_with_words() -> None:
     words, page = words_of_example(), bench_file()
     assert len(list(places())) > 20
     for place in places():
-        assert f"`{place.written}`" in page
         for key, field in place.model.model_fields.items():
             if section_of(field.annotation) is None:
+                assert f"`{place.written}`" in page
                 assert words.of(place.written.strip("[]"), key), f"{place.written} {key}"
 
 

@@ -160,9 +160,12 @@ def _sections(group: list[Place], words: Words) -> str:
         for key, field in group[0].model.model_fields.items()
         if section_of(field.annotation) is None
     )
-    table = f"| key | is | default | meaning |\n|---|---|---|---|\n{rows}\n" if rows else ""
+    if not rows:
+        return ""
     heading = ", ".join(f"`{place.written}`" for place in group)
-    return f"\n## {heading}\n\n{_escaped(says)}\n\n{table}"
+    return (
+        f"\n## {heading}\n\n{_escaped(says)}\n\n| key | is | default | meaning |\n|---|---|---|---|\n{rows}"
+    )
 
 
 def _allowed(keys: tuple[str | int, ...]) -> str:

@@ -18,7 +18,7 @@ LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that ha
     ("docs/effects.md", "toml"): (1, "here"),
     ("docs/evidence.md", "toml"): (1, "tests/desk/cli/test_pages.py"),
     ("docs/library.md", "python"): (
-        5,
+        7,
         "tests/desk/cli/test_pages.py, tests/identification/ode/test_find_terms.py",
     ),
     ("docs/measurement-tools.md", "python"): (2, "tests/files/test_foreign_readers.py"),

@@ -107,7 +107,7 @@ class Injector:
         recordings : path, DataFrame, mapping of arrays, Recording, or a list of them
             At several rail pressures and durations, of one sample rate.
         masses : path, optional
-            CSV of measured masses (recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level.
+            CSV of measured masses, `recording,mass_mg[,injection][,sigma_mg]`, which fix the absolute level.
 
         Returns
         -------

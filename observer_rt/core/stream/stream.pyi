@@ -20,6 +20,7 @@ INJECTIONS: int
 LIFT_MEMORY: int
 LONG_PAST: int
 LOOK_BACK: int
+LOWEST: float
 MAX_EVENT: int
 MOST_COEFFICIENTS: int
 MOST_CROSSTALK: float
@@ -30,6 +31,7 @@ RECORDED_RING: int
 RECORDS: Mapping[str, tuple[memoryview, Mapping[str, Any]]]
 RESTLESS: float
 RING: int
+SHORT: int
 SLOTS: int
 SLOWEST_OPENING: float
 SLOW_PEAK: float

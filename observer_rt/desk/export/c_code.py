@@ -49,21 +49,33 @@ def _heading(purpose: str) -> str:
 
 def _parameters(frozen: Frozen, laws: CLaws, single: bool) -> Iterator[str]:
     yield _heading(f"Numbers of {frozen.name}")
-    yield from ("#ifndef PARAMETERS_H", "#define PARAMETERS_H", "", f"#define OBSERVER_SINGLE {int(single)}", "")
+    yield from (
+        "#ifndef PARAMETERS_H",
+        "#define PARAMETERS_H",
+        "",
+        f"#define OBSERVER_SINGLE {int(single)}",
+        "",
+    )
     yield from ('#include "real.h"', "")
     for name, value in _reals(frozen).items():
         yield f"#define {name} {real(value)}"
     yield ""
     for name, count in _counts(frozen, laws).items():
         yield f"#define {name} {count}"
-    yield from ("", "typedef struct {", *(f"    real_t {name};" for name in frozen.line._fields), "} Line;", "")
+    yield from (
+        "",
+        "typedef struct {",
+        *(f"    real_t {name};" for name in frozen.line._fields),
+        "} Line;",
+        "",
+    )
     yield f"#define LINE_VALUES {_braced(frozen.line)}"
     yield f"#define LEARNED_BIAS {_braced(frozen.network.bias)}"
     yield f"#define LEARNED_NOZZLE {_braced(frozen.network.nozzle)}"
     yield ""
-    yield "extern const real_t HIDDEN_LAYER[NEURONS][6];"
-    yield "extern const real_t OUTPUT_LAYER[2][NEURONS];"
-    yield "extern const real_t GAINS[GAIN_ROWS][STATES]; /* by samples since the start */"
+    yield "extern const real_t INJ_HIDDEN_LAYER[NEURONS][6];"
+    yield "extern const real_t INJ_OUTPUT_LAYER[2][NEURONS];"
+    yield "extern const real_t INJ_GAINS[GAIN_ROWS][STATES]; /* by samples since the start */"
     yield from ("", "#endif")
 
 
@@ -151,9 +163,9 @@ def _numbers(frozen: Frozen) -> Iterator[str]:
     yield _heading(f"Tables of {frozen.name}")
     yield from ('#include "parameters.h"', "")
     tables = {
-        "HIDDEN_LAYER[NEURONS][6]": frozen.network.hidden,
-        "OUTPUT_LAYER[2][NEURONS]": frozen.network.output,
-        "GAINS[GAIN_ROWS][STATES]": frozen.gains,
+        "INJ_HIDDEN_LAYER[NEURONS][6]": frozen.network.hidden,
+        "INJ_OUTPUT_LAYER[2][NEURONS]": frozen.network.output,
+        "INJ_GAINS[GAIN_ROWS][STATES]": frozen.gains,
     }
     for name, table in tables.items():
         yield f"const real_t {name} = {{"
@@ -178,18 +190,24 @@ def _laws(laws: CLaws) -> Iterator[str]:
     yield _heading("Laws in force, added up by the equation they correct")
     yield from ('#include "laws.h"', "")
     yield "static void begin(real_t totals[])"
-    yield from ("{", "    for (uint32_t i = 0U; i < LAW_EQUATIONS; ++i) {", "        totals[i] = R(0.0);", "    }", "}")
+    yield from (
+        "{",
+        "    for (uint32_t i = 0U; i < LAW_EQUATIONS; ++i) {",
+        "        totals[i] = R(0.0);",
+        "    }",
+        "}",
+    )
     for name, lines in (("model", laws.of_model), ("sensor", laws.of_sensor)):
         yield ""
-        yield f"void laws_of_{name}(const real_t v[], LawMemory *memory, real_t interval_ms, real_t totals[])"
+        yield f"void inj_laws_of_{name}(const real_t v[], LawMemory *memory, real_t interval_ms, real_t totals[])"
         yield from ("{", "    (void)v;", "    (void)memory;", "    (void)interval_ms;", "    begin(totals);")
         for line in lines:
             yield from _wrapped(f"    {line}")
         yield "}"
     yield ""
-    yield "real_t laws_without_ringing(LawMemory *memory, real_t innovation, real_t interval_ms)"
+    yield "real_t inj_laws_without_ringing(LawMemory *memory, real_t innovation, real_t interval_ms)"
     yield from ("{", "    real_t left = innovation;", "    (void)memory;", "    (void)interval_ms;")
     for place in laws.ringings_of_sensor:
         kilohertz, damping = map(real, laws.ringings[place])
-        yield f"    left = law_without(memory->notches[{place}], left, {kilohertz}, {damping}, interval_ms);"
+        yield f"    left = inj_law_without(memory->notches[{place}], left, {kilohertz}, {damping}, interval_ms);"
     yield from ("    return left;", "}")

@@ -26,19 +26,18 @@ from observer_rt.model.sensor import Sensor
 from observer_rt.model.terms.term import Term
 from observer_rt.model.terms.variable import Variable
 
-INJECTOR_FILE = "the injector file"
-
 
 @dataclass(frozen=True)
 class Frozen:
     """An observer whose numbers stay: the model with effects and terms, what was learned, gains, dead band.
 
-    line: a `Line` as it is carried, with what was learned; network: of phi, likewise; sensor: likewise, its lag and
-    offset; gains (n, states): by samples since the start; weight: 1/variance of an innovation of x~ [1/p_0^2];
+    sample_rate: [Hz]; line: a `Line` as it is carried, with what was learned; network: of phi, likewise; sensor: its
+    lag and offset likewise; gains (n, states): by samples since the start; weight: 1/variance of an innovation of x~ [1/p_0^2];
     opens_above, shuts_below: [m], of a needle's lift; offset_moves: whether x~ follows the offset at rest.
     """
 
     name: str
+    sample_rate: float
     model: EffectiveModel
     constants: Constants
     line: Any
@@ -53,7 +52,7 @@ class Frozen:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Terms in force, the sensor's last."""
+        """Terms in force."""
         return self.model.terms
 
     @property
@@ -61,14 +60,9 @@ class Frozen:
         """Variables of laws that stay as they are."""
         return {Variable.MAX_LIFT: self.model.injector.seat.max_lift / MILLIMETRE}
 
-    @property
-    def sample_rate(self) -> float:
-        """[Hz]"""
-        return 1.0 / self.constants.interval
-
 
 def without_its_bus(bench: Bench, sample_rate: float | None = None) -> Bench:
-    """The bench of an export: one measuring device, its samples taken together; sample_rate [Hz]: None: the bench's.
+    """The bench of an export: one measuring device, its samples taken together; sample_rate [Hz], None: the bench's.
 
     Raises `UserError` for what an export cannot carry.
     """
@@ -121,6 +115,7 @@ def frozen_of(bench: Bench, run: ObserverRun) -> Frozen:
     )
     return Frozen(
         name=bench.injector.parameters_path.stem,
+        sample_rate=bench.injector.config.sampling.rate_hz,
         model=effective_model(bench.injector.parameters),
         constants=constants,
         line=type(line)(*(float(value) for value in carried["line"][: len(line)])),

@@ -1,6 +1,6 @@
 """Laws of terms as text of C and of MATLAB; what remembers has places in a memory."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.model.terms.law import (
@@ -25,11 +25,11 @@ _SIGNS = {
     Operation.LESS: "<",
 }
 _C_FUNCTIONS = {
-    Operation.DIVIDE: "law_quotient",
-    Operation.POWER: "law_power",
-    Operation.SQRT: "law_root",
-    Operation.MIN: "law_min",
-    Operation.MAX: "law_max",
+    Operation.DIVIDE: "inj_law_quotient",
+    Operation.POWER: "inj_law_power",
+    Operation.SQRT: "inj_law_root",
+    Operation.MIN: "inj_law_min",
+    Operation.MAX: "inj_law_max",
     Operation.ABS: "r_fabs",
     Operation.EXP: "r_exp",
     Operation.LOG: "r_log",
@@ -68,16 +68,18 @@ def c_laws(terms: Sequence[Term], known: Mapping[Variable, float]) -> CLaws:
     """Terms as C. known: variables that stay as they are."""
     places = Places(0, [])
     ordered = sorted(terms, key=lambda term: term.equation is TermEquation.LINE_PRESSURE_SENSOR)
-    of_model, of_sensor, first = [], [], 0
+    of_model: list[str] = []
+    of_sensor: list[str] = []
+    first = 0
     for term in ordered:
         is_sensors = term.equation is TermEquation.LINE_PRESSURE_SENSOR
-        if not is_sensors:
-            first = len(places.ringings)
         text = _in_c(term.law, term.coefficient, known, places)
         place = f"LAW_OF_{term.equation.name}"
         lines = of_sensor if is_sensors else of_model
         lines.append(f"/* {term} */".replace("\n", " "))
-        lines.append(f"totals[{place}] = law_held(totals[{place}] + law_held({text}, {place}), {place});")
+        lines.append(
+            f"totals[{place}] = inj_law_held(totals[{place}] + inj_law_held({text}, {place}), {place});"
+        )
         if not is_sensors:
             first = len(places.ringings)
     read = {variable for term in terms for variable in term.law.variables}
@@ -105,12 +107,12 @@ def _in_c(law: Law, c: float, known: Mapping[Variable, float], places: Places) -
         case Lagged(argument, milliseconds):
             inner, place = text(argument), places.lags
             places.lags += 1
-            return f"law_lagged(&memory->lags[{place}], {inner}, interval_ms / {real(milliseconds)})"
+            return f"inj_law_lagged(&memory->lags[{place}], {inner}, interval_ms / {real(milliseconds)})"
         case Ringing(argument, kilohertz, damping):
             inner, place = text(argument), len(places.ringings)
             places.ringings.append((kilohertz, damping))
             numbers = f"{real(kilohertz)}, {real(damping)}"
-            return f"law_ringing(memory->ringings[{place}], {inner}, {numbers}, interval_ms)"
+            return f"inj_law_ringing(memory->ringings[{place}], {inner}, {numbers}, interval_ms)"
         case Tabulated():
             return text(law.spelled)
         case Applied(operation, arguments):

@@ -15,12 +15,12 @@ from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.run import ObserverRun
 from observer_rt.desk.export.frozen import Frozen
 from observer_rt.desk.simulation.schedule import make_schedule
-from observer_rt.desk.simulation.simulate import PRESSURE, SimulatedNoise, simulate
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
+from observer_rt.engine.stream.state import LINE
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
-from observer_rt.engine.stream.state import LINE
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import sized
 
@@ -45,7 +45,7 @@ class ReferenceRun:
 def observer_reference(bench: Bench, run: ObserverRun) -> ReferenceRun:
     """A simulated recording of a slightly worn injector through the observer itself, which is about to begin.
 
-    The inputs are those that its model saw: the lift without its zero, and no line pressure where that was an outlier.
+    The inputs are those that its model saw: the lift without its zero, no line pressure where that was an outlier.
     """
     recording = _recording(bench)
     source = HeldSignals(recording)
@@ -85,7 +85,9 @@ def injector_reference(bench: Bench, frozen: Frozen) -> ReferenceRun:
     c = it.coefficients._replace(line=frozen.line)
     rail = (recording.rail_pressure - c.chamber_pressure) / c.pressure_scale
     area = np.array([normalised_area(lift, c.seat) for lift in recording.needle_lift])
-    inputs = np.column_stack([np.append(rail[0], rail), np.append(0.0, area)])  # from rest to the first sample
+    inputs = np.column_stack(
+        [np.append(rail[0], rail), np.append(0.0, area)]
+    )  # from rest to the first sample
     x = np.zeros(c.states)
     rest_state(x, rail[0], c)
     zeros = np.zeros(len(inputs))
@@ -122,7 +124,9 @@ def _recording(bench: Bench) -> Recording:
     end = min(first + RING, recording.samples)
     return Recording(
         time=recording.time[first:end] - recording.time[first],
-        **{name: values[first:end] for name, values in recording.signals.items()},
+        rail_pressure=recording.rail_pressure[first:end],
+        needle_lift=recording.needle_lift[first:end],
+        line_pressure=recording.line_pressure[first:end],
     )
 
 

@@ -7,9 +7,9 @@
 #define LEAST_LIFT R(0.02e-6) /* m, from which on a law holds a needle open that is seen to be shut */
 #define INTERVAL_MS (SAMPLE_INTERVAL / R(1e-3))
 
-void forcing_init(Forcing *f)
+void inj_forcing_init(Forcing *f)
 {
-    laws_init(&f->memory);
+    inj_laws_init(&f->memory);
     for (uint32_t i = 0U; i < LAW_VARIABLES; ++i) {
         f->variables[i] = R(0.0);
     }
@@ -33,15 +33,15 @@ static void observe(const real_t x[], const Interval *interval, Forcing *f)
     u.rail = R(0.5) * (interval->start.rail + interval->end.rail);
     u.area = R(0.5) * (r_max(interval->start.area, R(0.0)) + r_max(interval->end.area, R(0.0)));
     const bool is_open = u.area > R(0.0);
-    const real_t lift = lift_of(u.area) / MILLIMETRE;
+    const real_t lift = inj_lift_of(u.area) / MILLIMETRE;
     const real_t pressure = x[P_LINE] * unit + chamber;
     const real_t rise = pressure - f->pressure_before;
     if (is_open && (f->lift_before <= R(0.0))) {
         f->injections += R(1.0);
         f->since_opening = R(0.0);
     }
-    if ((LAWS_READ_FLOWS != 0) && !is_at_rest(x, u)) {
-        flows(x, u, &MODEL, &q_h, &q_s);
+    if ((LAWS_READ_FLOWS != 0) && !inj_is_at_rest(x, u)) {
+        inj_flows(x, u, &INJ_MODEL, &q_h, &q_s);
     }
     v[LAW_RAIL_PRESSURE] = u.rail * unit + chamber;
     v[LAW_LINE_PRESSURE] = pressure;
@@ -72,7 +72,7 @@ static real_t lifted(real_t area, real_t lift, bool moves)
 {
     real_t found = area;
     if (lift != R(0.0)) {
-        const real_t measured = lift_of(r_fabs(area));
+        const real_t measured = inj_lift_of(r_fabs(area));
         real_t total = lift;
         if (area > R(0.0)) {
             total += measured;
@@ -82,28 +82,28 @@ static real_t lifted(real_t area, real_t lift, bool moves)
             /* at rest on its seat */
         }
         if ((area > R(0.0)) || (total >= LEAST_LIFT)) {
-            found = seat_opened(total);
+            found = inj_seat_opened(total);
         }
     }
     return found;
 }
 
-void under_laws(const real_t x[], const Interval *interval, Forcing *f, Forced *forced)
+void inj_under_laws(const real_t x[], const Interval *interval, Forcing *f, Forced *forced)
 {
     const real_t pressure = MEGAPASCAL / PRESSURE_SCALE;
     real_t totals[LAW_EQUATIONS];
     forced->interval = *interval;
-    forced->model = MODEL;
+    forced->model = INJ_MODEL;
     if (HAS_LAWS != 0) {
         observe(x, interval, f);
-        laws_of_model(f->variables, &f->memory, INTERVAL_MS, totals);
+        inj_laws_of_model(f->variables, &f->memory, INTERVAL_MS, totals);
         const real_t lift = totals[LAW_OF_NEEDLE_LIFT] * MILLIMETRE;
         const real_t more = totals[LAW_OF_RAIL_PRESSURE] * pressure;
         const bool moves = f->variables[LAW_OPEN] > R(0.0);
         forced->model.bias[0] += totals[LAW_OF_NOZZLE_FLOW];
         forced->model.bias[1] += totals[LAW_OF_SEAT_FLOW];
         forced->model.nozzle[0] += totals[LAW_OF_CHAMBER_PRESSURE] * pressure;
-        change_line(&forced->model.line, totals[LAW_OF_STIFFNESS], totals[LAW_OF_INERTANCE],
+        inj_change_line(&forced->model.line, totals[LAW_OF_STIFFNESS], totals[LAW_OF_INERTANCE],
                     totals[LAW_OF_LINE_PRESSURE] * (MM3_PER_MS / FLOW_SCALE),
                     totals[LAW_OF_LINE_FLOW] * pressure);
         forced->interval.start.rail += more;
@@ -114,7 +114,7 @@ void under_laws(const real_t x[], const Interval *interval, Forcing *f, Forced *
     }
 }
 
-real_t shown_under_laws(real_t shown, Forcing *f)
+real_t inj_shown_under_laws(real_t shown, Forcing *f)
 {
     real_t found = shown;
     if (HAS_SENSOR_LAWS != 0) {
@@ -122,18 +122,18 @@ real_t shown_under_laws(real_t shown, Forcing *f)
         const real_t pressure = (shown * PRESSURE_SCALE + CHAMBER_PRESSURE) / MEGAPASCAL;
         f->variables[LAW_LINE_PRESSURE] = pressure;
         f->variables[LAW_LINE_PRESSURE_RATE] = (pressure - f->pressure_before) / INTERVAL_MS;
-        laws_of_sensor(f->variables, &f->memory, INTERVAL_MS, totals);
+        inj_laws_of_sensor(f->variables, &f->memory, INTERVAL_MS, totals);
         found += totals[LAW_OF_LINE_PRESSURE_SENSOR] * MEGAPASCAL / PRESSURE_SCALE;
     }
     return found;
 }
 
-bool is_shut_under_laws(const Forcing *f)
+bool inj_is_shut_under_laws(const Forcing *f)
 {
     return f->area <= R(0.0);
 }
 
-real_t trusted_under_laws(real_t innovation, Forcing *f)
+real_t inj_trusted_under_laws(real_t innovation, Forcing *f)
 {
-    return (HAS_SENSOR_LAWS != 0) ? laws_without_ringing(&f->memory, innovation, INTERVAL_MS) : innovation;
+    return (HAS_SENSOR_LAWS != 0) ? inj_laws_without_ringing(&f->memory, innovation, INTERVAL_MS) : innovation;
 }

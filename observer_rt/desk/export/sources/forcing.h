@@ -22,10 +22,10 @@ typedef struct {
     Model model;
 } Forced;
 
-void forcing_init(Forcing *f);
-void under_laws(const real_t x[], const Interval *interval, Forcing *f, Forced *forced);
-real_t shown_under_laws(real_t shown, Forcing *f);
-bool is_shut_under_laws(const Forcing *f);
-real_t trusted_under_laws(real_t innovation, Forcing *f);
+void inj_forcing_init(Forcing *f);
+void inj_under_laws(const real_t x[], const Interval *interval, Forcing *f, Forced *forced);
+real_t inj_shown_under_laws(real_t shown, Forcing *f);
+bool inj_is_shut_under_laws(const Forcing *f);
+real_t inj_trusted_under_laws(real_t innovation, Forcing *f);
 
 #endif

@@ -184,7 +184,7 @@ static real_t open_seat(const FrontEnd *f, uint32_t number)
     } else {
         lift = recorded(f, number);
     }
-    return seat_opened(lift);
+    return inj_seat_opened(lift);
 }
 
 /* 0, or the negative area from which a ramp comes or to which it leads, by the two samples beyond. */
@@ -197,7 +197,7 @@ static real_t shut_seat(const FrontEnd *f, uint32_t number)
         const real_t first = ramp_lift(f, number + 1U, ahead - 1U);
         if ((first > R(0.0)) || (ahead == 1U)) {
             const real_t second = (ahead == 1U) ? recorded(f, number + 2U) : ramp_lift(f, number + 2U, ahead - 2U);
-            area = R(2.0) * seat_opened(first) - seat_opened(second);
+            area = R(2.0) * inj_seat_opened(first) - inj_seat_opened(second);
         }
     } else if (f->area_before[0] > R(0.0)) {
         area = R(2.0) * f->area_before[0] - f->area_before[1];
@@ -207,7 +207,7 @@ static real_t shut_seat(const FrontEnd *f, uint32_t number)
     return r_min(area, R(0.0));
 }
 
-void front_end_init(FrontEnd *f)
+void inj_front_end_init(FrontEnd *f)
 {
     for (uint32_t i = 0U; i < LIFT_RING; ++i) {
         f->lift[i] = R(0.0);
@@ -224,7 +224,7 @@ void front_end_init(FrontEnd *f)
     f->area_before[1] = R(0.0);
 }
 
-real_t front_end_area(FrontEnd *f, uint32_t number)
+real_t inj_front_end_area(FrontEnd *f, uint32_t number)
 {
     real_t area;
     if (!f->is_open) {

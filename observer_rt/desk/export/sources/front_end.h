@@ -19,10 +19,10 @@ typedef struct {
     real_t area_before[2]; /* normalised, one and two samples before */
 } FrontEnd;
 
-void front_end_init(FrontEnd *f);
+void inj_front_end_init(FrontEnd *f);
 
 /* The normalised seat area at a sample, LOOKAHEAD more being in the ring; below 0 beside an opening, for a shut
  * needle. number: of the sample, from 0, modulo 2^32. */
-real_t front_end_area(FrontEnd *f, uint32_t number);
+real_t inj_front_end_area(FrontEnd *f, uint32_t number);
 
 #endif

@@ -22,9 +22,9 @@ typedef struct {
 } Injector;
 
 /* At rest at a rail pressure [Pa], the needle shut. */
-void injector_init(Injector *injector, real_t rail_pressure);
+void inj_injector_init(Injector *injector, real_t rail_pressure);
 
 /* A sample interval on, over which rail pressure [Pa] and lift [m] go straight from the values of the step before. */
-void injector_step(Injector *injector, real_t rail_pressure, real_t needle_lift, InjectorOutput *output);
+void inj_injector_step(Injector *injector, real_t rail_pressure, real_t needle_lift, InjectorOutput *output);
 
 #endif

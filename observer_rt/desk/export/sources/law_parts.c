@@ -8,7 +8,7 @@ static const real_t LOWEST[LAW_EQUATIONS] = {R(-30.0), R(-15.0), R(-0.8),  R(-0.
 static const real_t HIGHEST[LAW_EQUATIONS] = {R(30.0), R(15.0), R(0.8),  R(0.6), R(0.6),
                                               R(4.0),  R(20.0), R(10.0), R(0.1), R(10.0)};
 
-void laws_init(LawMemory *memory)
+void inj_laws_init(LawMemory *memory)
 {
     for (uint32_t i = 0U; i < LAW_LAGS; ++i) {
         memory->lags[i] = (real_t)NAN;
@@ -21,18 +21,18 @@ void laws_init(LawMemory *memory)
     }
 }
 
-real_t law_held(real_t value, uint32_t equation)
+real_t inj_law_held(real_t value, uint32_t equation)
 {
     return isfinite(value) ? r_min(r_max(value, LOWEST[equation]), HIGHEST[equation]) : R(0.0);
 }
 
-real_t law_lagged(real_t *before, real_t now, real_t intervals)
+real_t inj_law_lagged(real_t *before, real_t now, real_t intervals)
 {
     *before = isfinite(*before) ? (*before - r_expm1(-intervals) * (now - *before)) : now;
     return *before;
 }
 
-real_t law_ringing(real_t memory[3], real_t now, real_t kilohertz, real_t damping, real_t interval_ms)
+real_t inj_law_ringing(real_t memory[3], real_t now, real_t kilohertz, real_t damping, real_t interval_ms)
 {
     real_t added = memory[1];
     real_t change = memory[2];
@@ -60,13 +60,13 @@ real_t law_ringing(real_t memory[3], real_t now, real_t kilohertz, real_t dampin
 }
 
 /* An innovation behind a notch at the frequency of a resonance of the sensor. */
-real_t law_without(real_t memory[3], real_t innovation, real_t kilohertz, real_t damping, real_t interval_ms)
+real_t inj_law_without(real_t memory[3], real_t innovation, real_t kilohertz, real_t damping, real_t interval_ms)
 {
-    (void)law_ringing(memory, innovation, kilohertz, DAMPED, interval_ms);
+    (void)inj_law_ringing(memory, innovation, kilohertz, DAMPED, interval_ms);
     return innovation - R(2.0) * (DAMPED - damping) * (memory[2] / (R(2.0) * REAL_PI * kilohertz));
 }
 
-real_t law_quotient(real_t a, real_t b)
+real_t inj_law_quotient(real_t a, real_t b)
 {
     real_t found;
     if (b != R(0.0)) {
@@ -79,22 +79,22 @@ real_t law_quotient(real_t a, real_t b)
     return found;
 }
 
-real_t law_power(real_t a, real_t exponent)
+real_t inj_law_power(real_t a, real_t exponent)
 {
     return (exponent == R(2.0)) ? (a * a) : r_pow(a, exponent);
 }
 
-real_t law_root(real_t a)
+real_t inj_law_root(real_t a)
 {
     return r_copysign(r_sqrt(r_fabs(a)), a);
 }
 
-real_t law_min(real_t a, real_t b)
+real_t inj_law_min(real_t a, real_t b)
 {
     return (isnan(a) || isnan(b)) ? (real_t)NAN : r_min(a, b);
 }
 
-real_t law_max(real_t a, real_t b)
+real_t inj_law_max(real_t a, real_t b)
 {
     return (isnan(a) || isnan(b)) ? (real_t)NAN : r_max(a, b);
 }

@@ -49,19 +49,19 @@ typedef struct {
     real_t notches[LAW_RINGINGS][3];
 } LawMemory;
 
-void laws_init(LawMemory *memory);
-void laws_of_model(const real_t v[], LawMemory *memory, real_t interval_ms, real_t totals[]);
-void laws_of_sensor(const real_t v[], LawMemory *memory, real_t interval_ms, real_t totals[]);
-real_t laws_without_ringing(LawMemory *memory, real_t innovation, real_t interval_ms);
+void inj_laws_init(LawMemory *memory);
+void inj_laws_of_model(const real_t v[], LawMemory *memory, real_t interval_ms, real_t totals[]);
+void inj_laws_of_sensor(const real_t v[], LawMemory *memory, real_t interval_ms, real_t totals[]);
+real_t inj_laws_without_ringing(LawMemory *memory, real_t innovation, real_t interval_ms);
 
-real_t law_held(real_t value, uint32_t equation); /* within the equation's bounds; 0 where it is not finite */
-real_t law_lagged(real_t *before, real_t now, real_t intervals);
-real_t law_ringing(real_t memory[3], real_t now, real_t kilohertz, real_t damping, real_t interval_ms);
-real_t law_without(real_t memory[3], real_t innovation, real_t kilohertz, real_t damping, real_t interval_ms);
-real_t law_quotient(real_t a, real_t b);
-real_t law_power(real_t a, real_t exponent);
-real_t law_root(real_t a); /* with the sign of a */
-real_t law_min(real_t a, real_t b);
-real_t law_max(real_t a, real_t b);
+real_t inj_law_held(real_t value, uint32_t equation); /* within the equation's bounds; 0 where it is not finite */
+real_t inj_law_lagged(real_t *before, real_t now, real_t intervals);
+real_t inj_law_ringing(real_t memory[3], real_t now, real_t kilohertz, real_t damping, real_t interval_ms);
+real_t inj_law_without(real_t memory[3], real_t innovation, real_t kilohertz, real_t damping, real_t interval_ms);
+real_t inj_law_quotient(real_t a, real_t b);
+real_t inj_law_power(real_t a, real_t exponent);
+real_t inj_law_root(real_t a); /* with the sign of a */
+real_t inj_law_min(real_t a, real_t b);
+real_t inj_law_max(real_t a, real_t b);
 
 #endif

@@ -3,13 +3,13 @@
 
 #define LINE_STEP R(0.1) /* radians of the line's motion in a step while nothing flows */
 
-void line_at_rest(real_t x[], real_t pressure)
+void inj_line_at_rest(real_t x[], real_t pressure)
 {
     x[P_LINE] = pressure;
     x[Q_LINE] = R(0.0);
 }
 
-void change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss)
+void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss)
 {
     const real_t stiffer = R(1.0) + stiffness;
     const real_t lighter = R(1.0) + (R(1.0) / (R(1.0) + inertance) - R(1.0));
@@ -29,10 +29,10 @@ static void rates(const real_t x[], Inputs u, const Model *m, real_t rate[STATES
     const Line *line = &m->line;
     real_t q_h = R(0.0);
     real_t q_s = R(0.0);
-    if (!is_at_rest(x, u)) {
-        flows(x, u, m, &q_h, &q_s);
+    if (!inj_is_at_rest(x, u)) {
+        inj_flows(x, u, m, &q_h, &q_s);
     }
-    rate[P_LINE] = softened(x[P_LINE], line) *
+    rate[P_LINE] = inj_softened(x[P_LINE], line) *
                    (line->a1 * (x[Q_LINE] - line->outflow) - line->a2_nozzle * q_h - line->a2_seat * q_s -
                     line->leak * x[P_LINE]);
     rate[Q_LINE] =
@@ -74,10 +74,10 @@ static void step_on(real_t x[], Inputs start, Inputs middle, Inputs end, real_t 
     }
 }
 
-void advance(real_t x[], const Interval *interval, const Model *m)
+void inj_advance(real_t x[], const Interval *interval, const Model *m)
 {
     uint32_t steps = SUBSTEPS;
-    if (is_at_rest(x, interval->start) && (interval->end.area <= R(0.0))) {
+    if (inj_is_at_rest(x, interval->start) && (interval->end.area <= R(0.0))) {
         const real_t fastest = r_sqrt(m->line.a1 * m->line.a3);
         const real_t fewer = r_ceil(SAMPLE_INTERVAL * fastest / LINE_STEP);
         if (fewer < (real_t)SUBSTEPS) {
@@ -90,5 +90,5 @@ void advance(real_t x[], const Interval *interval, const Model *m)
         step_on(x, between(interval, at / count), between(interval, (at + R(0.5)) / count),
                 between(interval, (at + R(1.0)) / count), SAMPLE_INTERVAL / count, m);
     }
-    empty_if_drained(x, interval);
+    inj_empty_if_drained(x, interval);
 }

@@ -21,7 +21,7 @@ static uint32_t pressure_at(uint32_t cell) { return (cell == CELLS) ? 0U : (2U +
 static uint32_t flow_at(uint32_t face) { return (face == CELLS) ? 1U : (1U + CELLS + face); }
 static uint32_t memory_at(uint32_t number) { return 2U * CELLS + 2U + number; }
 
-void line_at_rest(real_t x[], real_t pressure)
+void inj_line_at_rest(real_t x[], real_t pressure)
 {
     for (uint32_t i = 1U; i <= CELLS; ++i) {
         x[pressure_at(i)] = pressure;
@@ -33,7 +33,7 @@ void line_at_rest(real_t x[], real_t pressure)
     }
 }
 
-void change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss)
+void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss)
 {
     const real_t stiffer = R(1.0) + stiffness;
     const real_t lighter = R(1.0) + (R(1.0) / (R(1.0) + inertance) - R(1.0));
@@ -128,7 +128,7 @@ static void move_line(real_t x[], real_t rail, real_t step, const Line *line)
         const uint32_t place = pressure_at(i);
         const real_t share = line->joint - ((real_t)i - R(0.5));
         const real_t compliance = step * across_joint(share, line->b, line->b_near);
-        x[place] += compliance * softened(x[place], line) * (x[flow_at(i)] - x[flow_at(i + 1U)]);
+        x[place] += compliance * inj_softened(x[place], line) * (x[flow_at(i)] - x[flow_at(i + 1U)]);
     }
 }
 
@@ -149,20 +149,20 @@ static real_t solve_end(const real_t x[], Inputs u, real_t sac_step, real_t line
         real_t by_sac_h = R(0.0);
         real_t by_sac_s = R(0.0);
         for (uint32_t i = 0U; i < NEURONS; ++i) {
-            const real_t sigma = neuron(state, u, i);
-            const real_t bend = (R(1.0) - sigma * sigma) * HIDDEN_LAYER[i][2];
-            nozzle_change += OUTPUT_LAYER[0][i] * sigma;
-            seat_change += OUTPUT_LAYER[1][i] * sigma;
-            by_sac_h += OUTPUT_LAYER[0][i] * bend;
-            by_sac_s += OUTPUT_LAYER[1][i] * bend;
+            const real_t sigma = inj_neuron(state, u, i);
+            const real_t bend = (R(1.0) - sigma * sigma) * INJ_HIDDEN_LAYER[i][2];
+            nozzle_change += INJ_OUTPUT_LAYER[0][i] * sigma;
+            seat_change += INJ_OUTPUT_LAYER[1][i] * sigma;
+            by_sac_h += INJ_OUTPUT_LAYER[0][i] * bend;
+            by_sac_s += INJ_OUTPUT_LAYER[1][i] * bend;
         }
-        const real_t through_nozzle = nozzle_law(s, u.area, m->nozzle);
-        const real_t through_seat = seat_law(p - s, u.area);
+        const real_t through_nozzle = inj_nozzle_law(s, u.area, m->nozzle);
+        const real_t through_seat = inj_seat_law(p - s, u.area);
         const real_t q_h = through_nozzle * (R(1.0) + nozzle_change);
         const real_t q_s = through_seat * (R(1.0) + seat_change);
         const real_t h_s =
-            nozzle_slope(s, u.area, m->nozzle) * (R(1.0) + nozzle_change) + through_nozzle * by_sac_h;
-        const real_t s_p = seat_slope(p - s, u.area) * (R(1.0) + seat_change);
+            inj_nozzle_slope(s, u.area, m->nozzle) * (R(1.0) + nozzle_change) + through_nozzle * by_sac_h;
+        const real_t s_p = inj_seat_slope(p - s, u.area) * (R(1.0) + seat_change);
         const real_t s_s = through_seat * by_sac_s - s_p;
         const real_t line_error =
             p - x[P_LINE] -
@@ -196,10 +196,10 @@ static void move_end(real_t x[], Inputs mean, Inputs end, real_t step, const Mod
     const Line *line = &m->line;
     const real_t half = R(0.5) * step;
     const real_t before = x[P_LINE];
-    const real_t soft = softened(before, line);
+    const real_t soft = inj_softened(before, line);
     real_t sac = R(0.0);
     real_t middle;
-    if (is_at_rest(x, mean) && (end.area <= R(0.0))) {
+    if (inj_is_at_rest(x, mean) && (end.area <= R(0.0))) {
         middle = (before + half * soft * line->a1 * (x[Q_LINE] - line->outflow)) /
                  (R(1.0) + half * soft * line->leak);
     } else {
@@ -207,7 +207,7 @@ static void move_end(real_t x[], Inputs mean, Inputs end, real_t step, const Mod
     }
     x[P_SAC] = sac;
     x[P_LINE] = R(2.0) * middle - before;
-    if (!is_at_rest(x, end)) {
+    if (!inj_is_at_rest(x, end)) {
         (void)solve_end(x, end, half, R(0.0), m, &sac);
         x[P_SAC] = sac;
     }
@@ -236,7 +236,7 @@ static real_t open_area(const Interval *interval, real_t first, real_t last, rea
     return mean;
 }
 
-void advance(real_t x[], const Interval *interval, const Model *m)
+void inj_advance(real_t x[], const Interval *interval, const Model *m)
 {
     const real_t step = SAMPLE_INTERVAL / (real_t)LINE_STEPS;
     const real_t part = R(1.0) / (real_t)(LINE_STEPS * END_STEPS);
@@ -252,5 +252,5 @@ void advance(real_t x[], const Interval *interval, const Model *m)
             move_end(x, mean, last, step / (real_t)END_STEPS, m);
         }
     }
-    empty_if_drained(x, interval);
+    inj_empty_if_drained(x, interval);
 }

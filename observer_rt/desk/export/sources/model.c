@@ -6,7 +6,7 @@
 #define LOWEST_STIFFNESS R(0.05) /* of K_L */
 #define LIFT_ITERATIONS 5
 
-const Model MODEL = {LINE_VALUES, LEARNED_BIAS, LEARNED_NOZZLE};
+const Model INJ_MODEL = {LINE_VALUES, LEARNED_BIAS, LEARNED_NOZZLE};
 
 static real_t root(real_t difference)
 {
@@ -33,7 +33,7 @@ static real_t fast_tanh(real_t argument)
     return R(2.0) * p * q / (p * p + q * q);
 }
 
-real_t seat_opened(real_t lift)
+real_t inj_seat_opened(real_t lift)
 {
     real_t area = R(0.0);
     if (lift > R(0.0)) {
@@ -53,7 +53,7 @@ static real_t lift_of_area(real_t area)
     return R(2.0) * scaled / (SEAT_DIAMETER + r_sqrt(r_max(square, R(0.0))));
 }
 
-real_t lift_of(real_t area)
+real_t inj_lift_of(real_t area)
 {
     real_t lift = R(0.0);
     if (area > R(0.0)) {
@@ -65,17 +65,17 @@ real_t lift_of(real_t area)
     return lift;
 }
 
-bool is_at_rest(const real_t x[], Inputs u)
+bool inj_is_at_rest(const real_t x[], Inputs u)
 {
     return (u.area <= R(0.0)) && (x[P_SAC] == R(0.0));
 }
 
-real_t seat_law(real_t difference, real_t area)
+real_t inj_seat_law(real_t difference, real_t area)
 {
     return area * root(difference);
 }
 
-real_t seat_slope(real_t difference, real_t area)
+real_t inj_seat_slope(real_t difference, real_t area)
 {
     return area * root_slope(difference);
 }
@@ -98,7 +98,7 @@ static bool cavitates(real_t difference, real_t margin)
     return (CRITICAL_EXCESS != R(0.0)) && (margin < CRITICAL_EXCESS * difference);
 }
 
-real_t nozzle_law(real_t p_sac, real_t area, const real_t learned[2])
+real_t inj_nozzle_law(real_t p_sac, real_t area, const real_t learned[2])
 {
     real_t margin;
     const real_t difference = over_chamber(p_sac, area, learned, &margin);
@@ -109,7 +109,7 @@ real_t nozzle_law(real_t p_sac, real_t area, const real_t learned[2])
     return flow;
 }
 
-real_t nozzle_slope(real_t p_sac, real_t area, const real_t learned[2])
+real_t inj_nozzle_slope(real_t p_sac, real_t area, const real_t learned[2])
 {
     real_t margin;
     const real_t difference = over_chamber(p_sac, area, learned, &margin);
@@ -123,36 +123,36 @@ real_t nozzle_slope(real_t p_sac, real_t area, const real_t learned[2])
     return slope;
 }
 
-real_t neuron(const real_t x[], Inputs u, uint32_t number)
+real_t inj_neuron(const real_t x[], Inputs u, uint32_t number)
 {
-    const real_t *row = HIDDEN_LAYER[number];
+    const real_t *row = INJ_HIDDEN_LAYER[number];
     return fast_tanh(row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * u.rail + row[4] * u.area + row[5]);
 }
 
-void flows(const real_t x[], Inputs u, const Model *m, real_t *q_h, real_t *q_s)
+void inj_flows(const real_t x[], Inputs u, const Model *m, real_t *q_h, real_t *q_s)
 {
     real_t nozzle_change = m->bias[0];
     real_t seat_change = m->bias[1];
     for (uint32_t i = 0U; i < NEURONS; ++i) {
-        const real_t sigma = neuron(x, u, i);
-        nozzle_change += OUTPUT_LAYER[0][i] * sigma;
-        seat_change += OUTPUT_LAYER[1][i] * sigma;
+        const real_t sigma = inj_neuron(x, u, i);
+        nozzle_change += INJ_OUTPUT_LAYER[0][i] * sigma;
+        seat_change += INJ_OUTPUT_LAYER[1][i] * sigma;
     }
-    *q_h = nozzle_law(x[P_SAC], u.area, m->nozzle) * (R(1.0) + nozzle_change);
-    *q_s = seat_law(x[P_LINE] - x[P_SAC], u.area) * (R(1.0) + seat_change);
+    *q_h = inj_nozzle_law(x[P_SAC], u.area, m->nozzle) * (R(1.0) + nozzle_change);
+    *q_s = inj_seat_law(x[P_LINE] - x[P_SAC], u.area) * (R(1.0) + seat_change);
 }
 
-real_t injection_rate(const real_t x[], Inputs u, const Model *m)
+real_t inj_injection_rate(const real_t x[], Inputs u, const Model *m)
 {
     real_t q_h = R(0.0);
     real_t q_s = R(0.0);
-    if (!is_at_rest(x, u)) {
-        flows(x, u, m, &q_h, &q_s);
+    if (!inj_is_at_rest(x, u)) {
+        inj_flows(x, u, m, &q_h, &q_s);
     }
     return NOZZLE_FLOW * q_h;
 }
 
-real_t softened(real_t pressure, const Line *line)
+real_t inj_softened(real_t pressure, const Line *line)
 {
     real_t fuel = R(1.0) + line->stiffness_slope * (pressure - line->stiffness_pressure);
     fuel = r_max(fuel, LOWEST_STIFFNESS);
@@ -163,7 +163,7 @@ real_t softened(real_t pressure, const Line *line)
     return fuel;
 }
 
-void empty_if_drained(real_t x[], const Interval *interval)
+void inj_empty_if_drained(real_t x[], const Interval *interval)
 {
     const bool is_shut = (interval->start.area <= R(0.0)) && (interval->end.area <= R(0.0));
     if (is_shut && (r_fabs(x[P_SAC]) < EMPTY_SAC)) {

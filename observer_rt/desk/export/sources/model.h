@@ -26,24 +26,24 @@ typedef struct {
     Inputs end;
 } Interval;
 
-extern const Model MODEL;
+extern const Model INJ_MODEL;
 
-real_t seat_opened(real_t lift);                   /* A_S of a lift [m] */
-real_t lift_of(real_t area);                       /* its inverse */
-bool is_at_rest(const real_t x[], Inputs u);       /* no flow through seat and nozzle */
-void flows(const real_t x[], Inputs u, const Model *m, real_t *q_h, real_t *q_s);
-real_t injection_rate(const real_t x[], Inputs u, const Model *m); /* m3/s */
-real_t softened(real_t pressure, const Line *line);                /* K_eff/K_L */
-real_t nozzle_law(real_t p_sac, real_t area, const real_t learned[2]);
-real_t nozzle_slope(real_t p_sac, real_t area, const real_t learned[2]);
-real_t seat_law(real_t difference, real_t area);
-real_t seat_slope(real_t difference, real_t area);
-real_t neuron(const real_t x[], Inputs u, uint32_t number);
-void empty_if_drained(real_t x[], const Interval *interval);
+real_t inj_seat_opened(real_t lift);                   /* A_S of a lift [m] */
+real_t inj_lift_of(real_t area);                       /* its inverse */
+bool inj_is_at_rest(const real_t x[], Inputs u);       /* no flow through seat and nozzle */
+void inj_flows(const real_t x[], Inputs u, const Model *m, real_t *q_h, real_t *q_s);
+real_t inj_injection_rate(const real_t x[], Inputs u, const Model *m); /* m3/s */
+real_t inj_softened(real_t pressure, const Line *line);                /* K_eff/K_L */
+real_t inj_nozzle_law(real_t p_sac, real_t area, const real_t learned[2]);
+real_t inj_nozzle_slope(real_t p_sac, real_t area, const real_t learned[2]);
+real_t inj_seat_law(real_t difference, real_t area);
+real_t inj_seat_slope(real_t difference, real_t area);
+real_t inj_neuron(const real_t x[], Inputs u, uint32_t number);
+void inj_empty_if_drained(real_t x[], const Interval *interval);
 
 /* Of the line in use. */
-void line_at_rest(real_t x[], real_t pressure);
-void advance(real_t x[], const Interval *interval, const Model *m);
-void change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss);
+void inj_line_at_rest(real_t x[], real_t pressure);
+void inj_advance(real_t x[], const Interval *interval, const Model *m);
+void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss);
 
 #endif

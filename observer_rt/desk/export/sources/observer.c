@@ -34,11 +34,11 @@ static void copy_state(const real_t from[], real_t to[])
     }
 }
 
-void observer_init(Observer *o)
+void inj_observer_init(Observer *o)
 {
-    front_end_init(&o->front_end);
-    forcing_init(&o->of_tilde);
-    forcing_init(&o->of_hat);
+    inj_front_end_init(&o->front_end);
+    inj_forcing_init(&o->of_tilde);
+    inj_forcing_init(&o->of_hat);
     for (uint32_t i = 0U; i < LIFT_RING; ++i) {
         o->rail[i] = R(0.0);
         o->line[i] = R(0.0);
@@ -71,10 +71,10 @@ static void start(Observer *o, real_t line_pressure)
     o->offset = SENSOR_OFFSET;
     o->indicated = line_pressure - o->offset;
     o->accepted_innovation = R(0.0);
-    line_at_rest(o->x_tilde, o->indicated);
+    inj_line_at_rest(o->x_tilde, o->indicated);
     o->x_tilde[P_SAC] = R(0.0);
     copy_state(o->x_tilde, o->x_hat);
-    laws_init(&o->of_tilde.memory);
+    inj_laws_init(&o->of_tilde.memory);
     o->since_start = 0U;
     o->closed_since_start = 0U;
 }
@@ -101,10 +101,10 @@ static real_t predict(Observer *o, const Interval *interval, uint32_t number)
     const real_t indicated_before = o->indicated;
     real_t innovation = R(0.0);
     Forced forced;
-    under_laws(o->x_tilde, interval, &o->of_tilde, &forced);
-    advance(o->x_tilde, &forced.interval, &forced.model);
+    inj_under_laws(o->x_tilde, interval, &o->of_tilde, &forced);
+    inj_advance(o->x_tilde, &forced.interval, &forced.model);
     o->indicated = indicated_after(indicated_before, before, o->x_tilde[P_LINE]);
-    const real_t shown = shown_under_laws(recorded_of(indicated_before, o->indicated), &o->of_tilde);
+    const real_t shown = inj_shown_under_laws(recorded_of(indicated_before, o->indicated), &o->of_tilde);
     if (o->known > LOOKAHEAD + RECORDED_EARLY) {
         const uint32_t recorded = (number + RECORDED_LATE - RECORDED_EARLY) & LIFT_RING_MASK;
         const real_t found = o->line[recorded] - o->offset - shown;
@@ -119,13 +119,13 @@ static real_t predict(Observer *o, const Interval *interval, uint32_t number)
 static void correct(Observer *o, real_t innovation)
 {
     const uint32_t row = (o->since_start < GAIN_ROWS) ? o->since_start : (GAIN_ROWS - 1U);
-    const real_t trusted = trusted_under_laws(innovation, &o->of_tilde);
+    const real_t trusted = inj_trusted_under_laws(innovation, &o->of_tilde);
     for (uint32_t i = 0U; i < STATES; ++i) {
         if (i != (uint32_t)P_SAC) {
-            o->x_tilde[i] += GAINS[row][i] * trusted;
+            o->x_tilde[i] += INJ_GAINS[row][i] * trusted;
         }
     }
-    o->indicated += GAINS[row][P_SAC] * trusted;
+    o->indicated += INJ_GAINS[row][P_SAC] * trusted;
 }
 
 static void follow_offset(Observer *o, real_t innovation)
@@ -143,7 +143,7 @@ static real_t rate_of(const Observer *o, Inputs u, bool is_resting, const Model 
     real_t rate = R(0.0);
     if (!is_resting || (o->x_hat[P_SAC] != R(0.0))) {
         u.area = r_max(u.area, R(0.0));
-        rate = injection_rate(o->x_hat, u, m);
+        rate = inj_injection_rate(o->x_hat, u, m);
     }
     return rate;
 }
@@ -152,20 +152,20 @@ static real_t rate_of(const Observer *o, Inputs u, bool is_resting, const Model 
 static void step_pair(Observer *o, uint32_t number, Inputs u, bool is_resting, ObserverOutput *output)
 {
     const Interval interval = {o->before, u};
-    const Model *model = &MODEL;
+    const Model *model = &INJ_MODEL;
     Forced forced;
     real_t total = R(0.0);
     output->innovation = predict(o, &interval, number);
     correct(o, output->innovation);
     if (is_resting) {
-        if (is_shut_under_laws(&o->of_tilde)) {
+        if (inj_is_shut_under_laws(&o->of_tilde)) {
             o->x_tilde[P_SAC] = R(0.0);
         }
         copy_state(o->x_tilde, o->x_hat);
         o->of_hat = o->of_tilde;
     } else {
-        under_laws(o->x_hat, &interval, &o->of_hat, &forced);
-        advance(o->x_hat, &forced.interval, &forced.model);
+        inj_under_laws(o->x_hat, &interval, &o->of_hat, &forced);
+        inj_advance(o->x_hat, &forced.interval, &forced.model);
         model = &forced.model;
     }
     output->injection_rate = rate_of(o, u, is_resting, model);
@@ -227,7 +227,7 @@ static void observe(Observer *o, uint32_t number, ObserverOutput *output)
 {
     Inputs u;
     const bool is_first = o->known == (LOOKAHEAD + 1U);
-    u.area = front_end_area(&o->front_end, number);
+    u.area = inj_front_end_area(&o->front_end, number);
     u.rail = o->rail[number & LIFT_RING_MASK];
     look_at_start(o, o->known - (LOOKAHEAD + 1U), o->line[number & LIFT_RING_MASK]);
     const bool is_resting = !o->front_end.is_open && (o->front_end.shut_for > (SETTLE + 1U));
@@ -250,7 +250,7 @@ static void observe(Observer *o, uint32_t number, ObserverOutput *output)
     output->followed = in_si(o->x_tilde);
 }
 
-bool observer_step(Observer *o, const ObserverInput *input, ObserverOutput *output)
+bool inj_observer_step(Observer *o, const ObserverInput *input, ObserverOutput *output)
 {
     const uint32_t place = o->received & LIFT_RING_MASK;
     o->rail[place] = normalised(RAIL_FACTOR * input->rail_pressure + RAIL_SHIFT);

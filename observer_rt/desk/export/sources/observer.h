@@ -1,8 +1,8 @@
 /* Observer of an injector: the identification system x~ and the observer x^ from sample to sample, nothing learned.
  *
- * observer_step takes a sample every SAMPLE_INTERVAL and answers for the one LOOKAHEAD samples before. The caller sees
+ * inj_observer_step takes a sample every SAMPLE_INTERVAL and answers for the one LOOKAHEAD samples before. The caller sees
  * to it that samples follow each other without a gap and are plausible, and that the lift of a shut needle is
- * lift_zero; after a gap it calls observer_init.
+ * lift_zero; after a gap it calls inj_observer_init.
  */
 #ifndef OBSERVER_H
 #define OBSERVER_H
@@ -56,9 +56,9 @@ typedef struct {
     Forcing of_hat;
 } Observer;
 
-void observer_init(Observer *o);
+void inj_observer_init(Observer *o);
 
 /* Whether there is an output: not for the first LOOKAHEAD samples. */
-bool observer_step(Observer *o, const ObserverInput *input, ObserverOutput *output);
+bool inj_observer_step(Observer *o, const ObserverInput *input, ObserverOutput *output);
 
 #endif

@@ -37,7 +37,7 @@ static int observed(Observer *o, const double *in, double *out)
 {
     const ObserverInput input = {(real_t)in[1], (real_t)in[2], (real_t)in[3]};
     ObserverOutput found;
-    if (!observer_step(o, &input, &found)) {
+    if (!inj_observer_step(o, &input, &found)) {
         return 0;
     }
     out[0] = found.is_valid ? 1.0 : 0.0;
@@ -57,9 +57,9 @@ static int simulated(Injector *injector, int is_first, const double *in, double 
 {
     InjectorOutput found;
     if (is_first) {
-        injector_init(injector, (real_t)in[1]);
+        inj_injector_init(injector, (real_t)in[1]);
     }
-    injector_step(injector, (real_t)in[1], (real_t)in[2], &found);
+    inj_injector_step(injector, (real_t)in[1], (real_t)in[2], &found);
     out[0] = (double)found.injection_rate;
     out[1] = (double)found.recorded_line_pressure;
     return 2;
@@ -82,7 +82,7 @@ int main(int argc, char **argv)
         (void)fprintf(stderr, "replay observer|injector INPUTS.csv [OUTPUTS.csv TOLERANCE]\n");
         return 2;
     }
-    observer_init(&observer);
+    inj_observer_init(&observer);
     (void)fgets(line, LINE_LENGTH, inputs); /* the names of the columns */
     if (is_compared) {
         (void)fgets(line, LINE_LENGTH, outputs);

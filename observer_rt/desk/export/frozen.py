@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import Meaning, Training
+from observer_rt.config.signals import Role
 from observer_rt.desk.evaluation.run import ObserverRun
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.stream.standstill import RestingLift
@@ -21,6 +22,8 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLIMETRE
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
+from observer_rt.model.line.lump import LumpLine
+from observer_rt.model.line.wave import WaveLine
 from observer_rt.model.network import Network
 from observer_rt.model.sensor import Sensor
 from observer_rt.model.terms.term import Term
@@ -32,7 +35,7 @@ class Frozen:
     """An observer whose numbers stay: the model with effects and terms, what was learned, gains, dead band.
 
     sample_rate: [Hz]; line: a `Line` as it is carried, with what was learned; network: of phi, likewise; sensor: its
-    lag and offset likewise; gains (n, states): by samples since the start; weight: 1/variance of an innovation of x~ [1/p_0^2];
+    lag and offset likewise; gains (n, states): by samples since the start; weight [1/p_0^2]: of innovations of x~;
     opens_above, shuts_below: [m], of a needle's lift; offset_moves: whether x~ follows the offset at rest.
     """
 
@@ -80,13 +83,24 @@ def without_its_bus(bench: Bench, sample_rate: float | None = None) -> Bench:
             "is 'mean', but an export takes values at an instant",
             "set meaning = 'instant' for samples as the controller takes them",
         )
-    late = {"needle_lift_sensor_lag": model.inputs.lift_lag, "rail_pressure_delay": model.inputs.rail_delay}
-    if any(late.values()):
-        names = " and ".join(name for name, value in late.items() if value)
+    signals = config.signals
+    if late := [role for role in Role if signals.of(role).filter_delay_us or signals.of(role).lag_us]:
+        raise UserError(
+            place(f"signals.{late[0]}"),
+            "states a delay or a lag: that is of the bench's channel, and what undoes it is not exported",
+            "leave --bench out and give --model and --state, for signals that are taken together and on time",
+        )
+    if model.inputs.lift_lag or model.inputs.rail_delay:
         raise UserError(
             str(bench.injector.parameters_path),
-            f"has {names} in force: the samples to come that undo it are not exported",
-            "take the effect out of the injector file, and undo the lag before the signal reaches the observer",
+            "has an effect that delays the lift or the rail pressure; what undoes it is not exported",
+            "take the effect out of the injector file, and undo the delay before the signal reaches the observer",
+        )
+    if type(model.coefficients.line) not in (LumpLine, WaveLine):
+        raise UserError(
+            f"{bench.injector.parameters_path}: line.model",
+            f"'{bench.injector.parameters.line.model}' is no line that is exported",
+            "use 'lump', 'wave' or 'wave_two_part'",
         )
     sampling = config.sampling.model_copy(update={} if sample_rate is None else {"rate_hz": sample_rate})
     plain = load_bench().with_parameters(bench.injector.parameters)

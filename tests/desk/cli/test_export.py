@@ -1,0 +1,130 @@
+"""`observer-rt export`: what is written, and what it refuses with a remedy."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from observer_rt.desk.export import command as module
+from observer_rt.desk.export.c_code import c_sources
+from observer_rt.desk.export.compiler import compiler
+from tests.desk.cli.conftest import Command, document
+from tests.desk.cli.injector_files import injector
+from tests.desk.export.exported import TERMS, WORN, effect
+
+
+def test_everything_at_once(command: Command, tmp_path: Path, worn: Path) -> None:
+    state, model = tmp_path / "learned.json", tmp_path / "injector.toml"
+    injector(model, end=WORN)
+    document(command, worn, "--model", model, "--save-state", state)
+    folders = {name: tmp_path / name for name in ("c", "fmu", "matlab")}
+    options = [word for name, path in folders.items() for word in (f"--{name}", path)]
+    outcome = command.done("export", *options, "--json", "--model", model, "--state", state)
+    printed = json.loads(outcome.out)
+    assert printed["name"] == "injector"
+    assert printed["phi_version"] > 0
+    assert "learned state restored" in outcome.err
+    if compiler() is not None:
+        assert "replayed: observer within" in outcome.err
+        assert "with a library for this machine" in outcome.err
+    assert {path.name for path in folders["fmu"].iterdir()} == {
+        f"{name}_fmi{version}.fmu" for name in ("observer", "injector") for version in (2, 3)
+    }
+    assert {path.name for path in folders["matlab"].iterdir()} == {
+        "injector_coefficients.m",
+        "injector_rates.m",
+    }
+    rows = (folders["c"] / "observer_outputs.csv").read_text().splitlines()
+    assert rows[0].startswith("time_s,is_valid,is_open,injection_rate_m3_per_s,")
+    assert len(rows) > 10_000
+    assert "#define OBSERVER_SINGLE 0" in (folders["c"] / "parameters.h").read_text()
+    said = command.refused("export", *options, "--model", model)
+    assert "exists already" in said
+    command.done(
+        "export", "--c", folders["c"], "--single", "--sample-rate", "50e3", "--model", model, "--force"
+    )
+    header = (folders["c"] / "parameters.h").read_text()
+    assert "#define OBSERVER_SINGLE 1" in header
+    assert "#define SAMPLE_INTERVAL R(2e-05)" in header
+
+
+def test_without_a_compiler(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "compiler", lambda: None)
+    outcome = command.done("export", "--c", tmp_path / "c")
+    assert "no C compiler here: the reference runs were not replayed" in outcome.err
+    assert (tmp_path / "c" / "replay.c").exists()
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
+def test_sources_that_differ_are_told(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = c_sources
+
+    def wrong(*arguments: object) -> dict[str, str]:
+        sources = dict(right(*arguments))  # type: ignore[arg-type]
+        sources["model.c"] = sources["model.c"].replace(
+            "R(1.0) + nozzle_change", "R(1.000001) + nozzle_change"
+        )
+        return sources
+
+    monkeypatch.setattr(module, "c_sources", wrong)
+    outcome = command("export", "--c", tmp_path / "c")
+    assert outcome.code == 1
+    assert "differs from ours" in outcome.err
+
+
+def test_what_is_refused(command: Command, tmp_path: Path, bench: Path) -> None:
+    model = tmp_path / "injector.toml"
+    assert "nothing is asked for" in command.refused("export")
+    assert "--single: is of the C sources" in command.refused("export", "--json", "--single")
+    assert "no such file" in command.refused("export", "--json", "--state", tmp_path / "none.json")
+    text = bench.read_text()
+    bench.write_text(text.replace('meaning = "instant"', 'meaning = "mean"'))
+    assert "is 'mean', but an export takes values at an instant" in command.refused(
+        "export", "--json", "--bench", bench
+    )
+    bench.write_text(text.replace("[signals.needle_lift]", "[signals.needle_lift]\nlag_us = 20"))
+    assert "signals.needle_lift: states a delay or a lag" in command.refused(
+        "export", "--json", "--bench", bench
+    )
+    bench.write_text(
+        text.replace('training = "prediction_error"', 'training = "paper"\nidentification_gain = 1e5')
+    )
+    assert "'paper' carries another phi" in command.refused("export", "--json", "--bench", bench)
+    injector(model)
+    assert "integration steps a sample" in command.refused(
+        "export", "--json", "--model", model, "--sample-rate", "1000"
+    )
+
+
+LATE = """
+from observer_rt.model.effect import Effect, Likeness, Place, Relation, added, parameter
+
+EFFECT = Effect(
+    id="slow_lift",
+    place=Place.LIFT_SENSOR,
+    parameters=(parameter("tau", 0.0, 150.0, 2.0, (5.0, 60.0), "us", 1e-6),),
+    apply=added("inputs", "lift_lag"),
+    sentence="The lift is slow.",
+    signature="Rounded ramps.",
+    relations=(Relation(("lift_offset",), Likeness.NEAR, "a step of the lift"),),
+)
+"""
+
+
+def test_an_effect_that_needs_samples_to_come(command: Command, tmp_path: Path) -> None:
+    own, model = tmp_path / "own.py", tmp_path / "injector.toml"
+    own.write_text(LATE)
+    injector(model, end=effect("slow_lift", tau=(30, "us")))
+    said = command.refused("export", "--c", tmp_path / "c", "--model", model, "--effects", own)
+    assert "has an effect that delays the lift" in said
+    assert "remedy: take the effect out" in said
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_state_of_another_model(command: Command, tmp_path: Path, worn: Path) -> None:
+    state, model = tmp_path / "learned.json", tmp_path / "injector.toml"
+    document(command, worn, "--save-state", state)
+    injector(model, end=TERMS)
+    assert "learned.json" in command.refused("export", "--json", "--model", model, "--state", state)

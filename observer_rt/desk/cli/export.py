@@ -30,6 +30,7 @@ def export(
         float | None,
         option("--sample-rate", "Samples a second [Hz] (default: the bench file's).", min=1e3, max=1e6),
     ] = None,
+    fuel_temperature: options.FuelTemperatureOption = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     force: options.ForceOption = False,
@@ -46,6 +47,7 @@ def export(
         single=single,
         state=state,
         sample_rate=sample_rate,
+        fuel_temperature=fuel_temperature,
         force=force,
     )
     export_bench(load_bench(bench, model, lenient, off_bus=True).of(injector), asked, messages)

@@ -2,12 +2,11 @@
 
 import json
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
@@ -16,17 +15,25 @@ from observer_rt.desk.export.c_code import c_sources
 from observer_rt.desk.export.compiler import compile_c, compiler
 from observer_rt.desk.export.document import document_of
 from observer_rt.desk.export.fmu import write_fmu
-from observer_rt.desk.export.frozen import Frozen, frozen_of, observer_run, without_its_bus
+from observer_rt.desk.export.frozen import frozen_of, observer_run, without_its_bus
 from observer_rt.desk.export.matlab import RATES, matlab_files
 from observer_rt.desk.export.model_description import CONTENTS
-from observer_rt.desk.export.reference import ReferenceRun, injector_reference, observer_reference
+from observer_rt.desk.export.reference import (
+    ReferenceRun,
+    injector_reference,
+    observer_reference,
+    reference_recording,
+)
+from observer_rt.engine.service.constants import injector_at
 from observer_rt.foundation.console import refuse_existing, say
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.model.parameters import temperature_of
 
 TOLERANCE = {False: 1e-9, True: 2e-3}  # relative, of double and of single precision
 """Largest difference in a column from the reference run; by single precision most in innovations, differences."""
 VERSIONS = (2, 3)  # of FMI
+NO_LIBRARY = "there is no C compiler here, or FMI has no name for this machine"
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,8 @@ class ExportOptions:
     single: bool = False
     state: Path | None = None
     sample_rate: float | None = None
+    fuel_temperature: float | None = None
+    """[degC]"""
     force: bool = False
 
 
@@ -61,40 +70,47 @@ def export_bench(bench: Bench, options: ExportOptions, console: Console) -> None
         lambda text: say(console, text),
         set_aside=False,
     )
+    if options.fuel_temperature is not None:
+        temperature = temperature_of("--fuel-temperature", options.fuel_temperature)
+        bench = bench.with_parameters(injector_at(bench.injector, temperature))
     run = observer_run(bench, knowledge)
     frozen = frozen_of(bench, run)
+    sources, functions = c_sources(frozen, options.single), matlab_files(frozen)
+    fmus = {f"{name}_fmi{version}.fmu": (name, version) for name in CONTENTS for version in VERSIONS}
+    for (option, folder), names in zip(folders.items(), (sources, fmus, functions), strict=True):
+        if folder is not None:
+            refuse_existing(option, [folder / name for name in names], options.force)
+            with file_errors(folder):
+                folder.mkdir(parents=True, exist_ok=True)
     if options.c is not None:
-        runs = {"observer": observer_reference(bench, run), "injector": injector_reference(bench, frozen)}
-        _export_c(options.c, frozen, runs, options, console)
+        made = reference_recording(bench)
+        runs = {"observer": observer_reference(made, run), "injector": injector_reference(made, frozen)}
+        _write(options.c, dict(sources) | dict(reference_files(runs)))
+        say(console, f"{options.c}: {len(sources)} C sources, and reference runs of observer and injector")
+        _replay(options.c, list(sources), TOLERANCE[options.single], console)
     if options.fmu is not None:
-        _export_fmu(options.fmu, frozen, options.force, console)
+        with file_errors(options.fmu):
+            has_library = [write_fmu(options.fmu / name, frozen, *which) for name, which in fmus.items()]
+        how = "with a library for this machine" if all(has_library) else f"as sources: {NO_LIBRARY}"
+        say(console, f"{options.fmu}: {', '.join(fmus)}, {how}")
     if options.matlab is not None:
-        files = matlab_files(frozen)
-        _write(options.matlab, "--matlab", files, options.force)
-        missing = "" if RATES in files else f"; no {RATES}: that is for a lump without [[terms]]"
-        say(console, f"{options.matlab}: {', '.join(files)}{missing}")
+        _write(options.matlab, functions)
+        missing = "" if RATES in functions else f"; no {RATES}: that is for a lump without [[terms]]"
+        say(console, f"{options.matlab}: {', '.join(functions)}{missing}")
     if options.json:
         print(json.dumps(document_of(frozen, parameters), indent=2))
 
 
-def _export_c(
-    folder: Path, frozen: Frozen, runs: Mapping[str, ReferenceRun], options: ExportOptions, console: Console
-) -> None:
-    sources = c_sources(frozen, options.single)
-    files = dict(sources)
-    for name, run in runs.items():
-        files[f"{name}_inputs.csv"], files[f"{name}_outputs.csv"] = as_csv(run.inputs), as_csv(run.outputs)
-    _write(folder, "--c", files, options.force)
-    say(console, f"{folder}: {len(sources)} C sources, and reference runs of observer and injector")
+def _replay(folder: Path, sources: Sequence[str], tolerance: float, console: Console) -> None:
     found = compiler()
     if found is None:
         say(console, "there is no C compiler here: the reference runs were not replayed")
         return
-    for name, difference in replayed(found, folder, sorted(sources), TOLERANCE[options.single]).items():
+    for name, difference in replayed(found, folder, sources, tolerance).items():
         say(console, f"replayed: {name} within {difference} of what runs here")
 
 
-def replayed(found: str, folder: Path, sources: list[str], tolerance: float) -> Mapping[str, str]:
+def replayed(found: str, folder: Path, sources: Sequence[str], tolerance: float) -> Mapping[str, str]:
     """Largest relative difference of the compiled C from the reference runs beside it, by name.
 
     Raises `RunError` where it exceeds the tolerance.
@@ -115,27 +131,18 @@ def replayed(found: str, folder: Path, sources: list[str], tolerance: float) -> 
     return differences
 
 
-def as_csv(columns: Mapping[str, np.ndarray]) -> str:
-    """Columns as text, every number to its last bit."""
-    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    return "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+def reference_files(runs: Mapping[str, ReferenceRun]) -> Mapping[str, str]:
+    """Inputs and outputs of runs as CSV by the names of their files; every number to its last bit."""
+    files = {}
+    for name, run in runs.items():
+        for kind, columns in (("inputs", run.inputs), ("outputs", run.outputs)):
+            rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+            lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+            files[f"{name}_{kind}.csv"] = "\n".join(lines) + "\n"
+    return files
 
 
-def _export_fmu(folder: Path, frozen: Frozen, force: bool, console: Console) -> None:
-    paths = {
-        (name, version): folder / f"{name}_fmi{version}.fmu" for name in CONTENTS for version in VERSIONS
-    }
-    refuse_existing("--fmu", paths.values(), force)
+def _write(folder: Path, files: Mapping[str, str]) -> None:
     with file_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        has_library = [write_fmu(path, frozen, *which) for which, path in paths.items()]
-    how = "with a library for this machine" if all(has_library) else "as sources: there is no compiler here"
-    say(console, f"{folder}: {', '.join(path.name for path in paths.values())}, {how}")
-
-
-def _write(folder: Path, option: str, files: Mapping[str, str], force: bool) -> None:
-    refuse_existing(option, [folder / name for name in files], force)
-    with file_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8")

@@ -26,7 +26,7 @@ from observer_rt.model.effects import sized
 
 Signal = NDArray[np.float64]
 PRESSURES = (60e6, 120e6)  # Pa, of the events in turn
-ENERGIZED = (0.4e-3, 1.2e-3)  # s
+ENERGIZED = (0.4e-3, 1.2e-3)  # s, beyond the delay of the opening
 EVENTS = 4
 PERIOD = 25e-3  # s
 BEFORE = 20e-3  # s of standstill before the first event
@@ -42,12 +42,30 @@ class ReferenceRun:
     outputs: Mapping[str, Signal]
 
 
-def observer_reference(bench: Bench, run: ObserverRun) -> ReferenceRun:
-    """A simulated recording of a slightly worn injector through the observer itself, which is about to begin.
+def reference_recording(bench: Bench) -> Recording:
+    """Four injections as sensors of a slightly worn injector show them, with noise of rail and line pressure."""
+    injector, rate = bench.injector.parameters, bench.injector.config.sampling.rate_hz
+    schedule = make_schedule(
+        PRESSURES, EVENTS, PERIOD, [injector.needle.opening_delay + time for time in ENERGIZED]
+    )
+    worn = (sized("orifice_area", v_H=WORN),)
+    quiet = replace(SimulatedNoise(), needle_lift=0.0)
+    recording = simulate(injector, schedule, rate, worn, quiet, seed=SEED).recording
+    first = int(np.flatnonzero(recording.needle_lift > 0.0)[0]) - round(BEFORE * rate)
+    end = min(first + RING, recording.samples)
+    return Recording(
+        time=recording.time[first:end] - recording.time[first],
+        rail_pressure=recording.rail_pressure[first:end],
+        needle_lift=recording.needle_lift[first:end],
+        line_pressure=recording.line_pressure[first:end],
+    )
+
+
+def observer_reference(recording: Recording, run: ObserverRun) -> ReferenceRun:
+    """A recording, no longer than the observer remembers, through the observer itself, which is about to begin.
 
     The inputs are those that its model saw: the lift without its zero, no line pressure where that was an outlier.
     """
-    recording = _recording(bench)
     source = HeldSignals(recording)
     evaluation = Evaluation(source)
     evaluation.observe(run)
@@ -78,16 +96,13 @@ def observer_reference(bench: Bench, run: ObserverRun) -> ReferenceRun:
     return ReferenceRun(taken, columns)
 
 
-def injector_reference(bench: Bench, frozen: Frozen) -> ReferenceRun:
-    """The model alone from rest on, along the rail pressure and the lift of the same recording."""
-    recording = _recording(bench)
+def injector_reference(recording: Recording, frozen: Frozen) -> ReferenceRun:
+    """The model alone from rest on, along the rail pressure and the lift of a recording."""
     it, sensor = frozen.constants, frozen.sensor
     c = it.coefficients._replace(line=frozen.line)
     rail = (recording.rail_pressure - c.chamber_pressure) / c.pressure_scale
     area = np.array([normalised_area(lift, c.seat) for lift in recording.needle_lift])
-    inputs = np.column_stack(
-        [np.append(rail[0], rail), np.append(0.0, area)]
-    )  # from rest to the first sample
+    inputs = np.column_stack([np.append(rail[0], rail), np.append(0.0, area)])  # at rest before the first
     x = np.zeros(c.states)
     rest_state(x, rail[0], c)
     zeros = np.zeros(len(inputs))
@@ -111,23 +126,6 @@ def injector_reference(bench: Bench, frozen: Frozen) -> ReferenceRun:
         "needle_lift_m": recording.needle_lift,
     }
     return ReferenceRun(taken, columns)
-
-
-def _recording(bench: Bench) -> Recording:
-    """Four injections as sensors of a slightly worn injector show them, with noise of rail and line pressure."""
-    injector, rate = bench.injector.parameters, bench.injector.config.sampling.rate_hz
-    schedule = make_schedule(PRESSURES, EVENTS, PERIOD, ENERGIZED)
-    worn = (sized("orifice_area", v_H=WORN),)
-    quiet = replace(SimulatedNoise(), needle_lift=0.0)
-    recording = simulate(injector, schedule, rate, worn, quiet, seed=SEED).recording
-    first = int(np.flatnonzero(recording.needle_lift > 0.0)[0]) - round(BEFORE * rate)
-    end = min(first + RING, recording.samples)
-    return Recording(
-        time=recording.time[first:end] - recording.time[first],
-        rail_pressure=recording.rail_pressure[first:end],
-        needle_lift=recording.needle_lift[first:end],
-        line_pressure=recording.line_pressure[first:end],
-    )
 
 
 def _in_pascal(normalised: Signal, c: Coefficients) -> Signal:

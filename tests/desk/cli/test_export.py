@@ -1,16 +1,22 @@
 """`observer-rt export`: what is written, and what it refuses with a remedy."""
 
 import json
+import shlex
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from observer_rt.desk.export import command as module
+from observer_rt.desk.export import fmu
 from observer_rt.desk.export.c_code import c_sources
 from observer_rt.desk.export.compiler import compiler
 from tests.desk.cli.conftest import Command, document
 from tests.desk.cli.injector_files import injector
 from tests.desk.export.exported import TERMS, WORN, effect
+from tests.pages import Page
 
 
 def test_everything_at_once(command: Command, tmp_path: Path, worn: Path) -> None:
@@ -48,9 +54,22 @@ def test_everything_at_once(command: Command, tmp_path: Path, worn: Path) -> Non
     assert "#define SAMPLE_INTERVAL R(2e-05)" in header
 
 
+def test_fuel_of_another_temperature(command: Command, tmp_path: Path) -> None:
+    model = tmp_path / "injector.toml"
+    injector(model)
+    flows = []
+    for celsius in (40.0, 80.0):
+        printed = command.done("export", "--json", "--model", model, "--fuel-temperature", celsius).out
+        numbers = {one["name"]: one["value"] for one in json.loads(printed)["coefficients"]}
+        flows.append(numbers["nozzle_flow"])
+    assert flows[1] / flows[0] == pytest.approx((1.0 - 40 * 7e-4) ** -0.5)
+
+
 def test_without_a_compiler(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "compiler", lambda: None)
-    outcome = command.done("export", "--c", tmp_path / "c")
+    monkeypatch.setattr(fmu, "compiler", lambda: None)
+    outcome = command.done("export", "--c", tmp_path / "c", "--fmu", tmp_path / "fmu")
+    assert "injector_fmi3.fmu, as sources: there is no C compiler here" in outcome.err
     assert "no C compiler here: the reference runs were not replayed" in outcome.err
     assert (tmp_path / "c" / "replay.c").exists()
 
@@ -96,6 +115,29 @@ def test_what_is_refused(command: Command, tmp_path: Path, bench: Path) -> None:
     assert "integration steps a sample" in command.refused(
         "export", "--json", "--model", model, "--sample-rate", "1000"
     )
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
+def test_the_page(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, worn: Path) -> None:
+    """Its commands, its example in C, and the one for FMPy."""
+    page = Page("docs/export.md")
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(worn, "worn.csv")
+    Path("injector.toml").write_text(command("run", "--print-example-injector").out)
+    for line in page.commands[1:]:
+        command.done(*shlex.split(line)[1:])
+    (replay,) = (block for block in page.indented() if block.startswith("cd ecu"))
+    done = subprocess.run(["bash", "-c", replay], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "samples compared" in done.stdout
+    (example,) = page.fenced("c")
+    Path("ecu/example.c").write_text(example)
+    flags = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-c", "-o", "example.o", "example.c")
+    subprocess.run(["cc", *flags], cwd="ecu", check=True)
+    pytest.importorskip("fmpy")
+    (program,) = page.fenced("python")
+    shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert float(shown) == pytest.approx(5e6)  # that of the chamber: nothing was put in
 
 
 LATE = """

@@ -11,12 +11,18 @@ import pytest
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.export.c_code import c_sources
-from observer_rt.desk.export.command import as_csv
+from observer_rt.desk.export.command import reference_files
 from observer_rt.desk.export.compiler import compiler
 from observer_rt.desk.export.frozen import Frozen, frozen_of, observer_run, without_its_bus
-from observer_rt.desk.export.reference import ReferenceRun, injector_reference, observer_reference
+from observer_rt.desk.export.reference import (
+    ReferenceRun,
+    injector_reference,
+    observer_reference,
+    reference_recording,
+)
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.stream.standstill import RestingLift
+from observer_rt.files.signals.recording import Recording
 from tests.desk.cli.injector_files import injector
 from tests.device import simulated
 
@@ -64,6 +70,7 @@ TERMS = (
 )
 RINGING = term("line_pressure_sensor", "c * ringing(line_pressure, 7.5, 0.15)", (0.5, "-"))
 HELD_OPEN = term("needle_lift", "0.002 * closed")
+EARLY = effect("channel_skew", d=(-25, "us"))
 MEMORY = "wall_viscosity = 3e-6\ninlet_loss_factor = 2.0\n"
 MODELS: Mapping[str, tuple[str, str, str, str]] = {  # line, outflow, keys of [line], end of the file
     "lump": ("lump", "nozzle", "", WORN),
@@ -72,7 +79,7 @@ MODELS: Mapping[str, tuple[str, str, str, str]] = {  # line, outflow, keys of [l
     "ringing": ("lump", "nozzle", "", RINGING),
     "held open": ("lump", "nozzle", "", HELD_OPEN),
     "wave": ("wave", "nozzle", "", EFFECTS),
-    "wave, two parts": ("wave_two_part", "seat", MEMORY, WORN),
+    "wave, two parts": ("wave_two_part", "seat", MEMORY, WORN + EARLY),
     "wave, terms": ("wave", "nozzle", "", TERMS),
 }
 
@@ -87,15 +94,20 @@ class Exported:
 
 
 def exported(
-    path: Path, name: str, knowledge: Knowledge | None = None, rate: float | None = None
+    path: Path,
+    name: str,
+    knowledge: Knowledge | None = None,
+    rate: float | None = None,
+    recording: Recording | None = None,
 ) -> Exported:
-    """Of a model of MODELS, whose file is written at a path."""
+    """Of a model of MODELS, whose file is written at a path; recording: instead of that of an export."""
     line, outflow, added, end = MODELS[name]
     injector(path, line, outflow, added, end)
     bench = without_its_bus(load_bench(model=path), rate)
     run = observer_run(bench, knowledge)
     frozen = frozen_of(bench, run)
-    runs = {"observer": observer_reference(bench, run), "injector": injector_reference(bench, frozen)}
+    made = recording or reference_recording(bench)
+    runs = {"observer": observer_reference(made, run), "injector": injector_reference(made, frozen)}
     return Exported(bench, frozen, runs)
 
 
@@ -112,9 +124,8 @@ def write_c(folder: Path, it: Exported, single: bool = False) -> Mapping[str, st
     sources = c_sources(it.frozen, single)
     for name, text in sources.items():
         (folder / name).write_text(text)
-    for name, run in it.runs.items():
-        (folder / f"{name}_inputs.csv").write_text(as_csv(run.inputs))
-        (folder / f"{name}_outputs.csv").write_text(as_csv(run.outputs))
+    for name, text in reference_files(it.runs).items():
+        (folder / name).write_text(text)
     return sources
 
 

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from observer_rt.config.bench import load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.export.c_code import c_sources
 from observer_rt.desk.export.frozen import Frozen
-from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.schedule import make_schedule, parse_shots
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.model.effects import sized
 from tests.desk.export.exported import MODELS, built, exported, learned, needs_compiler, replayed, write_c
@@ -42,6 +43,22 @@ def test_at_another_sample_rate_with_what_was_learned(tmp_path: Path, rate: floa
     for run in ("observer", "injector"):
         done = replayed(program, run, 1e-9)
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", ["lump", "effects"])
+@pytest.mark.parametrize("shots", ["0.25@-1.2,0.2@-0.6,0.9@0,0.3@1.6", "0.16@-2,0.18@-1,0.5@0"])
+def test_shots_close_together_by_a_noisy_lift(tmp_path: Path, name: str, shots: str) -> None:
+    """Needles that bounce, stay low, and open before x^ is at rest; lifts with a toe, and without."""
+    schedule = make_schedule([50e6, 140e6], 4, 0.04, (), parse_shots(shots))
+    noise = SimulatedNoise(needle_lift=0.25e-6)
+    made = simulate(
+        load_injector(), schedule, 100e3, (sized("orifice_area", v_H=-0.1),), noise, seed=3
+    ).recording
+    it = exported(tmp_path / "injector.toml", name, recording=made)
+    write_c(tmp_path, it)
+    assert np.count_nonzero(np.diff(it.runs["observer"].outputs["is_open"]) > 0.0) >= 11
+    done = replayed(built(tmp_path), "observer", 1e-9)
+    assert done.returncode == 0, done.stdout
 
 
 def test_rate_and_states_are_those_of_evaluate(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ typedef struct {
     real_t line_pressure;          /* Pa, at the closed end */
     real_t line_flow;              /* m3/s, into it */
     real_t sac_pressure;           /* Pa */
-    real_t recorded_line_pressure; /* Pa, as the sensor shows it */
+    real_t recorded_line_pressure; /* Pa, as the sensor shows it; never early */
 } InjectorOutput;
 
 typedef struct {

@@ -17,7 +17,7 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 
 
 @dataclass(frozen=True)
-class Variable:
+class FmuVariable:
     """A variable of an FMU; its place in the list is its value reference, behind the time. unit: "": 0 or 1."""
 
     name: str
@@ -26,33 +26,33 @@ class Variable:
     meaning: str
 
 
-def _state(name: str, of: str) -> Iterator[Variable]:
-    yield Variable(f"{name}_line_pressure", "Pa", "output", f"line pressure of {of}")
-    yield Variable(f"{name}_line_flow", "m3/s", "output", f"flow into the line's closed end, of {of}")
-    yield Variable(f"{name}_sac_pressure", "Pa", "output", f"sac pressure of {of}")
+def _state(name: str, of: str) -> Iterator[FmuVariable]:
+    yield FmuVariable(f"{name}_line_pressure", "Pa", "output", f"line pressure of {of}")
+    yield FmuVariable(f"{name}_line_flow", "m3/s", "output", f"flow into the line's closed end, of {of}")
+    yield FmuVariable(f"{name}_sac_pressure", "Pa", "output", f"sac pressure of {of}")
 
 
-CONTENTS: Mapping[str, Sequence[Variable]] = {
+CONTENTS: Mapping[str, Sequence[FmuVariable]] = {
     "observer": (
-        Variable("rail_pressure", "Pa", "input", "measured rail pressure"),
-        Variable("needle_lift", "m", "input", "measured needle lift"),
-        Variable("line_pressure", "Pa", "input", "measured line pressure; not a number: none"),
-        Variable("lift_zero", "m", "parameter", "lift that is measured of a shut needle"),
-        Variable("injection_rate", "m3/s", "output", "injection rate, 0 while it is not valid"),
-        Variable("innovation", "Pa", "output", "measured line pressure less that of the observer"),
+        FmuVariable("rail_pressure", "Pa", "input", "measured rail pressure"),
+        FmuVariable("needle_lift", "m", "input", "measured needle lift"),
+        FmuVariable("line_pressure", "Pa", "input", "measured line pressure; not a number: none"),
+        FmuVariable("lift_zero", "m", "parameter", "lift that is measured of a shut needle"),
+        FmuVariable("injection_rate", "m3/s", "output", "injection rate, 0 while it is not valid"),
+        FmuVariable("innovation", "Pa", "output", "measured line pressure less that of the observer"),
         *_state("observed", "the observer"),
         *_state("followed", "the identification system"),
-        Variable("is_valid", "", "output", "the observer has settled"),
-        Variable("is_open", "", "output", "the needle is open"),
+        FmuVariable("is_valid", "", "output", "the observer has settled"),
+        FmuVariable("is_open", "", "output", "the needle is open"),
     ),
     "injector": (
-        Variable("rail_pressure", "Pa", "input", "true rail pressure"),
-        Variable("needle_lift", "m", "input", "true needle lift"),
-        Variable("injection_rate", "m3/s", "output", "injection rate"),
-        Variable("line_pressure", "Pa", "output", "line pressure at the closed end"),
-        Variable("line_flow", "m3/s", "output", "flow into the line's closed end"),
-        Variable("sac_pressure", "Pa", "output", "sac pressure"),
-        Variable("recorded_line_pressure", "Pa", "output", "line pressure as its sensor shows it"),
+        FmuVariable("rail_pressure", "Pa", "input", "true rail pressure"),
+        FmuVariable("needle_lift", "m", "input", "true needle lift"),
+        FmuVariable("injection_rate", "m3/s", "output", "injection rate"),
+        FmuVariable("line_pressure", "Pa", "output", "line pressure at the closed end"),
+        FmuVariable("line_flow", "m3/s", "output", "flow into the line's closed end"),
+        FmuVariable("sac_pressure", "Pa", "output", "sac pressure"),
+        FmuVariable("recorded_line_pressure", "Pa", "output", "line pressure as its sensor shows it"),
     ),
 }
 
@@ -93,12 +93,12 @@ def _add_units(root: Element, frozen: Frozen) -> None:
     SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(frozen.constants.interval))
 
 
-def _start(variable: Variable, frozen: Frozen) -> str:
+def _start(variable: FmuVariable, frozen: Frozen) -> str:
     """Where it begins: pressures at that of the chamber."""
     return repr(frozen.constants.coefficients.chamber_pressure) if variable.unit == "Pa" else "0.0"
 
 
-def _variability(variable: Variable) -> str:
+def _variability(variable: FmuVariable) -> str:
     if variable.causality == "parameter":
         return "tunable"
     return "continuous" if variable.unit else "discrete"

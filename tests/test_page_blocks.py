@@ -17,6 +17,8 @@ LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that ha
     ("docs/effects.md", "python"): (2, "tests/desk/cli/test_effects.py"),
     ("docs/effects.md", "toml"): (1, "here"),
     ("docs/evidence.md", "toml"): (1, "tests/desk/cli/test_pages.py"),
+    ("docs/export.md", "c"): (1, "tests/desk/cli/test_export.py"),
+    ("docs/export.md", "python"): (1, "tests/desk/cli/test_export.py"),
     ("docs/library.md", "python"): (
         7,
         "tests/desk/cli/test_pages.py, tests/identification/ode/test_find_terms.py",
@@ -37,6 +39,7 @@ RUN = {  # commands that need no bus, by page; the others: tests/daemon/test_on_
     "docs/buses.md": "tests/desk/cli/test_dbc_page.py",
     "docs/dbc.md": "tests/desk/cli/test_dbc_page.py",
     "docs/effects.md": "tests/desk/cli/test_effects.py",
+    "docs/export.md": "tests/desk/cli/test_export.py",
     "docs/journal.md": "tests/daemon/test_on_vcan_pages.py",
     "docs/tutorial.md": "tests/desk/cli/test_tutorial.py",
 } | dict.fromkeys(

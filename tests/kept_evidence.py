@@ -9,6 +9,7 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effect import SizedEffect
+from tests.daemon.participants import until
 from tests.device import core_of, frames_of, hand
 
 
@@ -37,4 +38,5 @@ def keep(bench: Bench, *hidden: SizedEffect, injections: int = 12) -> None:
     told: list[str] = []
     with keeping(bench, told) as keeper:
         observe(keeper, bench, measured.recording)
-    assert told == []
+        until(lambda: keeper.kept + keeper.lost >= injections - 1)  # of which the last is handed on at the end
+    assert (keeper.kept, told) == (injections, [])

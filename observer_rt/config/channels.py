@@ -60,6 +60,12 @@ def as_sent(signals: SignalsConfig) -> SignalsConfig:
     return _changed(signals, lambda _: dict.fromkeys(_KEYS, 0.0))
 
 
+def as_mended(signals: SignalsConfig) -> SignalsConfig:
+    """Signals as an observer's evidence has them: lift and rail pressure were mended, the line pressure was not."""
+    mended = dict.fromkeys(_KEYS, 0.0)
+    return _changed(signals, lambda role: {} if role is Role.LINE_PRESSURE else mended)
+
+
 def _changed(signals: SignalsConfig, change: Callable[[Role], dict[str, float]]) -> SignalsConfig:
     return signals.model_copy(
         update={role.value: signals.of(role).model_copy(update=change(role)) for role in Role}

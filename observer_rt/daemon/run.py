@@ -27,7 +27,7 @@ from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of,
 from observer_rt.daemon.log import ServiceLog, Voice
 from observer_rt.daemon.notify import Notifier
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of, kept_files
-from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
+from observer_rt.daemon.persistence.state_file import knowledge_beside, model_hash, restored_knowledge
 from observer_rt.daemon.rights import (
     REMEDY,
     Processors,
@@ -81,7 +81,8 @@ class InjectorService:
     ) -> None:
         """bench: with this injector only; shared: with the others; on_thread: see `Daemon`.
 
-        learned: before the bench file was changed, else from the file. Logs what that is, and what it will observe.
+        learned: before the bench file was changed, else from the file of the state, else from that beside the
+        injector file. Logs what that is, and what it will observe.
         """
         injector = bench.injector
         self._bench = bench
@@ -90,10 +91,14 @@ class InjectorService:
         self._voice = voice
         self._shared = shared
         self._on_thread = on_thread
-        self._model = model_hash(injector.parameters)
+        self.model = model_hash(injector.parameters)
+        """Model that it observes with."""
         self._daemon: Daemon | None = None  # before it runs
-        self._knowledge = learned or restored_knowledge(
-            keeper.state, self._model, injector.parameters.scaling.pressure, partial(voice.say, Topic.KEPT)
+        asked = (self.model, injector.parameters.scaling.pressure, partial(voice.say, Topic.KEPT))
+        self._knowledge = (
+            learned
+            or restored_knowledge(keeper.state, *asked)
+            or knowledge_beside(injector.parameters_path, *asked)
         )
         if learned is not None:
             voice.say(Topic.KEPT, f"what was learned from {learned.state.events} events goes on in force")
@@ -110,9 +115,9 @@ class InjectorService:
         return self._bench.injector.name
 
     @property
-    def learned(self) -> tuple[str, Knowledge | None]:
-        """Model and the knowledge that was learned for it."""
-        return self._model, self._daemon.core.knowledge if self._daemon else self._knowledge
+    def learned(self) -> Knowledge | None:
+        """What was learned for its model."""
+        return self._daemon.core.knowledge if self._daemon else self._knowledge
 
     @property
     def is_between_events(self) -> bool:
@@ -250,8 +255,8 @@ def refuse_shared(bench: Bench, options: RunOptions) -> None:
 class Serving:
     """Things that outlast a change of the bench file. screen: of the view, if there is one.
 
-    read_again: as of `serve`; learned: by the name of the injector, for which model, so that nothing is lost where no
-    file keeps it.
+    read_again: as of `serve`; learned: by name of the injector and model, so that nothing is lost where no file keeps
+    it, and what was learned with a model is there again where taking over another one is undone.
     """
 
     screen: Console | None
@@ -262,7 +267,7 @@ class Serving:
     priority: int
     read_again: Callable[[], Bench]
     notifier: Notifier = field(default_factory=Notifier)
-    learned: dict[str, tuple[str, Knowledge | None]] = field(default_factory=dict)
+    learned: dict[tuple[str, str], Knowledge | None] = field(default_factory=dict)
     is_ready: bool = False
 
     def serve(self, bench: Bench) -> Bench | None:
@@ -280,7 +285,7 @@ class Serving:
             drawing = partial(draw, view, console=self.screen) if self.screen else None
             with reloading(self, bench, services) as (ended, successor):
                 serve_side_by_side(services, self.notifier, ended, drawing)
-        self.learned = {service.name: service.learned for service in services}
+        self.learned |= {(service.name, service.model): service.learned for service in services}
         return None if self.stop.is_set() else successor()
 
     def say(self, text: str) -> None:
@@ -295,8 +300,7 @@ class Serving:
             files = keeper_of(alone, self.options.state, self.options.journal, partial(voice.say, Topic.KEPT))
             keeper = stack.enter_context(files)
             evidence = stack.enter_context(evidence_keeper(alone.injector, partial(voice.say, Topic.KEPT)))
-            model, learned = self.learned.get(alone.injector.name, ("", None))
-            known = learned if model == model_hash(alone.injector.parameters) else None
+            known = self.learned.get((alone.injector.name, model_hash(alone.injector.parameters)))
             claim = partial(hurry, self.own.of(number), self.priority)
             services.append(InjectorService(alone, bus, keeper, voice, shared, evidence, known, claim))
         if any(link.config.interface == "virtual" for link in bench.config.buses):

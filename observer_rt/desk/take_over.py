@@ -18,6 +18,7 @@ import tomlkit
 from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.daemon.evidence import OBSERVER
 from observer_rt.daemon.persistence.keeper import writer_of
+from observer_rt.desk.beforehand import learn_beforehand
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, replacing
 
@@ -26,16 +27,28 @@ HISTORY = ".taken_over.json"  # behind the name of the bench file
 
 @dataclass(frozen=True)
 class TakeOver:
-    """One step: the file that the bench named before (None: none) and after, of which injector, and when."""
+    """One step: the file that the bench named before (None: none) and after, of which injector, and when.
+
+    learned_from: kept events that were learned from beforehand, with the model after.
+    """
 
     injector: str
     before: str | None
     after: str
     time: str
+    learned_from: int = 0
+
+    @property
+    def as_text(self) -> str:
+        """What the bench names now, and what is known with it."""
+        learned = (
+            f", with what {self.learned_from} events of the evidence taught it" if self.learned_from else ""
+        )
+        return f"{self.after}{learned}"
 
 
 def take_over(bench: Bench, amended: Path) -> TakeOver:
-    """Have the bench file name a copy of an amended injector file, beside the one it named.
+    """Learn for an amended injector file, and have the bench file name a copy of it, beside the one it named.
 
     bench: with one injector. Raises `UserError` for a model that cannot be loaded, or is the one in force.
     """
@@ -51,9 +64,8 @@ def take_over(bench: Bench, amended: Path) -> TakeOver:
     with file_errors(copy), replacing(copy) as part:
         shutil.copyfile(amended, part)
     after = os.path.relpath(copy, bench.path.parent)
-    done = TakeOver(
-        injector.name, injector.config.model.file, after, datetime.now().isoformat(timespec="seconds")
-    )
+    time = datetime.now().isoformat(timespec="seconds")
+    done = TakeOver(injector.name, injector.config.model.file, after, time, learn_beforehand(bench, copy))
     _state(bench.path, injector.name, after)
     _note(bench.path, [*before, done])
     return done

@@ -6,6 +6,7 @@ import pytest
 
 from observer_rt.config.bench import BenchInjector, load_bench
 from observer_rt.config.channels import (
+    as_mended,
     as_sent,
     effects_after_alignment,
     effects_on_one_raster,
@@ -76,3 +77,15 @@ def test_what_is_stated_goes_to_other_signals_or_away(tmp_path: Path) -> None:
     plain = stated(tmp_path).config.signals
     assert as_sent(signals) == plain
     assert with_channels_of(plain, signals) == signals
+
+
+def test_evidence_leaves_only_the_line_pressure_to_be_mended(tmp_path: Path) -> None:
+    fitted = stated(
+        tmp_path,
+        rail_pressure="filter_delay_us = 20",
+        needle_lift="filter_delay_us = 12\nlag_us = 15.9",
+        line_pressure="filter_delay_us = 5\nlag_us = 3",
+    )
+    mended = as_mended(fitted.config.signals)
+    assert undone_in_alignment(mended, Role.NEEDLE_LIFT) == 0.0
+    assert sizes(effects_after_alignment(mended)) == {"channel_skew": 5.0, "line_pressure_sensor_lag": 3.0}

@@ -2,14 +2,18 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from observer_rt.config.bench import load_bench
 from tools.benchmarks.report import Figure, finite
+from tools.benchmarks.speed.kept import CHANGES, WITH, WITHOUT, KeptRow, Turn
 from tools.benchmarks.speed.pace import latency_of
 from tools.benchmarks.speed.roundtrip import ECHO, OURS, PEER, RoundTrip, RoundTrips
 from tools.benchmarks.speed.sustained import Soak, Stretch
+from tools.benchmarks.speed.traffic import Ids, write_bench
 
 
 def made_round_trips() -> RoundTrips:
@@ -68,3 +72,22 @@ def test_growth_is_that_of_the_settled_part() -> None:
     grown = Soak(tuple(stretch(n, 300.0 + max(0.0, 20.0 - n) + 0.01 * n) for n in range(100)), "")
     assert grown.growth_mib_an_hour == pytest.approx(0.01 * 360)
     assert np.isnan(Soak(grown.stretches[:5], "").growth_mib_an_hour)
+
+
+def test_a_disturbed_turn_is_one_of_many() -> None:
+    turns = tuple(
+        Turn(share, 3, latency_of(np.full(9, 1e-6 * us))) for share, us in ((0.2, 60), (0.9, 9e3), (0.1, 50))
+    )
+    row = KeptRow(turns, "")
+    assert (row.cpu_share, row.lost_samples) == (0.2, 9)
+    assert (row.p50, row.p999) == pytest.approx((60.0, 60.0))
+
+
+def test_one_of_the_two_keeps_every_event(tmp_path: Path) -> None:
+    kept = {
+        name: load_bench(write_bench(tmp_path / str(n), "virtual", "x", Ids(), *changes)).injector
+        for n, (name, changes) in enumerate(CHANGES.items())
+    }
+    assert kept[WITHOUT].evidence is None
+    assert kept[WITH].evidence == tmp_path / "1" / "evidence"
+    assert kept[WITH].config.evidence.per_point == 1000

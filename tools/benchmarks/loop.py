@@ -16,7 +16,7 @@ from observer_rt.foundation.errors import ObserverError
 from tools.benchmarks.command_line import JsonOption, SeedOption, app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
 
-UNLEARNED = 2  # injections before the first that may be valid
+UNLEARNED = 1  # injections before the first that may be valid
 RIGHT_PCT = 0.5  # of every valid mass after the effect was taken over
 WRONG_PCT = 3.0  # of a valid mass at any time
 

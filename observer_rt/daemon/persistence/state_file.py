@@ -463,3 +463,22 @@ def restored_knowledge(
     found = load_knowledge(path, model, pressure_scale, set_aside)
     tell(found.message)
     return found.knowledge if found.knowledge and found.knowledge.state.events else None
+
+
+def learned_beside(injector_file: Path) -> Path:
+    """File of what was learned for an amended injector file before it was taken over."""
+    return injector_file.with_suffix(".learned.json")
+
+
+def knowledge_beside(
+    injector_file: Path, model: str, pressure_scale: float, tell: Callable[[str], None]
+) -> Knowledge | None:
+    """Reads what `learned_beside` has for this model, and reports what became of it; None without, or if refused."""
+    path = learned_beside(injector_file)
+    if not path.exists():
+        return None
+    try:
+        return restored_knowledge(path, model, pressure_scale, tell, set_aside=False)
+    except UserError as error:
+        tell(f"warning: {error.place} {error.problem}; learning begins anew")
+        return None

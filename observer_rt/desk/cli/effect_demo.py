@@ -215,7 +215,7 @@ class EffectDemo:
                 raise RunError("no effect was found that may be taken over; see the report in the folder")
             done = take_over(self._read(), amended)
             self.say(
-                f"taken over: the bench file names {done.after}; the daemon reads it between two injections"
+                f"taken over: the bench file names {done.as_text}; the daemon reads it between two injections"
             )
             reload_daemon(self._read())
             self._wait_for("ready", 2)

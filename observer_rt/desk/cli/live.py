@@ -252,7 +252,7 @@ def take_over(
     chosen = load_bench(bench).of(injector)
     if amended is not None:
         done = taking.take_over(chosen, amended)
-        say(results(), f"{bench}: {done.before or 'the nominal injector'} -> {done.after}")
+        say(results(), f"{bench}: {done.before or 'the nominal injector'} -> {done.as_text}")
     else:
         done = taking.undo(bench, chosen.injector.name)
         say(results(), f"{bench}: {done.after} -> {done.before or 'the nominal injector'}")

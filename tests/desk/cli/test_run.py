@@ -16,7 +16,13 @@ import pytest
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.daemon import link_opening
-from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash
+from observer_rt.daemon.persistence.state_file import (
+    learned_beside,
+    load_knowledge,
+    model_hash,
+    save_knowledge,
+)
+from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.formats import read_recording
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
@@ -27,6 +33,12 @@ from tests.desk.cli.conftest import Command, module
 from tests.desk.cli.injector_files import FITTED, injector
 from tests.device import frames_of
 from tests.links import FakeLink
+
+WORN = """
+[[effects]]
+id = "orifice_area"
+parameters = { v_H = { value = 0.3, unit = "-" } }
+"""
 
 
 @pytest.fixture
@@ -202,6 +214,36 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
     assert "sampling.bridge_ms: 50 is not allowed; remedy: write a number from 0 to 5 ms" in outcome.err
     assert "is taken over: sampling.bridge_ms 0.5 -> 0.75" in outcome.err
     assert outcome.err.count("stop: stopped after") == 2
+
+
+def test_an_amended_model_begins_with_what_was_learned_for_it_and_undo_with_what_was_before(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    log, amended, text = tmp_path / "run.log", tmp_path / "amended.toml", bench.read_text()
+    injector(amended, end=WORN)
+    learned = evaluate(load_bench(bench, amended), [read_recording(worn)]).knowledge
+    save_knowledge(learned_beside(amended), learned, model_hash(load_injector(amended)))
+
+    def changed_to(new: str, said: str) -> None:
+        ready = log.read_text().count("start: ready")
+        bench.write_text(new)
+        os.kill(os.getpid(), signal.SIGHUP)
+        until(lambda: said_in(log, said))
+        until(lambda: log.read_text().count("start: ready") > ready)
+
+    def taken_over_and_undone() -> bool:
+        changed_to(
+            text.replace('# file = "injector.toml"', 'file = "amended.toml"'),
+            f"learned state restored from {learned_beside(amended)}",
+        )
+        changed_to(text, "what was learned from 4 events goes on in force")
+        return True
+
+    outcome, _ = run_and_stop(
+        command, bench, worn, signal.SIGTERM, "--log", log, meanwhile=taken_over_and_undone
+    )
+    assert outcome.code == 0
+    assert "warning" not in outcome.err.lower()
 
 
 def test_a_terminal_that_hangs_up_ends_it_in_order(bench: Path, tmp_path: Path) -> None:

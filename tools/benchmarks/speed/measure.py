@@ -31,6 +31,7 @@ from tools.benchmarks.speed.core_alone import (
     measure_scaling,
 )
 from tools.benchmarks.speed.injectors import NUMBERS, InjectorsRow, measure_injectors
+from tools.benchmarks.speed.kept import WITH, WITHOUT, KeptRow, measure_kept
 from tools.benchmarks.speed.roundtrip import (
     BUSY,
     ECHO,
@@ -56,6 +57,7 @@ from tools.benchmarks.speed.training import USUAL, TrainingTimes, measure_traini
 SECONDS, QUICK_SECONDS = 600.0, 10.0
 ROUNDTRIP_SECONDS, QUICK_ROUNDTRIP_SECONDS = 50.0, 5.0
 INJECTORS_SECONDS, QUICK_INJECTORS_SECONDS = 60.0, 10.0
+KEPT_SECONDS, QUICK_KEPT_SECONDS = 120.0, 10.0
 TABLE_WIDTH = 170  # where stdout is no terminal
 EVALUATE_BARS = {ARRAYS: 0.8, PARQUET: 0.5, MDF4: 0.5, CAN_LOG: 0.5}
 """Of the core's speed, by what is evaluated."""
@@ -74,19 +76,21 @@ class Part(StrEnum):
     STARTUP = "startup"
     SCALING = "scaling"
     INJECTORS = "injectors"
+    EVIDENCE = "evidence"
 
 
 @dataclass(frozen=True)
 class SpeedPlan:
     """What is measured. seconds: of the sustained rate; roundtrip_seconds: to each party.
 
-    injectors_seconds: to each number of injectors.
+    injectors_seconds: to each number of injectors; kept_seconds: with evidence kept, and without.
     """
 
     parts: Collection[Part]
     seconds: float
     roundtrip_seconds: float
     injectors_seconds: float
+    kept_seconds: float
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,7 @@ class Speed:
     startup: Startup | None = None
     scaling: tuple[ScalingRow, ...] = ()
     injectors: tuple[InjectorsRow, ...] = ()
+    evidence: Mapping[str, KeptRow] | None = None
 
 
 def measure_speed(plan: SpeedPlan) -> Speed:
@@ -120,6 +125,7 @@ def measure_speed(plan: SpeedPlan) -> Speed:
             Part.STARTUP: lambda: measure_startup(folder),
             Part.SCALING: lambda: tuple(measure_scaling()),
             Part.INJECTORS: lambda: measure_injectors(folder, traffic, plan.injectors_seconds),
+            Part.EVIDENCE: lambda: measure_kept(folder, traffic, plan.kept_seconds),
         }
         for part, measure in measures.items():
             if part in plan.parts:
@@ -168,6 +174,9 @@ def figures(speed: Speed) -> list[Figure]:
     add("injectors_cpu_share", most, lambda f: f.cpu_share, f"one core; {what}", at_most=0.75)
     add("injectors_lost_samples", most, lambda f: float(f.lost_samples), what, at_most=0.0)
     add("injectors_not_judged", most, lambda f: float(f.injections - f.judged), what, at_most=0.0)
+    kept = speed.evidence
+    add("evidence_cpu_ratio", kept, lambda f: f[WITH].cpu_share / f[WITHOUT].cpu_share, WITHOUT, at_most=1.05)
+    add("evidence_p999_ratio", kept, lambda f: f[WITH].p999 / f[WITHOUT].p999, WITHOUT, at_most=1.1)
     add("block_samples", speed, lambda _: SAMPLES)
     add("substeps", speed.sample, lambda f: float(f.substeps))
     return made
@@ -202,6 +211,10 @@ def shown(speed: Speed) -> Iterator[Shown]:
         columns = {"injectors": "{.injectors}", "CPU": "{.cpu_share:.2f}", "lost samples": "{.lost_samples}"}
         columns |= {"injections": "{.injections}", "judged": "{.judged}", "learned from": "{.learned}"}
         yield list_of(title, [speed.injectors], {**columns, "of these late": "{.late}"})
+    if speed.evidence:
+        columns = {"p50, us": "{.p50:.1f}", "p99.9, us": "{.p999:.0f}", "CPU": "{.cpu_share:.3f}"}
+        columns |= {"lost samples": "{.lost_samples}", "said": "{.kept}"}
+        yield table_of("100 kHz, learning, in turn; the median turn", "", speed.evidence, columns)
 
 
 def speed_document(speed: Speed) -> dict[str, Any]:
@@ -220,6 +233,7 @@ def speed_document(speed: Speed) -> dict[str, Any]:
             "startup": speed.startup and asdict(speed.startup),
             "scaling": [asdict(row) for row in speed.scaling],
             "injectors": [asdict(row) for row in speed.injectors],
+            "evidence": speed.evidence and {name: asdict(row) for name, row in speed.evidence.items()},
         },
     }
 
@@ -319,6 +333,7 @@ def speed(
         seconds or (QUICK_SECONDS if quick else SECONDS),
         QUICK_ROUNDTRIP_SECONDS if quick else ROUNDTRIP_SECONDS,
         QUICK_INJECTORS_SECONDS if quick else INJECTORS_SECONDS,
+        QUICK_KEPT_SECONDS if quick else KEPT_SECONDS,
     )
     found = measure_speed(plan)
     if figures is not None and (figure := save_histograms(found, figures)):

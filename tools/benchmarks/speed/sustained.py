@@ -77,12 +77,14 @@ def socket_pair(stack: ExitStack) -> Pair:
 
 
 @contextmanager
-def daemon_on_sockets(folder: Path, command: Sequence[str] = RUN) -> Iterator[tuple[Observer, socket.socket]]:
-    """A daemon that is ready, and the socket to send to it by; its bench file goes into the folder."""
+def daemon_on_sockets(
+    folder: Path, command: Sequence[str] = RUN, *changes: tuple[str, str]
+) -> Iterator[tuple[Observer, socket.socket]]:
+    """A daemon that is ready, and the socket to send to it by; its bench file, with changes, goes into the folder."""
     with ExitStack() as stack:
         pair = socket_pair(stack)
         descriptor = pair.receiver.fileno()
-        bench = write_bench(folder, "descriptor", str(descriptor), Ids())
+        bench = write_bench(folder, "descriptor", str(descriptor), Ids(), *changes)
         yield stack.enter_context(observer([*command, bench], [descriptor])), pair.sender
 
 

@@ -132,8 +132,8 @@ def index_of(payload: bytes) -> int:
     return int.from_bytes(payload[4:8], "little")
 
 
-def write_bench(folder: Path, interface: str, channel: str, ids: Ids) -> Path:
-    """The example bench on another channel and under other identifiers."""
+def write_bench(folder: Path, interface: str, channel: str, ids: Ids, *changes: tuple[str, str]) -> Path:
+    """The example bench on another channel and under other identifiers, with other changes of its text."""
     folder.mkdir(parents=True, exist_ok=True)
     database = (PACKAGE_DATA / "observer_fd.dbc").read_text("utf-8")
     for number in DEFAULT_IDS:
@@ -147,6 +147,7 @@ def write_bench(folder: Path, interface: str, channel: str, ids: Ids) -> Path:
     text = bench_text(
         ('interface = "socketcan"', f'interface = "{interface}"'),
         ('channel = "can0"', f'channel = "{channel}"'),
+        *changes,
     )
     path = folder / "bench.toml"
     path.write_text(text, "utf-8")

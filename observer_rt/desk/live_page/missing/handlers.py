@@ -76,7 +76,7 @@ class MissingEffects:
             if finding is None or finding.amended is None:
                 raise UserError("finding", "there is nothing to take over", "search first")
             done = take_over(alone, finding.amended)
-            said = f"{alone.path.name} names {done.after} now"
+            said = f"{alone.path.name} names {done.as_text} now"
         elif button == "undo":
             done = undo(alone.path, name)
             said = f"{alone.path.name} names {done.before or 'the nominal injector'} again"

@@ -1,0 +1,111 @@
+"""What is learned from evidence before a model is taken over: its first masses are as good as later ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomlkit
+
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
+from observer_rt.daemon.persistence.state_file import knowledge_beside, learned_beside, model_hash
+from observer_rt.desk.beforehand import learn_beforehand
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.model.effects import effective_model, sized
+from tests.kept_evidence import keep
+
+GAIN = sized("rail_pressure_sensor_gain", g=0.02)
+KEPT, RATE = 12, 100e3
+RIGHT = 0.004  # of a mass
+
+
+def bench_at(folder: Path, lift: str = "") -> Bench:
+    """The example's bench with evidence, and keys of its needle lift."""
+    text = EXAMPLE_BENCH.read_text().replace('# folder = "evidence"', 'folder = "evidence"')
+    text = text.replace("[signals.needle_lift]", f"[signals.needle_lift]\n{lift}")
+    (folder / "bench.toml").write_text(text)
+    return load_bench(folder / "bench.toml")
+
+
+def amended(folder: Path, g: float = 0.02) -> Path:
+    """The injector file with a gain of the rail pressure's sensor in force."""
+    document = tomlkit.parse(NOMINAL_INJECTOR.read_text())
+    document["effects"] = [{"id": GAIN.effect.id, "parameters": {"g": {"value": g, "unit": "-"}}}]
+    path = folder / "amended.toml"
+    path.write_text(tomlkit.dumps(document))
+    return path
+
+
+def begun(path: Path) -> Knowledge | None:
+    """What a daemon begins with, its log being read by nobody."""
+    return knowledge_beside(path, model_hash(load_injector(path)), 1e8, lambda _: None)
+
+
+def masses(bench: Bench, path: Path, knowledge: Knowledge | None) -> tuple[list[bool], list[float]]:
+    """Validity and error of six further injections of the injector whose evidence was kept."""
+    schedule = make_schedule([60e6, 100e6, 140e6], 6, 0.05, [0.9e-3, 1.9e-3])
+    measured = simulate(load_injector(), schedule, RATE, (GAIN,), SimulatedNoise(), seed=11)
+    density = effective_model(load_injector(), (GAIN,)).coefficients.density
+    history = evaluate(bench.with_parameters(load_injector(path)), [measured.recording], knowledge)
+    valid, errors = [], []
+    for report in history.evaluations[0].reports:
+        rate = measured.truth.injection_rate[report.start : report.end + 1]
+        valid.append(report.valid)
+        errors.append(report.mass / (float(np.trapezoid(rate)) / RATE * density) - 1.0)
+    return valid, errors
+
+
+def test_the_first_masses_with_an_amended_model_are_right(tmp_path: Path) -> None:
+    bench, path = bench_at(tmp_path), amended(tmp_path)
+    keep(bench, GAIN, injections=KEPT)
+    assert learn_beforehand(bench, path) == KEPT
+    valid, errors = masses(bench, path, begun(path))
+    assert valid == [False, True, True, True, True, True]
+    assert np.abs(errors).max() < RIGHT
+    valid, errors = masses(bench, path, None)
+    assert valid == [False, False, True, True, True, True]
+    assert np.abs(errors).max() > RIGHT
+
+
+def test_what_the_bench_file_states_of_the_lift_is_undone_once(tmp_path: Path) -> None:
+    """Evidence holds the lift as the observer saw it."""
+    plain, late = tmp_path / "plain", tmp_path / "late"
+    found = []
+    for folder, lift, lag in ((plain, "", 0.0), (late, "lag_us = 30", 30e-6)):
+        folder.mkdir()
+        bench, path = bench_at(folder, lift), amended(folder)
+        keep(bench, GAIN, *([sized("needle_lift_sensor_lag", tau=lag)] if lag else []), injections=KEPT)
+        assert learn_beforehand(bench, path) == KEPT
+        knowledge = begun(path)
+        assert knowledge is not None
+        found.append(knowledge)
+    without, with_lag = (knowledge.in_force for knowledge in found)
+    sigma = np.sqrt(np.diag(found[0].state.learned.belief.covariance))
+    np.testing.assert_array_less(np.abs(without - with_lag), 1.5 * sigma)
+
+
+def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(tmp_path: Path) -> None:
+    bench, path = bench_at(tmp_path), amended(tmp_path, g=-0.02)
+    learned_beside(path).write_text("left by an earlier step")
+    keep(bench, GAIN, injections=KEPT)
+    assert learn_beforehand(bench, path) == 0
+    assert not learned_beside(path).exists()
+
+
+@pytest.mark.parametrize("content", ['{"version": 1}', "no learned state"])
+def test_a_damaged_file_is_told_and_left_alone(tmp_path: Path, content: str) -> None:
+    path, told = amended(tmp_path), list[str]()
+    learned_beside(path).write_text(content)
+    assert knowledge_beside(path, "unknown", 1e8, told.append) is None
+    assert "learning begins anew" in told[0]
+    assert learned_beside(path).read_text() == content
+
+
+def test_evidence_of_another_model_teaches_nothing(tmp_path: Path) -> None:
+    bench, path = bench_at(tmp_path), amended(tmp_path)
+    keep(bench, GAIN, injections=KEPT)
+    other = bench.with_parameters(load_injector(amended(tmp_path, 0.01)))
+    assert learn_beforehand(bench, amended(tmp_path)) == KEPT
+    assert learn_beforehand(other, path) == 0

@@ -1,8 +1,8 @@
 # Evaluates the terms in force once a sample, and applies their changes over the interval.
 #
-# A term is a law of the state at the start of an interval and of the inputs in its middle, one of the sensor of the
-# pressure at its end. What it changes is what a model has anyway: coefficients of the line, the constants of the
-# network, the inputs.
+# A term is a law of the inputs in the middle of an interval, and of a lump's pressure and flow there; else of the state
+# at its start. One of the sensor is of the pressure at its end. What it changes is what a model has anyway: coefficients
+# of the line, the constants of the network, the inputs.
 
 cdef enum:
     # places in `Forcing.past`
@@ -44,6 +44,8 @@ cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nog
         f.memory[i] = NAN
     for i in range(<int64_t> VARIABLES):
         f.variables[i] = 0.0
+    for i in range(<int64_t> TOTALS):
+        f.totals[i] = 0.0
 
 
 cdef void under_terms(
@@ -144,14 +146,15 @@ cdef double trusted_under_terms(double innovation, double interval, Forcing* f) 
 cdef void _observe(
     const double* x, const Interval* interval, const Coefficients* c, const Network* network, Forcing* f
 ) noexcept nogil:
-    """The variables of laws, in printed units, by the state at the start of an interval and the inputs in its middle.
+    """The variables of laws, in printed units, by the state x (n,) at the start of an interval, the inputs in its middle.
 
-    One of no length is an instant: what changes with time stays.
+    Pressure and flow of a lump are those in its middle. One of no length is an instant: what changes with time stays.
     """
     cdef double duration = interval.length / MILLISECOND
     cdef double* past = f.past
     cdef double* seen = f.variables
     cdef double q_h = 0.0, q_s = 0.0, unit, chamber, line_pressure, lift_rate, rail_rate, line_rate, through_nozzle, rise
+    cdef double[2] line
     cdef Inputs u
     u.rail = 0.5 * (interval.start.rail + interval.end.rail)
     u.area = 0.5 * (max(interval.start.area, 0.0) + max(interval.end.area, 0.0))
@@ -162,9 +165,10 @@ cdef void _observe(
         past[PAST_SINCE] = 0.0
     if past[PAST_OF_FLOWS] > 0.0 and not is_at_rest(x, u):
         changed_flows(x, u, c, network, &q_h, &q_s)
+    _line_in_middle(x, u, 0.5 * interval.length, c, network, f, line)
     unit = c.pressure_scale / MEGAPASCAL
     chamber = c.chamber_pressure / MEGAPASCAL
-    line_pressure = x[0] * unit + chamber
+    line_pressure = line[0] * unit + chamber
     lift_rate, rail_rate, line_rate = seen[VARIABLE_RATES], seen[VARIABLE_RATES + 1], seen[VARIABLE_RATES + 2]
     if duration > 0.0:
         lift_rate = (lift - past[PAST_LIFT]) / duration
@@ -178,7 +182,7 @@ cdef void _observe(
     seen[1] = line_pressure
     seen[2] = x[2] * unit + chamber
     seen[3] = chamber
-    seen[4] = x[1] * c.flow_scale / MM3_PER_MS
+    seen[4] = line[1] * c.flow_scale / MM3_PER_MS
     seen[5] = q_s * through_nozzle * c.sac.a5 / c.sac.a6
     seen[6] = q_h * through_nozzle
     seen[7] = lift
@@ -195,6 +199,28 @@ cdef void _observe(
     seen[18] = 1.0 if is_open and lift_rate < 0.0 else 0.0
     past[PAST_SINCE] += duration
     past[PAST_TIME] += interval.length
+
+
+cdef void _line_in_middle(
+    const double* x, Inputs u, double half, const Coefficients* c, const Network* network, const Forcing* f, double* line
+) noexcept nogil:
+    """Pressure and flow of a line half an interval [s] after the state x (n,), under the terms of the interval before.
+
+    A law taken at the start would be late by that half; a line with waves is taken there all the same.
+    """
+    cdef Coefficients changed
+    cdef double[4] rate
+    line[0], line[1] = x[0], x[1]
+    if c.kind != LUMP or half <= 0.0:
+        return
+    changed = c[0]
+    _change_line(
+        &changed, f.totals[4], f.totals[5], f.totals[1] * MM3_PER_MS / c.flow_scale,
+        f.totals[0] * MEGAPASCAL / c.pressure_scale,
+    )
+    rates_at(x, u, &changed, network, rate)
+    line[0] += half * rate[0]
+    line[1] += half * rate[1]
 
 
 cdef double lift_at(double u_2, const Seat* seat) noexcept nogil:

@@ -128,6 +128,8 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
     memcpy(_x_hat(s, position), x_tilde, s.observer.states * sizeof(double))
     for i in range(3 * s.of_tilde.rows):
         s.of_tilde.memory[i] = NAN
+    for i in range(10):
+        s.of_tilde.totals[i] = 0.0
     _read(s, position, &s.coefficients, &s.network)
 
 
@@ -161,6 +163,7 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
             x_tilde[SAC] = 0.0
         memcpy(x_hat, x_tilde, states * sizeof(double))
         memcpy(s.of_hat.past, s.of_tilde.past, 8 * sizeof(double))
+        memcpy(s.of_hat.totals, s.of_tilde.totals, 10 * sizeof(double))
         if s.of_tilde.rows > 0:
             memcpy(s.of_hat.memory, s.of_tilde.memory, 3 * s.of_tilde.rows * sizeof(double))
         _read(s, position, &s.coefficients, &s.network)

@@ -38,5 +38,7 @@ def keep(bench: Bench, *hidden: SizedEffect, injections: int = 12) -> None:
     told: list[str] = []
     with keeping(bench, told) as keeper:
         observe(keeper, bench, measured.recording)
-        until(lambda: keeper.kept + keeper.lost >= injections - 1)  # of which the last is handed on at the end
+        until(
+            lambda: keeper.kept + keeper.lost >= injections - 1
+        )  # of which the last is handed on at the end
     assert (keeper.kept, told) == (injections, [])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench, load_injector
+from observer_rt.config.effects import term_domain
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
@@ -13,13 +14,14 @@ from observer_rt.identification.likelihood.likelihood import JointLikelihood, jo
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import effective_model
+from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.terms import effect_of
 
+FLOW = 60.0  # mm3/ms
 TERMS = (
     ("line_flow", "4*line_flow/60"),
     ("line_pressure", "3*sqrt((line_pressure - chamber_pressure)/100)*needle_lift/max_lift"),
@@ -90,6 +92,20 @@ def test_masses_are_right_with_a_law_of_the_flow_that_bends() -> None:
         rate = made.truth.injection_rate[report.start : report.end + 1]
         errors.append(report.mass / (np.trapezoid(rate) * 1e-5 * density) - 1.0)
     assert abs(np.mean(errors)) < 0.0015
+
+
+@pytest.mark.parametrize("line", ["lump", "wave"], indirect=True)
+def test_a_law_of_the_flow_is_friction_along_the_whole_line(line: Line) -> None:
+    own = term_domain(line.injector).friction * FLOW**2
+    law = Term(TermEquation.LINE_FLOW, parse(f"{own:.6g}*line_flow/60*abs(line_flow/60)"))
+    likelihood = _likelihood(line.injector, SizedEffect(VOCABULARY["line_friction"], (2.0,)))
+    nominal = effective_model(line.injector)
+
+    without, within = (
+        _squares(likelihood, model) - line.healthy for model in (nominal, nominal.with_term(law))
+    )
+
+    assert within < 0.03 * without  # a pressure lost evenly is, on cells, nearly that
 
 
 def _likelihood(injector: InjectorParameters, *effects: SizedEffect) -> JointLikelihood:

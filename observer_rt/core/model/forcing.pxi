@@ -182,7 +182,8 @@ cdef void _observe(
     seen[1] = line_pressure
     seen[2] = x[2] * unit + chamber
     seen[3] = chamber
-    seen[4] = line[1] * c.flow_scale / MM3_PER_MS
+    # friction and inertance act along a whole line: shut at its end it goes on ringing, and there nothing flows
+    seen[4] = (mean_flow(x, c.cells) if c.cells > 0 else line[1]) * c.flow_scale / MM3_PER_MS
     seen[5] = q_s * through_nozzle * c.sac.a5 / c.sac.a6
     seen[6] = q_h * through_nozzle
     seen[7] = lift

@@ -177,9 +177,9 @@ def _totals(
     fitted = minimum_from(Sizing(joint_likelihood(measured, base, healthy), base, hypothesis), [start])
     if fitted is None:
         raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
-    spread = math.sqrt(max(1.0, float(np.mean(fitted.at.residuals.z**2))))
+    spread = math.sqrt(max(1.0, float(np.mean(fitted.residuals.z**2))))
     half = NORMAL_975 * spread * fitted.sigmas()
-    total = replace(found.named, sizes=tuple(fitted.at.theta.tolist()), half=tuple(half.tolist()))
+    total = replace(found.named, sizes=tuple(fitted.theta.tolist()), half=tuple(half.tolist()))
     return total.parameters
 
 

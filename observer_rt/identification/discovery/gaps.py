@@ -126,7 +126,7 @@ def gaps_of(
     hypothesis = shown.hypothesis
     sizing = Sizing(joint_likelihood([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
     again = fit(sizing, shown.theta, hypothesis.ranges())
-    refitted = hypothesis.model(nominal, shown.theta if again is None else again.at.theta)
+    refitted = hypothesis.model(nominal, shown.theta if again is None else again.theta)
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
     return ModelGaps(

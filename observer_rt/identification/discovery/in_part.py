@@ -65,8 +65,8 @@ def _best_law(whole: Proposal, likelihood: JointLikelihood, nominal: EffectiveMo
         fitted = fit(Sizing(likelihood, nominal, alone), np.array([size]), alone.ranges())
         if fitted is not None and is_term(effect):
             half = NORMAL_975 * INTERVAL_MARGIN * fitted.sigmas()
-            statistic = fitted.at.residuals.statistic
-            found.append(Candidate(alone, tuple(fitted.at.theta.tolist()), statistic, tuple(half.tolist())))
+            statistic = fitted.residuals.statistic
+            found.append(Candidate(alone, tuple(fitted.theta.tolist()), statistic, tuple(half.tolist())))
     if found:
         best = min(found, key=lambda one: one.statistic)
         model, gap = best.model(nominal), HeldOutPoints(likelihood, nominal).gap(best)

@@ -75,18 +75,18 @@ def _fitted(
 
     alone = Hypothesis((effect,))
     found = fitted(alone, (0.0,))
-    if found is None or beside.found.statistic + _PROMISES * beside.gain < found.at.residuals.statistic:
+    if found is None or beside.found.statistic + _PROMISES * beside.gain < found.residuals.statistic:
         return None
     freed = Hypothesis((form_freed(effect),))
     if len(freed.parameters) > 1:
         starts = [one.starts[0] for one in freed.parameters[1:]]
-        shaped = fitted(freed, (*found.at.theta, *starts))
+        shaped = fitted(freed, (*found.theta, *starts))
         if shaped is not None:
-            alone = Hypothesis((form_settled(effect, shaped.at.theta[1:].tolist()),))
-            found = fitted(alone, shaped.at.theta[:1].tolist()) or found
-    residuals = found.at.residuals
+            alone = Hypothesis((form_settled(effect, shaped.theta[1:].tolist()),))
+            found = fitted(alone, shaped.theta[:1].tolist()) or found
+    residuals = found.residuals
     spread = max(1.0, residuals.squares / residuals.z.size)
     if residuals.statistic > beside.found.statistic + TIE * spread:
         return None
     half = NORMAL_975 * INTERVAL_MARGIN * found.sigmas()
-    return Candidate(alone, tuple(found.at.theta.tolist()), residuals.statistic, tuple(half.tolist()))
+    return Candidate(alone, tuple(found.theta.tolist()), residuals.statistic, tuple(half.tolist()))

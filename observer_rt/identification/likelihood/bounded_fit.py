@@ -1,8 +1,9 @@
 """Maximum likelihood within bounds: Levenberg-Marquardt on normalised residuals by finite differences."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -121,23 +122,30 @@ def _beside(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Minimum at which the search ended, and the linearisation there.
+    """Minimum at which the search ended: theta (p,) and the residuals there.
 
     stuck: no step along the slopes was short enough to lower -2 log L, as beside a kink.
     """
 
-    at: Quadratic
+    theta: NDArray[np.float64]
+    residuals: Residuals
     converged: bool
-    stuck: bool = False
+    stuck: bool
+    linearised: Callable[[], Quadratic]
+
+    @cached_property
+    def at(self) -> Quadratic:
+        """The linearisation there, made when it is first asked for."""
+        return self.linearised()
 
     @property
     def statistic(self) -> float:
         """-2 log L at the minimum."""
-        return self.at.statistic
+        return self.residuals.statistic
 
     def sigmas(self) -> NDArray[np.float64]:
         """Standard deviations of the parameters (p,), inf where the data say nothing."""
-        return np.sqrt(np.maximum(np.diag(_inverse(self.at.information)), 0.0))
+        return sigmas_of(self.at.information)
 
 
 def fit(
@@ -145,23 +153,33 @@ def fit(
     start: NDArray[np.float64],
     ranges: Sequence[Range],
     max_iterations: int = MAX_ITERATIONS,
+    at_start: Residuals | None = None,
 ) -> Minimum | None:
-    """Minimise -2 log L from `start` (p,); None when the model has no solution there."""
+    """Minimise -2 log L from `start` (p,); None when the model has no solution there.
+
+    at_start: the residuals at `start`, where they are known.
+    """
     theta = np.clip(start, [r.lowest for r in ranges], [r.highest for r in ranges])
-    residuals = problem.residuals(theta)
+    known = at_start is not None and np.array_equal(theta, start)
+    residuals = at_start if known else problem.residuals(theta)
     if residuals is None:
         return None
-    here = linearise(problem, theta, residuals, ranges)
-    damping = FIRST_DAMPING
+    damping, converged = FIRST_DAMPING, False
     for _ in range(max_iterations):
+        here = linearise(problem, theta, residuals, ranges)
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
-            return Minimum(here, converged=True, stuck=math.isinf(damping))
-        decrease = here.statistic - lower[1].statistic
-        here = linearise(problem, lower[0], lower[1], ranges)
-        if decrease < TOLERANCE:
-            return Minimum(here, converged=True)
-    return Minimum(here, converged=False)
+            return Minimum(theta, residuals, True, math.isinf(damping), lambda at=here: at)
+        theta, residuals = lower
+        converged = here.statistic - residuals.statistic < TOLERANCE
+        if converged:
+            break
+    return Minimum(theta, residuals, converged, False, partial(linearise, problem, theta, residuals, ranges))
+
+
+def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviations of parameters (p,) by their information (p, p), inf where the data say nothing."""
+    return np.sqrt(np.maximum(np.diag(_inverse(information)), 0.0))
 
 
 def _lower(

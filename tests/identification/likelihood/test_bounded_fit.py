@@ -118,3 +118,25 @@ def test_a_bound_on_the_way_does_not_end_the_search() -> None:
         fit(Problem(slanted), np.array([1.2, 1.5]), (Range(-50.0, 50.0, 1e-4), Range(0.9, 2.0, 1e-4)))
     )
     assert found.statistic < _residuals(NOISE).statistic + 0.1
+
+
+def test_slopes_at_the_minimum_are_not_had_before_they_are_wanted() -> None:
+    asked: list[NDArray[np.float64]] = []
+
+    def noted(theta: NDArray[np.float64]) -> Residuals:
+        asked.append(theta)
+        return _line(theta)
+
+    start = np.zeros(2)
+    found = _found(fit(Problem(noted), start, WIDE, 1, _line(start)))
+    assert len(asked) == 3  # two slopes at the start, where the residuals are known, and the step
+    assert np.array_equal(asked[-1], found.theta)
+    assert np.isfinite(found.sigmas()).all()
+    assert len(asked) == 5
+
+
+def test_residuals_known_at_a_start_out_of_bounds_are_not_those_within() -> None:
+    bounds = (Range(0.0, 5.0, 1e-4), Range(-5.0, 5.0, 1e-4))
+    start = np.array([-9.0, 0.0])
+    found = _found(fit(Problem(_line), start, bounds, 0, _line(start)))
+    assert np.array_equal(found.residuals.z, _line(np.zeros(2)).z)

@@ -24,7 +24,7 @@ from observer_rt.identification.likelihood.appearance import (
     signatures,
     smallest_visible,
 )
-from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Residuals, linearise
+from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Residuals, linearise, sigmas_of
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect, SizedEffect
@@ -128,8 +128,8 @@ class Fitter:
             if residuals is None or not candidate.hypothesis.effects:
                 return np.full(len(candidate.sizes), np.inf)
             ranges = candidate.hypothesis.ranges()
-            at = Minimum(linearise(sizing, candidate.theta, residuals, ranges), converged=True)
-            self._sigmas[key] = at.sigmas() * np.sqrt(max(1.0, float(np.mean(residuals.z**2))))
+            information = linearise(sizing, candidate.theta, residuals, ranges).information
+            self._sigmas[key] = sigmas_of(information) * np.sqrt(max(1.0, float(np.mean(residuals.z**2))))
         return self._sigmas[key]
 
     def _fit_all(self, tasks: Sequence["_Task"], max_iterations: int) -> list[Candidate]:
@@ -156,8 +156,8 @@ class Fitter:
         found = minimum_from(sizing, task.starts, max_iterations, second_if_stuck=task.probed)
         if found is None:
             return None
-        candidate = Candidate(hypothesis, tuple(found.at.theta.tolist()), found.statistic)
-        self._memory.put(key, found.at.theta, found.statistic)
+        candidate = Candidate(hypothesis, tuple(found.theta.tolist()), found.statistic)
+        self._memory.put(key, found.theta, found.statistic)
         if self._fitted is not None:
             self._fitted(candidate)
         return candidate

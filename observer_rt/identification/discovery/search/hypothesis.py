@@ -107,16 +107,16 @@ def minimum_from(
     for start in starts:
         residuals = sizing.residuals(start)
         if residuals is not None:
-            tried.append((residuals.statistic, start))
-    tried.sort(key=lambda item: item[0])
+            tried.append((start, residuals))
+    tried.sort(key=lambda item: item[1].statistic)
     ranges = sizing.hypothesis.ranges()
     best: Minimum | None = None
-    for _, start in tried[:MOST_STARTS]:
-        found = fit(sizing, start, ranges, max_iterations)
+    for start, residuals in tried[:MOST_STARTS]:
+        found = fit(sizing, start, ranges, max_iterations, residuals)
         if found is not None and (best is None or found.statistic < best.statistic):
             best = found
         if best is None or (second_if_stuck and best.stuck):
             continue
-        if second_if_stuck or np.mean(best.at.residuals.z**2) < _EXPLAINED:
+        if second_if_stuck or np.mean(best.residuals.z**2) < _EXPLAINED:
             break
     return best

@@ -91,7 +91,7 @@ class HeldOutPoints:
             again = fit(Sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())
             if again is None:
                 return None
-            theta = again.at.theta
+            theta = again.theta
         model = hypothesis.model(self._nominal, theta)
         judged = self._judged.judge(model)
         if judged is None:

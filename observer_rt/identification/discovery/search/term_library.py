@@ -250,7 +250,7 @@ class InjectorTerms:
         )
         if found is None:
             return None
-        parts = zip(effects, freed.split(found.at.theta), strict=True)
+        parts = zip(effects, freed.split(found.theta), strict=True)
         return tuple(self.number_of(form_settled(effect, values[1:].tolist())) for effect, values in parts)
 
     def number_of(self, effect: Effect) -> int:

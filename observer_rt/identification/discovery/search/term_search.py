@@ -213,13 +213,13 @@ class TermSearch:
         return None
 
     def _fitted(self, chosen: tuple[int, ...], found: Minimum) -> TermFit:
-        spread = max(1.0, float(np.mean(found.at.residuals.z**2)))
+        spread = max(1.0, float(np.mean(found.residuals.z**2)))
         within = tuple(self._problem.candidates[number].numbers for number in chosen)
-        return TermFit(chosen, found.at.theta, found.sigmas() * math.sqrt(spread), found.at.residuals, within)
+        return TermFit(chosen, found.theta, found.sigmas() * math.sqrt(spread), found.residuals, within)
 
     def _has_twins(self, chosen: tuple[int, ...], found: Minimum) -> bool:
         """Whether two terms of one equation stand for one: alike, or with a coefficient at its bound."""
-        information, theta = found.at.information, found.at.theta
+        information, theta = found.at.information, found.theta
         terms = [self._problem.candidates[number] for number in chosen]
         return any(
             terms[one].equation == terms[other].equation

@@ -18,11 +18,8 @@ STANDS_OUT = 8.0  # times that median
 LARGEST = 5.0  # standard deviations: transients would hide a wave
 APART = 50.0  # Hz
 MOST_LINES = 2
-SWINGING = (
-    TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.LINE_PRESSURE,
-    TermEquation.CHAMBER_PRESSURE,
-)  # fmt: skip
-"""Equations in which something may oscillate by itself."""
+SWINGING = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.CHAMBER_PRESSURE)
+"""Equations in which something may oscillate by itself: no outflow, which would come back half of the time."""
 
 
 def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Effect]]:

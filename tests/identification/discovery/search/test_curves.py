@@ -136,3 +136,8 @@ def test_lines_stand_out_of_noise() -> None:
     left = [swing + noise.normal(size=swing.size) for swing in swings]
     assert lines(left, times, 1e-5)[0] == pytest.approx(2791.0, abs=3.0)
     assert lines([noise.normal(size=6000) for _ in range(8)], 4 * times, 1e-5) == []
+
+
+def test_a_hum_is_of_rail_chamber_or_sensor_never_an_outflow() -> None:
+    where = {EffectCandidate(one).equation for pair in waves([1200.0], 0.04) for one in pair}
+    assert where == {"rail_pressure", "chamber_pressure", "line_pressure_sensor"}

@@ -169,12 +169,16 @@ def fit(
         here = linearise(problem, theta, residuals, ranges)
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
-            return Minimum(theta, residuals, True, math.isinf(damping), lambda at=here: at)
+            return _ended_at(here, math.isinf(damping))
         theta, residuals = lower
         converged = here.statistic - residuals.statistic < TOLERANCE
         if converged:
             break
     return Minimum(theta, residuals, converged, False, partial(linearise, problem, theta, residuals, ranges))
+
+
+def _ended_at(here: Quadratic, stuck: bool) -> Minimum:
+    return Minimum(here.theta, here.residuals, True, stuck, lambda: here)
 
 
 def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:

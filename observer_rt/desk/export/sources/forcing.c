@@ -19,6 +19,7 @@ void inj_forcing_init(Forcing *f)
     f->lift_before = R(0.0);
     f->pressure_before = (real_t)NAN;
     f->area = R(0.0);
+    f->line = INJ_MODEL.line;
 }
 
 static void observe(const real_t x[], const Interval *interval, Forcing *f)
@@ -34,7 +35,12 @@ static void observe(const real_t x[], const Interval *interval, Forcing *f)
     u.area = R(0.5) * (r_max(interval->start.area, R(0.0)) + r_max(interval->end.area, R(0.0)));
     const bool is_open = u.area > R(0.0);
     const real_t lift = inj_lift_of(u.area) / MILLIMETRE;
-    const real_t pressure = x[P_LINE] * unit + chamber;
+    real_t line_pressure;
+    real_t line_flow;
+    Model before = INJ_MODEL;
+    before.line = f->line;
+    inj_line_under_laws(x, u, &before, &line_pressure, &line_flow);
+    const real_t pressure = line_pressure * unit + chamber;
     const real_t rise = pressure - f->pressure_before;
     if (is_open && (f->lift_before <= R(0.0))) {
         f->injections += R(1.0);
@@ -47,7 +53,7 @@ static void observe(const real_t x[], const Interval *interval, Forcing *f)
     v[LAW_LINE_PRESSURE] = pressure;
     v[LAW_SAC_PRESSURE] = x[P_SAC] * unit + chamber;
     v[LAW_CHAMBER_PRESSURE] = chamber;
-    v[LAW_LINE_FLOW] = x[Q_LINE] * FLOW_SCALE / MM3_PER_MS;
+    v[LAW_LINE_FLOW] = line_flow * FLOW_SCALE / MM3_PER_MS;
     v[LAW_SEAT_FLOW] = q_s * through_nozzle * SAC_A5 / SAC_A6;
     v[LAW_NOZZLE_FLOW] = q_h * through_nozzle;
     v[LAW_NEEDLE_LIFT] = lift;
@@ -106,6 +112,7 @@ void inj_under_laws(const real_t x[], const Interval *interval, Forcing *f, Forc
         inj_change_line(&forced->model.line, totals[LAW_OF_STIFFNESS], totals[LAW_OF_INERTANCE],
                     totals[LAW_OF_LINE_PRESSURE] * (MM3_PER_MS / FLOW_SCALE),
                     totals[LAW_OF_LINE_FLOW] * pressure);
+        f->line = forced->model.line;
         forced->interval.start.rail += more;
         forced->interval.end.rail += more;
         forced->interval.start.area = lifted(interval->start.area, lift, moves);

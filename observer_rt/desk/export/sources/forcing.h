@@ -14,6 +14,7 @@ typedef struct {
     real_t lift_before;     /* mm */
     real_t pressure_before; /* MPa; not a number: none */
     real_t area;            /* at the end of the last interval */
+    Line line;              /* as the laws had it in the last interval */
 } Forcing;
 
 /* An interval and the model as the laws have them. */

@@ -40,6 +40,15 @@ static void rates(const real_t x[], Inputs u, const Model *m, real_t rate[STATES
     rate[P_SAC] = SAC_A5 * q_s - SAC_A6 * q_h;
 }
 
+void inj_line_under_laws(const real_t x[], Inputs u, const Model *m, real_t *pressure, real_t *flow)
+{
+    const real_t half = R(0.5) * SAMPLE_INTERVAL;
+    real_t rate[STATES];
+    rates(x, u, m, rate);
+    *pressure = x[P_LINE] + half * rate[P_LINE];
+    *flow = x[Q_LINE] + half * rate[Q_LINE];
+}
+
 static Inputs between(const Interval *interval, real_t share)
 {
     Inputs u;

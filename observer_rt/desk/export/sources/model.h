@@ -44,6 +44,8 @@ void inj_empty_if_drained(real_t x[], const Interval *interval);
 /* Of the line in use. */
 void inj_line_at_rest(real_t x[], real_t pressure);
 void inj_advance(real_t x[], const Interval *interval, const Model *m);
+/* Pressure and flow as laws see them: of a lump in the middle of an interval with u there, along a pipe the mean flow. */
+void inj_line_under_laws(const real_t x[], Inputs u, const Model *m, real_t *pressure, real_t *flow);
 void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss);
 
 #endif

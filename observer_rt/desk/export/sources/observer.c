@@ -75,6 +75,7 @@ static void start(Observer *o, real_t line_pressure)
     o->x_tilde[P_SAC] = R(0.0);
     copy_state(o->x_tilde, o->x_hat);
     inj_laws_init(&o->of_tilde.memory);
+    o->of_tilde.line = INJ_MODEL.line;
     o->since_start = 0U;
     o->closed_since_start = 0U;
 }

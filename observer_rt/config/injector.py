@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from enum import StrEnum
+from itertools import combinations
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -69,9 +70,12 @@ class RecordingConfig(Section):
     needle_lift: ColumnConfig
     line_pressure: ColumnConfig
     injection_rate: ColumnConfig | None = None
-    time: TimeConfig | None = None  # MDF4 files bring their own
-    separator: OneCharacter | None = None  # of CSV, as are the next two; None: as the file looks
+    time: TimeConfig | None = None  # MDF4 files bring their own; others need it, or `rate_hz`
+    rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] | None = None
+    """Rate at which rows follow each other, trusted where stamps are rounded or missing; also that of the grid."""
+    separator: OneCharacter | None = None  # of CSV, as are the next three; None: as the file looks
     decimal: OneCharacter | None = None
+    thousands: OneCharacter | None = None
     comment: OneCharacter = "#"
     meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
@@ -86,8 +90,10 @@ class RecordingConfig(Section):
 
     @model_validator(mode="after")
     def _separators_differ(self) -> Self:
-        if self.separator is not None and self.separator == self.decimal:
-            raise ValueError(f"'separator' and 'decimal' are both {self.decimal!r}; change one of them")
+        for one, other in combinations(("separator", "decimal", "thousands"), 2):
+            sign = getattr(self, one)
+            if sign is not None and sign == getattr(self, other):
+                raise ValueError(f"'{one}' and '{other}' are both {sign!r}; change one of them")
         return self
 
     @model_validator(mode="after")

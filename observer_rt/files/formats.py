@@ -22,13 +22,16 @@ from observer_rt.files.canlog.candump import CANDUMP
 from observer_rt.files.canlog.csv_log import CSV_LOG
 from observer_rt.files.canlog.pcap import PCAP
 from observer_rt.files.canlog.trc import TRC
+from observer_rt.files.guess.guess import Guess, guess_of
 from observer_rt.files.mdf4.can_log import Mdf4Log, Mdf4LogWriter, is_bus_log
+from observer_rt.files.signals.column import Column
 from observer_rt.files.signals.csv_table import CsvTable
+from observer_rt.files.signals.held_table import HeldTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.signal_format import OwnLayout, SignalFormat
 from observer_rt.files.signals.stream import HeldSignals, SignalStream, joined
-from observer_rt.files.signals.table import Mdf4Table, ParquetTable
+from observer_rt.files.signals.table import Mdf4Table, ParquetTable, Table
 from observer_rt.files.signals.table_signals import EvenSignals
 from observer_rt.files.signals.table_writers import (
     PRINTED,
@@ -37,19 +40,18 @@ from observer_rt.files.signals.table_writers import (
     recording_writer,
     write_whole,
 )
+from observer_rt.files.signals.whole_file import WholeFile
 from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 
 Format = LogFormat | SignalFormat
 GROUP = "observer_rt.formats"
+PREVIEWED = 1 << 19  # samples of a long file, from which is guessed what is what
 F = TypeVar("F", bound=Format)
 _ADVICE = {  # what to do with other kinds of files
-    (".mat",): 'in MATLAB: parquetwrite("{0}.parquet", table(time_s, ...)), or writetable into {0}.csv',
-    (".h5", ".hdf5"): 'in Python: pandas.read_hdf("{0}{1}").to_parquet("{0}.parquet")',
-    (".xlsx", ".xls", ".ods"): "save it as {0}.csv",
-    (".mdf", ".dat"): "name it {0}.mf4 if it is MDF 4; of MDF 3 make that in Python, by asammdf: "
-    'MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
+    (".xls", ".ods"): "save it as {0}.xlsx or {0}.csv",
+    (".sav", ".pkl", ".pickle"): 'in Python: to_parquet("{0}.parquet") of the DataFrame',
     (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
     (
         ".gz",
@@ -58,7 +60,7 @@ _ADVICE = {  # what to do with other kinds of files
         ".7z",
         ".bz2",
         ".xz",
-    ): "unpack it first; only logs of text are read packed, by gzip",
+    ): "unpack it first; only text is read packed, by gzip",
 }
 
 
@@ -75,13 +77,24 @@ def _by_header(columns: Sequence[WrittenColumn]) -> RecordingConfig:
 
 _CHANNELS = RecordingConfig.model_validate({column.channel: {"column": column.channel} for column in SI[1:]})
 CSV = SignalFormat((".csv",), _header(PRINTED), OwnLayout(CsvTable, _by_header(PRINTED)), write_whole)
+TEXT = SignalFormat(
+    (".txt", ".csv.gz", ".txt.gz"), "text as .csv, also packed", OwnLayout(CsvTable, _by_header(PRINTED))
+)
 MDF4_SIGNALS = SignalFormat(
     (".mf4",), "ASAM MDF4, one channel a signal, with its unit", OwnLayout(Mdf4Table, _CHANNELS), write_whole
 )
 PARQUET = SignalFormat(
     (".parquet",), f"Parquet, {_header(SI)}", OwnLayout(ParquetTable, _by_header(SI)), write_whole
 )
-
+WHOLE = (
+    SignalFormat((".xlsx", ".xlsm"), "Excel", WholeFile("Excel", "excel", "openpyxl", "openpyxl")),
+    SignalFormat((".mat",), "MATLAB, 5 to 7.3", WholeFile("MATLAB", "matlab", "h5py", "h5py")),
+    SignalFormat((".h5", ".hdf5"), "HDF5", WholeFile("HDF5", "hdf5", "h5py", "h5py")),
+    SignalFormat((".tdms",), "TDMS of LabVIEW", WholeFile("TDMS", "tdms", "nptdms", "npTDMS")),
+    SignalFormat((".mdf", ".dat"), "MDF 3", WholeFile("MDF 3", "mdf3", "asammdf", "asammdf")),
+    SignalFormat((".feather",), "Feather of Arrow", WholeFile("Feather", "feather", "pyarrow", "pyarrow")),
+    SignalFormat((".npy", ".npz"), "arrays of NumPy", WholeFile("NumPy", "numpy_files", "numpy", "numpy")),
+)
 
 MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
@@ -89,6 +102,8 @@ BUILT_IN: tuple[Format, ...] = (
     CSV,
     MDF4_SIGNALS,
     PARQUET,
+    TEXT,
+    *WHOLE,
     CANDUMP,
     BUSMASTER,
     BLF,
@@ -178,20 +193,22 @@ def open_recording(
 ) -> SignalStream:
     """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
-    injector: whose `[recording]` describes a layout of the user's own; None: our own layouts only.
+    injector: whose `[recording]` describes a layout of the user's own; without it our own layouts, and others as far
+    as it is certain which column is which.
     in_one_go: as of `EvenSignals`, of our own layouts; else it is looked through all the same.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     reader = _of(path, signal_formats()).reader
     mapping = injector.config.recording if injector is not None else None
+    rate = injector.config.sampling.rate_hz if injector is not None else 0.0
     with file_errors(path):
         stream: SignalStream
-        if not isinstance(reader, OwnLayout):
+        if not isinstance(reader, OwnLayout | WholeFile):
             stream = HeldSignals(reader(path))
-        elif injector is None or mapping is None or reader.is_of(path, mapping):
+        elif isinstance(reader, OwnLayout) and reader.is_of(path, mapping):
             stream = EvenSignals(reader.table(path, reader.mapping, is_own=True), in_one_go)
         else:
-            stream = MappedSignals(reader.table(path, mapping), injector.config.sampling.rate_hz)
+            stream = _mapped(path, reader, mapping, rate)
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None
         stream.meaning = stated or injector.config.sampling.meaning
@@ -201,6 +218,45 @@ def open_recording(
             f"its samples, which are means, are not on a grid of {stream.rate:g} Hz, and cannot be resampled",
             'set sampling.rate_hz to the rate of the file, or say meaning = "instant" if that is what they are',
         )
+    return stream
+
+
+def guessed(path: Path) -> Guess | None:
+    """Guess of how a file is read; None for one in our own layout, and of a format that is read in one way only.
+
+    Raises `UserError` for an unknown suffix, a file that cannot be opened or holds no numbers.
+    """
+    reader = _of(path, signal_formats()).reader
+    with file_errors(path):
+        if not isinstance(reader, OwnLayout | WholeFile):
+            return None
+        if isinstance(reader, OwnLayout) and reader.is_of(path, None):
+            return None
+        return guess_of(str(path), _columns(path, reader))
+
+
+def _columns(path: Path, reader: OwnLayout | WholeFile) -> Sequence[Column]:
+    return reader.columns(path) if isinstance(reader, WholeFile) else reader.table.preview(path, PREVIEWED)
+
+
+def _mapped(
+    path: Path, reader: OwnLayout | WholeFile, mapping: RecordingConfig | None, rate: float
+) -> MappedSignals:
+    """A file by its mapping, None: as guessed, where that is certain; onto a grid of `rate` [Hz]."""
+    columns = reader.columns(path) if isinstance(reader, WholeFile) else ()
+    note: tuple[str, ...] = ()
+    if mapping is None:
+        guess = guess_of(str(path), columns or _columns(path, reader))
+        if guess.doubts:
+            raise guess.error()
+        mapping, note = guess.layout, (guess.in_words(),)
+    table: Table
+    if isinstance(reader, WholeFile):
+        table = HeldTable(path, mapping, columns, reader.name)
+    else:
+        table = reader.table(path, mapping)
+    stream = MappedSignals(table, rate)
+    stream.notes = (*note, *stream.notes)
     return stream
 
 

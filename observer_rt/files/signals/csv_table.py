@@ -1,10 +1,9 @@
 """CSV in any dialect, which is found out, a block of lines at a time, by NumPy's reader or line by line."""
 
-import codecs
 import re
 import warnings
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -14,21 +13,29 @@ from typing import TextIO
 import numpy as np
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.files.signals.column import Column
+from observer_rt.files.signals.csv_preview import preview_csv
 from observer_rt.files.signals.header import (
-    MISSING,
     Calendar,
     bare_unit,
     calendar_of,
-    decimal_of,
     header_by_place,
-    is_missing,
-    is_number,
     named_header,
     split_line,
 )
+from observer_rt.files.signals.number_text import (
+    MISSING,
+    decimal_of,
+    is_missing,
+    is_number,
+    number_of,
+    thousands_of,
+    ungrouped,
+)
 from observer_rt.files.signals.recording import TRUTH_SUFFIX
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
-from observer_rt.files.signals.table import OPTIONAL, TIME, Table, TablePart, Values
+from observer_rt.files.signals.table import OPTIONAL, TIME, FileTable, TablePart, Values
+from observer_rt.files.signals.text_file import encoding_of, opened_text, tail_of
 from observer_rt.files.signals.thousands import first_thousands, may_be_thousandths
 from observer_rt.foundation.errors import UserError, hint
 
@@ -41,7 +48,7 @@ LONGEST_HEADER = 1 << 20  # characters
 _TAIL = 1 << 14  # bytes, in which the last line is
 _NOT_AT_ONCE = '"\x1c\x1d\x1e\x1f'  # quotes, and the control characters that numpy takes for blanks
 NUMBERS = "write numbers; leave the cell empty where a value is not available"
-UNGROUPED = "write numbers without separators of thousands: 1000.153 or 1000,153"
+_STATED = 'state the separator of thousands in the bench file: [recording] thousands = "{}"'
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:([.,' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
 
 
@@ -51,7 +58,8 @@ class Dialect:
 
     names, units: of all columns, units as far as the file states them; mapped: places of columns by signal;
     first_row: lines before the first numbers; header_line, unit_line: 1-based, 0: none; calendar: of the time, None:
-    it is a number; missing: cells without a value, in lower case; comment: what begins one, empty: nothing does.
+    it is a number; missing: cells without a value, in lower case; comment: what begins one; thousands: what separates
+    them; both empty: nothing does.
     """
 
     encoding: str
@@ -66,13 +74,16 @@ class Dialect:
     first_row: int
     calendar: Calendar | None
     missing: frozenset[str] = MISSING
+    thousands: str = ""
 
     def as_text(self) -> str:
         """Description of the dialect in a few words."""
         named = f"names in line {self.header_line}" if self.header_line else "without names"
         units = f", units in line {self.unit_line}" if self.unit_line else ""
         separator = _NAMES.get(self.separator, f"'{self.separator}'")
-        return f"CSV, {named}{units}, separated by {separator}, decimal '{self.decimal}', {self.encoding}"
+        thousands = f", thousands '{self.thousands}'" if self.thousands else ""
+        signs = f"separated by {separator}, decimal '{self.decimal}'{thousands}"
+        return f"CSV, {named}{units}, {signs}, {self.encoding}"
 
     def cells(self, line: str) -> list[str]:
         """Cells of a line; none of a blank one or a comment."""
@@ -85,19 +96,6 @@ class Dialect:
         return {name: place for name, place in self.mapped.items() if name != TIME or self.calendar is None}
 
 
-def encoding_of(path: Path) -> str:
-    """Encoding of a file by its byte order mark, else UTF-8 unless it is none."""
-    with path.open("rb") as file:
-        begin = file.read(1 << 16)
-    if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    try:
-        codecs.getincrementaldecoder("utf-8-sig")().decode(begin)
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8-sig"
-
-
 def own_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, ColumnConfig]) -> Dialect:
     """Our own layout: the columns wanted and no others, in any order. Raises `UserError` for another header."""
     if path.name.endswith(TRUTH_SUFFIX):
@@ -106,7 +104,7 @@ def own_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, Column
             "is the truth behind a simulated recording, which is not for the observer",
             "leave it out",
         )
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
+    with opened_text(path, "utf-8-sig") as file:
         header = file.readline().strip()
     if not header:
         raise UserError(
@@ -134,7 +132,7 @@ def own_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, Column
 def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, ColumnConfig]) -> Dialect:
     """Dialect of a file with the columns `wanted`, by signal. Raises `UserError` if it lacks one."""
     encoding = encoding_of(path)
-    with path.open(encoding=encoding, errors="replace", newline="") as file:
+    with opened_text(path, encoding) as file:
         lines = [line.rstrip("\r\n") for line in islice(file, LOOKED_AT)]
     if not any(line.strip() for line in lines):
         raise UserError(
@@ -151,22 +149,27 @@ def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, Colum
         for number, line in enumerate(lines[header.begin :], header.begin)
         if (text := line.split(config.comment)[0]).strip()
     ]
-    times = [row[header.mapped[TIME]] for _, row in below if len(row) > header.mapped[TIME]]
-    calendar = calendar_of(config.time, times) if config.time is not None else None
+    calendar = None
+    if config.time is not None:
+        times = [row[header.mapped[TIME]] for _, row in below if len(row) > header.mapped[TIME]]
+        calendar = calendar_of(config.time, times)
     numbers = {name: place for name, place in header.mapped.items() if name != TIME or calendar is None}
-    decimal = config.decimal or decimal_of([row for _, row in below], list(numbers.values()))
+    rows = [row for _, row in below]
+    decimal = config.decimal or _beside(config.thousands) or decimal_of(rows, list(numbers.values()))
+    shown = (row[place] for row in rows for place in numbers.values() if place < len(row))
+    thousands = config.thousands or thousands_of(shown, decimal)
     units, unit_line, first = header.units, 0, header.begin
     for number, row in below:
         mine = [row[place] for place in numbers.values() if place < len(row)]
-        if mine and all(is_number(cell, decimal) for cell in mine):
+        if mine and all(is_number(cell, decimal, thousands) for cell in mine):
             first = number
             break
-        if not unit_line and not any(is_number(cell, decimal) and cell.strip() for cell in mine):
+        if not unit_line and not any(is_number(cell, decimal, thousands) and cell.strip() for cell in mine):
             unit_line = number + 1
             units = tuple(
                 bare_unit(row[i]) if i < len(row) and row[i].strip() else unit for i, unit in enumerate(units)
             )
-        elif any(is_number(cell, decimal) and cell.strip() for cell in mine):
+        elif any(is_number(cell, decimal, thousands) and cell.strip() for cell in mine):
             first = number  # a row of numbers with something wrong in it, which its reader names
             break
     else:
@@ -183,10 +186,16 @@ def find_dialect(path: Path, config: RecordingConfig, wanted: Mapping[str, Colum
         unit_line,
         first,
         calendar,
+        thousands=thousands,
     )
 
 
-class CsvTable(Table):
+def _beside(thousands: str | None) -> str | None:
+    """Decimal sign beside a stated sign of thousands, where that leaves one."""
+    return {".": ",", ",": "."}.get(thousands or "")
+
+
+class CsvTable(FileTable):
     """Columns by their names, in one line of names; the lines from the first number on."""
 
     def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
@@ -212,20 +221,27 @@ class CsvTable(Table):
     @staticmethod
     def names(path: Path) -> Collection[str]:
         """Names of the columns, of a file in our own layout all."""
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
+        with opened_text(path, "utf-8-sig") as file:
             return [name.strip() for name in file.readline(LONGEST_HEADER).split(",")]
+
+    @staticmethod
+    def preview(path: Path, most: int) -> Sequence[Column]:
+        """Columns of the first lines."""
+        return preview_csv(path, most)
 
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Blocks of rows."""
-        calendar, before = self._dialect.calendar, self._dialect.first_row
+        calendar, before, row = self._dialect.calendar, self._dialect.first_row, 0
         with self._opened() as file:
             while lines := list(islice(file, SAMPLES_AT_ONCE)):
                 if self._is_cut and not lines[-1].endswith("\n"):
                     lines.pop()
-                signals = self._numbers(lines, before)
-                time = signals.pop(TIME) if calendar is None else self._stamps(lines, before, calendar)
-                yield TablePart(time, signals)
-                before += SAMPLES_AT_ONCE
+                columns = self._numbers(lines, before)
+                if calendar is not None:
+                    columns[TIME] = self._stamps(lines, before, calendar)
+                part = self._part(columns, row)
+                yield part
+                before, row = before + SAMPLES_AT_ONCE, row + part.time.size
 
     def place(self, row: int, raster: int) -> str:
         """Place of a row in the file: its line."""
@@ -237,7 +253,9 @@ class CsvTable(Table):
     def _numbers(self, lines: list[str], before: int) -> dict[str, Values]:
         """The columns of numbers in some lines, `before` lines down."""
         places = self._dialect.numbers
-        decimal, text = self._dialect.decimal, "".join(lines).rstrip("\n")
+        decimal, thousands, text = self._dialect.decimal, self._dialect.thousands, "".join(lines).rstrip("\n")
+        if thousands != self._dialect.separator:
+            text = ungrouped(text, thousands)
         if decimal != ".":
             text = text.translate(
                 str.maketrans(f"{decimal}.", f".{decimal}")
@@ -272,7 +290,7 @@ class CsvTable(Table):
                     f"{self.path}, line {rows[grouped][0]}",
                     f"{self.label(name)}: '{cells[grouped]}' is a whole number with a separator of thousands: "
                     f"every cell with '{self._dialect.decimal}' has three digits behind it, others have none",
-                    UNGROUPED,
+                    f"where they are decimals, round them otherwise; else {_STATED.format(self._dialect.decimal)}",
                 )
 
     def _has_surplus(self, lines: Iterable[str]) -> bool:
@@ -318,14 +336,16 @@ class CsvTable(Table):
             cell, decimal = cells[at] if at < len(cells) else "", self._dialect.decimal
             if cell.strip().lower() in self._dialect.missing:
                 found.append(np.nan)
-            elif is_missing(cell) or not is_number(cell, decimal):
+                continue
+            try:
+                found.append(number_of(cell, decimal, self._dialect.thousands or (None, "")[self.is_own]))
+            except ValueError:
+                grouped = _GROUPED.fullmatch(cell.strip())
                 raise UserError(
                     place,
                     f"{self.label(name)}: '{cell}' is not a number with decimal '{decimal}'",
-                    UNGROUPED if _GROUPED.fullmatch(cell.strip()) else NUMBERS,
-                )
-            else:
-                found.append(float(cell.replace(decimal, ".")))
+                    _STATED.format(grouped[1]) if grouped and not self.is_own else NUMBERS,
+                ) from None
         return found
 
     def _stamps(self, lines: list[str], before: int, calendar: Calendar) -> Values:
@@ -352,18 +372,15 @@ class CsvTable(Table):
 
     def _ends_too_soon(self) -> bool:
         """Whether the last line has no line end: its writer was stopped, and a number in it may be cut."""
-        with self.path.open("rb") as file:
-            file.seek(max(0, self.path.stat().st_size - _TAIL))
-            tail = (
-                file.read().replace(b"\0", b"").rstrip(b" \t\x1a")
-            )  # of UTF-16, and what Windows ends a file with
+        # without those of UTF-16, and what Windows ends a file with
+        tail = tail_of(self.path, _TAIL).replace(b"\0", b"").rstrip(b" \t\x1a")
         last = tail.decode("ascii", "replace").rpartition("\n")[2]
         return not last.endswith("\r") and bool(self._dialect.cells(last))
 
     @contextmanager
     def _opened(self) -> Iterator[TextIO]:
         """The file behind the lines that hold no numbers."""
-        with self.path.open(encoding=self._dialect.encoding, errors="replace") as file:
+        with opened_text(self.path, self._dialect.encoding) as file:
             deque(islice(file, self._dialect.first_row), 0)
             yield file
 

@@ -11,42 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector import RecordingConfig, TimeConfig
+from observer_rt.files.signals.column import NANOSECONDS, name_and_unit
+from observer_rt.files.signals.number_text import is_missing, is_number
 from observer_rt.files.signals.table import TIME
 from observer_rt.foundation.errors import UserError, hint
 
-NO_NUMBER = ("1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan")  # as Windows prints it
-MISSING = frozenset(
-    ("", "nan", "-nan", "na", "n/a", "<na>", "#n/a", "#na", "null", "none", "-", "--", "---", *NO_NUMBER)
-)
-"""Marks of a missing value, in lower case."""
-
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 ISO_8601 = "ISO8601"  # as pandas calls it
-NANOSECONDS = 1e9  # a second
-
 _NONE = np.iinfo(np.int64).min  # as NumPy and pandas have it
 
 SEPARATORS = (";", "\t", ",", "|", " ")
-_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
-
-
-def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number with this decimal sign, or a mark for a missing one."""
-    text = cell.strip()
-    if is_missing(text):
-        return True
-    if decimal != "." and "." in text:
-        return False
-    try:
-        float(cell.replace(decimal, "."))  # not of the text: a control character beside a number is damage
-    except ValueError:
-        return False
-    return "_" not in text
-
-
-def is_missing(cell: str) -> bool:
-    """Whether a cell marks a missing value."""
-    return cell.strip().lower() in MISSING
 
 
 def split_line(line: str, separator: str) -> list[str]:
@@ -59,14 +33,6 @@ def split_line(line: str, separator: str) -> list[str]:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error:
         return line.split(separator)
-
-
-def decimal_of(rows: Sequence[Sequence[str]], places: Sequence[int]) -> str:
-    """A comma where more numbers have commas than points."""
-    cells = [row[place] for row in rows for place in places if place < len(row)]
-    with_comma = sum("," in cell and is_number(cell, ",") for cell in cells)
-    with_point = sum("." in cell and is_number(cell, ".") for cell in cells)
-    return "," if with_comma > with_point else "."
 
 
 @dataclass(frozen=True)
@@ -130,7 +96,7 @@ def named_header(
     """Columns by their names, `wanted` by signal. Raises `UserError` where one is missing."""
     separator, line = _line_of_names(path, lines, config, list(wanted.values()))
     cells = _named(lines[line], separator, config.comment)
-    names, units = zip(*map(_name_and_unit, cells), strict=True)
+    names, units = zip(*map(name_and_unit, cells), strict=True)
     place = f"{path}, line {line + 1}"
     mapped = {signal: _place(name, cells, names, place) for signal, name in wanted.items()}
     return Header(separator, line + 1, tuple(names), tuple(units), mapped)
@@ -166,13 +132,16 @@ def bare_unit(unit: str) -> str:
 
 def _holds_numbers(row: Sequence[str], mapped: Mapping[str, int], config: RecordingConfig) -> bool:
     """Whether a line has a time, as a number or by the calendar, and numbers or nothing in the other columns."""
-    if len(row) <= max(mapped.values()) or is_missing(row[mapped[TIME]]):
+    if len(row) <= max(mapped.values()):
         return False
-    time = row[mapped[TIME]]
-    calendar = calendar_of(config.time, [time]) if config.time else None
+    calendar, time = None, "" if config.time is None else row[mapped[TIME]]
+    if config.time is not None:
+        if is_missing(time):
+            return False
+        calendar = calendar_of(config.time, [time])
     cells = [row[place] for name, place in mapped.items() if name != TIME or calendar is None]
     decimals = [config.decimal] if config.decimal else [".", ","]
-    if not all(any(is_number(cell, decimal) for decimal in decimals) for cell in cells):
+    if not all(any(is_number(cell, decimal, config.thousands) for decimal in decimals) for cell in cells):
         return False
     return calendar is None or bool(calendar.nanoseconds([time])[0] != _NONE)
 
@@ -185,14 +154,14 @@ def _line_of_names(
     for separator in [config.separator] if config.separator else SEPARATORS:
         for number, line in enumerate(lines):
             cells = _named(line, separator, config.comment)
-            there = {*cells, *(_name_and_unit(cell)[0] for cell in cells)}
+            there = {*cells, *(name_and_unit(cell)[0] for cell in cells)}
             found = sum(name in there for name in wanted)
             if found == len(wanted):
                 return separator, number
             if (found, len(cells) > 1) > (best[0], len(best[2]) > 1):
                 best = found, number, cells
     _, number, cells = best
-    known = [*cells, *(_name_and_unit(cell)[0] for cell in cells)]
+    known = [*cells, *(name_and_unit(cell)[0] for cell in cells)]
     missing = next(name for name in wanted if name not in known)
     unnamed = (
         ". A file without names: give places, column = 1, 2, ..."
@@ -211,14 +180,6 @@ def _named(line: str, separator: str, comment: str) -> list[str]:
     """Cells of a line of names, which may stand in a comment."""
     text = line.strip("\r\n").lstrip("\ufeff").lstrip(comment + " ")
     return [cell.strip() for cell in split_line(text, separator)]
-
-
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    """`p_Rail [bar]` as both."""
-    found = _UNIT.match(cell)
-    if found is None or not found["name"]:
-        return cell, ""
-    return found["name"], (found["square"] if found["square"] is not None else found["round"]).strip()
 
 
 def _place(name: str, cells: Sequence[str], names: Sequence[str], place: str) -> int:

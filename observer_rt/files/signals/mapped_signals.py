@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.files.signals.pacing import Pace, stamps_of
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
@@ -56,7 +57,8 @@ class AxisSurvey:
         """Stamps that repeat, or step back a little: left out."""
         self.off_grid = 0.0
         """Largest distance of a stamp from a grid that begins with its run [samples]."""
-        self._row = 0
+        self.rows = 0
+        """Rows that were taken."""
 
     @property
     def reach(self) -> float:
@@ -85,14 +87,14 @@ class AxisSurvey:
         edges = [*([0] if not breaks.size or breaks[0] else []), *breaks.tolist(), time.size]
         for first, end in pairwise(edges):
             if first in breaks:
-                stamp, row = float(time[first]), self._row + first
+                stamp, row = float(time[first]), self.rows + first
                 self.runs.append(RowRun(row, row, stamp, stamp, bool(step[first] < 0.0)))
             run = self.runs[-1]
-            run.last = self._row + end - 1
+            run.last = self.rows + end - 1
             run.end = max(run.end, float(time[first:end].max()))
             place = (time[first:end] - run.begin) * self._rate
             self.off_grid = max(self.off_grid, float(np.abs(place - np.rint(place)).max()))
-        self._row += time.size
+        self.rows += time.size
 
 
 class Cursor:
@@ -157,13 +159,16 @@ class _Rows:
 class MappedSignals(TableSignals):
     """A table by its `[recording]` section, on a grid of `rate` [Hz].
 
-    Stamps that are the grid's but for their jitter are taken for it, others are resampled by straight lines. Raises
-    `UserError` naming file, column or line for what cannot be read as a recording.
+    Stamps that are the grid's but for their jitter are taken for it, rounded ones are replaced by the stated rate,
+    others are resampled by straight lines. Raises `UserError` naming file, column or line for what cannot be read as
+    a recording.
     """
 
     def __init__(self, table: Table, rate: float) -> None:
+        """rate: that of the mapping goes before it; 0: that of the first stamps."""
         super().__init__(table)
-        self.rate = rate
+        self.rate = table.config.rate_hz or rate or self._own_rate()
+        self._rounding: dict[int, float] = {}  # steps of rounded stamps [s], by time axis
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
         self._refuse_blocks()
@@ -172,6 +177,17 @@ class MappedSignals(TableSignals):
         self.notes = (*self.notes, *self._notes())
         self.names = {name: column.name for name, column in self._mapped.items() if name != TIME}
         self.details = self._details()
+
+    def _own_rate(self) -> float:
+        first = next(super()._parts(0), None)
+        stamps = None if first is None else stamps_of(first.time)
+        if stamps is None:
+            raise UserError(
+                f"{self.path}: time",
+                "has no even rate",
+                "state it in the bench file: [recording] rate_hz = 100e3",
+            )
+        return stamps.rate(1.0)
 
     def _details(self) -> tuple[str, ...]:
         table, config = self._table, self._mapped
@@ -227,8 +243,35 @@ class MappedSignals(TableSignals):
         rows.drop(max(0, min(passed - kept, count - 1)))
         return signals
 
+    def _parts(self, raster: int) -> Iterator[TablePart]:
+        """Rows of a time axis in SI units, read anew; rounded stamps by the stated rate."""
+        rounding = self._rounding.get(raster)
+        pace = None if rounding is None else Pace(self.rate, rounding)
+        for part in super()._parts(raster):
+            yield part if pace is None else TablePart(pace.take(part.time), part.signals)
+
     def _axis(self, raster: int) -> AxisSurvey:
-        axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
+        axis = self._surveyed(self._looked_at(raster), raster)
+        rows, disordered = axis.rows, axis.disordered
+        if disordered <= MOST_DISORDERED * rows and (axis.is_on_grid or self._table.config.rate_hz is None):
+            return axis
+        pace = Pace(self.rate, axis.period)
+        for part in self._parts(raster):
+            pace.take(part.time)
+        if pace.agrees:
+            self._rounding[raster] = axis.period
+            return self._surveyed(self._parts(raster), raster)
+        if disordered <= MOST_DISORDERED * rows:
+            return axis
+        raise UserError(
+            f"{self.path}, {', '.join(self._table.rasters[raster])}",
+            f"{disordered} of {rows} rows have a time that repeats or steps back: its stamps are rounded, "
+            f"to some {axis.period / MILLISECOND:.3g} ms, and are not those of {self.rate:g} Hz",
+            "state how many rows are a second, [recording] rate_hz = ..., or write the time with more digits",
+        )
+
+    def _looked_at(self, raster: int) -> Iterator[TablePart]:
+        """Rows of a time axis, their times and ranges noted or refused."""
         rows = 0
         for part in self._parts(raster):
             bad = np.flatnonzero(~np.isfinite(part.time))
@@ -239,26 +282,24 @@ class MappedSignals(TableSignals):
                     "mend the line",
                 )
             self._look_at(part, rows, raster)
-            axis.take(part.time)
             rows += part.time.size
+            yield part
+
+    def _surveyed(self, parts: Iterator[TablePart], raster: int) -> AxisSurvey:
+        axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
+        for part in parts:
+            axis.take(part.time)
             if len(axis.runs) > MOST_STRETCHES:
                 raise UserError(
                     str(self.path),
-                    f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {rows} rows",
+                    f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows",
                     "mind column and unit of the time, or raise recording.bridge_ms",
                 )
         if not axis.period:
             name = ", ".join(self._table.rasters[raster])
-            problem = "the time does not rise" if rows > 1 else f"holds {rows} sample(s)"
+            problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
             raise UserError(
                 f"{self.path}, {name}", problem, "mind the column of the time; two samples are the least"
-            )
-        if axis.disordered > MOST_DISORDERED * rows:
-            raise UserError(
-                f"{self.path}, {', '.join(self._table.rasters[raster])}",
-                f"{axis.disordered} of {rows} rows have a time that repeats or steps back: its stamps are rounded, "
-                f"to some {axis.period / MILLISECOND:.3g} ms",
-                f"write the time with more digits: stamps of {self.rate:g} Hz are {1e3 / self.rate:g} ms apart",
             )
         return axis
 
@@ -316,8 +357,15 @@ class MappedSignals(TableSignals):
     def _notes(self) -> Iterator[str]:
         axis = self._axes[self._main]
         found = 1.0 / axis.period
+        if not self._table.brings_time and TIME not in self._mapped:
+            yield f"{self.path}: no column of the time: rows are placed by the rate stated, {self.rate:g} Hz"
         if abs(found / self.rate - 1.0) > SAME_RATE:
             yield f"{self.path}: recorded at {found:.6g} Hz, resampled to {self.rate:g} Hz of sampling.rate_hz"
+        elif self._main in self._rounding:
+            yield (
+                f"{self.path}: its stamps are rounded to {self._rounding[self._main] / MILLISECOND:.3g} ms: rows are "
+                f"placed by the rate stated, {self.rate:g} Hz"
+            )
         elif not axis.is_on_grid:
             yield f"{self.path}: its stamps are not on a grid of {self.rate:g} Hz: resampled by straight lines"
         elif axis.off_grid > 1e-3:

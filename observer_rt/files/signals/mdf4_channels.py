@@ -10,6 +10,7 @@ from asammdf import MDF, Signal
 from observer_rt.config.injector import ColumnConfig
 from observer_rt.files.mdf4.blocks import CountedRecords
 from observer_rt.files.mdf4.opening import damage_told, opened, refuse_outside
+from observer_rt.files.signals.column import Column
 from observer_rt.files.signals.table import TablePart, Values, present
 from observer_rt.foundation.errors import UserError
 
@@ -32,6 +33,23 @@ def names(path: Path) -> Iterator[list[str]]:
     """Names of the channels."""
     with opened(path) as file:
         yield list(file.channels_db)
+
+
+def preview(path: Path, most: int) -> Iterator[Column]:
+    """Channels of numbers but for those of time, up to their first `most` samples."""
+    with opened(path) as file:
+        for name, places in file.channels_db.items():
+            for group, index in places:
+                refuse_outside(file, group)
+                if index == file.masters_db.get(group):
+                    continue
+                with damage_told(path):
+                    signal = file.get(group=group, index=index, record_count=most)
+                if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iuf":
+                    time = signal.timestamps.astype(np.float64)
+                    yield Column(
+                        name, signal.samples.astype(np.float64), _unit(file, group, index), time, int(group)
+                    )
 
 
 def found_and_parts(

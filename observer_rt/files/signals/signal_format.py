@@ -5,23 +5,26 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.recording import Recording
-from observer_rt.files.signals.table import OPTIONAL, Table
+from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.files.signals.table import OPTIONAL, FileTable
+from observer_rt.files.signals.whole_file import WholeFile
 
 
 @dataclass(frozen=True)
 class OwnLayout:
     """A format that is read in parts, by any mapping. table: of its files; mapping: that of our own layout."""
 
-    table: type[Table]
+    table: type[FileTable]
     mapping: RecordingConfig
 
-    def is_of(self, path: Path, other: RecordingConfig) -> bool:
-        """Whether a file is in our own layout although another is mapped, which it is not in."""
+    def is_of(self, path: Path, other: RecordingConfig | None) -> bool:
+        """Whether a file is in our own layout, mistakes or not; where another is mapped: exactly, and not in that."""
         names = self.table.names(path)
-        needed = [column for name, column in self.mapping.signals if name != OPTIONAL]
-        needed += [self.mapping.time] if self.mapping.time is not None else []
-        return all(column.name in names for column in needed) and any(
+        needed = [column.name for name, column in self.mapping.signals if name != OPTIONAL]
+        if other is None:
+            return any(name in names for name in needed) or path.name.endswith(TRUTH_SUFFIX)
+        needed += [self.mapping.time.name] if self.mapping.time is not None else []
+        return all(name in names for name in needed) and any(
             column.name not in names for _, column in other.signals
         )
 
@@ -35,7 +38,7 @@ class SignalFormat:
 
     suffixes: tuple[str, ...]
     description: str
-    reader: Callable[[Path], Recording] | OwnLayout
-    """Reader of a file as a whole, in one layout; or the layout by which it is read in parts."""
+    reader: Callable[[Path], Recording] | OwnLayout | WholeFile
+    """Reader of a file as a whole, in one layout or in any; or the layout by which it is read in parts."""
     writer: Callable[[Path, Recording], None] | None = None
     """Replaces an existing file; None where the format is only read."""

@@ -1,7 +1,7 @@
 """A file as its mapping sees it, MDF4 or Parquet: columns with names and units, on one time axis or several."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +14,7 @@ from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.checksum import refuse_damaged
 from observer_rt.files.mdf4.blocks import mdf4_apart
 from observer_rt.files.mdf4.records import count_records
+from observer_rt.files.signals.column import Column
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.foundation.errors import UserError, hint
 
@@ -47,7 +48,7 @@ class Table(ABC):
     """
 
     word: ClassVar[str] = "column"
-    brings_time: ClassVar[bool] = False
+    brings_time: bool = False
 
     def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
         """is_own: `config` is our own layout, which the file is in to the letter."""
@@ -68,11 +69,6 @@ class Table(ABC):
         """Names of the mapped signals by time axis."""
         self.notes: list[str] = []
 
-    @staticmethod
-    @abstractmethod
-    def names(path: Path) -> Collection[str]:
-        """Names of the columns, of a file in our own layout all."""
-
     @abstractmethod
     def parts(self, raster: int) -> Iterator[TablePart]:
         """The rows of a time axis in order, read anew."""
@@ -82,19 +78,43 @@ class Table(ABC):
         """A zero-based row, as a user finds it."""
 
     def _wanted(self) -> dict[str, ColumnConfig]:
-        """Columns that are mapped of a file whose time is a column."""
-        if self.config.time is None:
+        """Columns that are mapped of a file whose time is a column, or none where the rate is stated."""
+        if self.config.time is not None:
+            return {TIME: self.config.time, **dict(self.config.signals)}
+        if self.config.rate_hz is None:
             raise UserError(
                 f"{self.path}: time",
                 "no column is named for it",
-                'say which in the bench file: [recording.time] column = "..."',
+                'say which in the bench file: [recording.time] column = "...", or how many rows are a second: '
+                "[recording] rate_hz = 100e3",
             )
-        return {TIME: self.config.time, **dict(self.config.signals)}
+        return dict(self.config.signals)
+
+    def _part(self, columns: dict[str, Values], row: int) -> TablePart:
+        """Columns by signal, from a row on; without a time they follow each other at the rate stated."""
+        if TIME in columns:
+            return TablePart(columns.pop(TIME), columns)
+        assert self.config.rate_hz is not None
+        return TablePart((row + np.arange(len(next(iter(columns.values()))))) / self.config.rate_hz, columns)
 
     def label(self, name: str) -> str:
         """A mapped column, as a user finds it."""
         column = self.mapped[name].name
         return f"{self.word} {column if column.startswith(name) else f'{column} ({name})'}"
+
+
+class FileTable(Table):
+    """A table that is read in parts from its file, each time anew."""
+
+    @staticmethod
+    @abstractmethod
+    def names(path: Path) -> Collection[str]:
+        """Names of the columns, of a file in our own layout all."""
+
+    @staticmethod
+    @abstractmethod
+    def preview(path: Path, most: int) -> Sequence[Column]:
+        """Columns of a file that no mapping describes: about their first `most` values."""
 
 
 def present(
@@ -115,7 +135,7 @@ def present(
     return found
 
 
-class Mdf4Table(Table):
+class Mdf4Table(FileTable):
     """Channels by their names; time is that of their groups, in seconds."""
 
     word = "channel"
@@ -147,6 +167,11 @@ class Mdf4Table(Table):
         (names,) = mdf4_apart(FILE, "names", path)
         return list(names)
 
+    @staticmethod
+    def preview(path: Path, most: int) -> Sequence[Column]:
+        """Channels of numbers, each with its group."""
+        return list(mdf4_apart(FILE, "preview", path, most))
+
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Parts of a group; those of the first one are already on their way when they are asked for first."""
         begun = self._begun
@@ -161,7 +186,7 @@ class Mdf4Table(Table):
         return f"{self.path}, group {self._groups[raster]}, sample {row}"
 
 
-class ParquetTable(Table):
+class ParquetTable(FileTable):
     """Columns by their names; units from the fields' metadata `unit`. Null is "not available".
 
     A column of calendar stamps is in seconds.
@@ -181,7 +206,7 @@ class ParquetTable(Table):
         self.mapped = present(path, wanted, schema.names, is_own)
         self.columns = {field.name: _unit(field.metadata) for field in schema}
         self.units = {name: unit for name, each in self.mapped.items() if (unit := self.columns[each.name])}
-        if str(schema.field(self.mapped[TIME].name).type).startswith(("timestamp", "duration")):
+        if TIME in self.mapped and _is_calendar(schema.field(self.mapped[TIME].name).type):
             self.units[TIME] = "s"
         self.rasters = (tuple(name for name in self.mapped if name != TIME),)
         self.layout = f"Parquet, {len(schema.names)} columns"
@@ -192,21 +217,52 @@ class ParquetTable(Table):
         with _opened(path) as file:
             return list(file.schema_arrow.names)
 
+    @staticmethod
+    def preview(path: Path, most: int) -> Sequence[Column]:
+        """Columns of numbers and moments."""
+        with _opened(path) as file:
+            kept = [each for each in file.schema_arrow if _is_calendar(each.type) or _is_number(each.type)]
+            parts: dict[str, list[Values]] = {each.name: [] for each in kept}
+            rows = 0
+            for batch in file.iter_batches(SAMPLES_AT_ONCE, columns=list(parts), use_threads=False):
+                for name, values in parts.items():
+                    values.append(_numbers(batch.column(name), f"{path}, column {name}"))
+                if (rows := rows + batch.num_rows) >= most:
+                    break
+        units = {each.name: "s" if _is_calendar(each.type) else _unit(each.metadata) for each in kept}
+        return [
+            Column(each.name, np.concatenate(parts[each.name]), units[each.name])
+            for each in kept
+            if parts[each.name]
+        ]
+
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Batches of rows."""
         names = list(dict.fromkeys(column.name for column in self.mapped.values()))
+        row = 0
         with _opened(self.path) as file:
             # one thread: those of a pool would keep 25 MB, and are no faster for so few rows
             for batch in file.iter_batches(SAMPLES_AT_ONCE, columns=names, use_threads=False):
                 columns = {
                     name: _numbers(batch.column(name), f"{self.path}, column {name}") for name in names
                 }
-                signals = {name: columns[each.name] for name, each in self.mapped.items()}
-                yield TablePart(signals.pop(TIME), signals)
+                yield self._part({name: columns[each.name] for name, each in self.mapped.items()}, row)
+                row += batch.num_rows
 
     def place(self, row: int, raster: int) -> str:
         """Place of a row in the file: its number."""
         return f"{self.path}, row {row}"
+
+
+def _is_calendar(kind: Any) -> bool:
+    return str(kind).startswith(("timestamp", "duration"))
+
+
+def _is_number(kind: Any) -> bool:
+    import pyarrow
+
+    types = pyarrow.types
+    return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind))
 
 
 def _numbers(column: Any, place: str) -> Values:
@@ -214,12 +270,10 @@ def _numbers(column: Any, place: str) -> Values:
     import pyarrow
 
     kind = column.type
-    if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):
+    if _is_calendar(kind):
         scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
         return _doubles(column.cast(pyarrow.int64())) * scale
-    if not (
-        pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_decimal(kind)
-    ):
+    if not _is_number(kind):
         raise UserError(place, f"holds {kind}, no numbers", "map a column of numbers")
     return _doubles(column)
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.files.signals.header import is_missing
+from observer_rt.files.signals.number_text import is_missing
 
 ENOUGH = 60  # cells with three digits behind the sign, none of which ends so by chance
 

@@ -85,8 +85,24 @@ def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, ow
     assert "likely um" in " ".join(outcome.out.split())
 
 
-def test_a_foreign_file_without_a_mapping_names_the_way(command: Command, foreign: Path) -> None:
-    assert "[recording] of a bench file" in command.refused("evaluate", foreign)
+def test_a_foreign_file_without_a_mapping_is_guessed(command: Command, foreign: Path, own: Path) -> None:
+    """And the guess is told; the masses are those by the section."""
+    told = command.done("evaluate", foreign).err
+    assert (
+        "guessed: time is 'Zeit' in ms, rail_pressure is 'p_Rail' in bar, needle_lift is 'Hub' in um" in told
+    )
+    guessed, stated = (
+        document(command, foreign, *bench)["recordings"][0] for bench in ((), ("--bench", own))
+    )
+    assert guessed["injections"] == stated["injections"] != []
+
+
+def test_a_foreign_file_that_leaves_doubts_names_the_section(command: Command, foreign: Path) -> None:
+    text = foreign.read_text()
+    foreign.write_text(text.replace("p_Rail", "A").replace("p_Leitung", "B"))
+    said = command.refused("evaluate", foreign)
+    assert "rail_pressure: its name does not say so" in said
+    assert '[recording.rail_pressure]\ncolumn = "A"\nunit = "bar"' in said
 
 
 def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:

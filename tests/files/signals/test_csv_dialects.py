@@ -146,12 +146,36 @@ def test_cells_without_a_value_are_not_available(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell", "decimal"), [("1.000,153", ","), ("1'000.5", "."), ("12\u00a0000,5", ","), ("1,234,567.5", ".")]
+    ("cell", "decimal", "value"),
+    [
+        ("1.000,153", ",", 1000.153),
+        ("1'000.5", ".", 1000.5),
+        ("1\u00a0000,5", ",", 1000.5),
+        ("1,001.5", ".", 1001.5),
+    ],
 )
-def test_separators_of_thousands_are_named(tmp_path: Path, cell: str, decimal: str) -> None:
-    rows = [row.replace(",", decimal) for row in lines(20)]
-    rows[5] = ";".join([cell, *rows[5].split(";")[1:]])
-    assert "without separators of thousands" in message(write(tmp_path, named(*rows)), tmp_path)
+@pytest.mark.parametrize("row", [5, 300])  # among the lines that tell the dialect, and beyond
+def test_separators_of_thousands_are_read(
+    tmp_path: Path, cell: str, decimal: str, value: float, row: int
+) -> None:
+    rows = [row.replace(",", decimal) for row in lines(400)]
+    plain = read(write(tmp_path, named(*rows)), bench(tmp_path))
+    cells = rows[row].split(";")
+    rows[row] = ";".join([cells[0], cell, *cells[2:]])
+    found = read(write(tmp_path, named(*rows)), bench(tmp_path))
+    expected = plain.rail_pressure.copy()
+    expected[row] = value * 1e5
+    np.testing.assert_allclose(found.rail_pressure, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["1.00,153", "1.000.15", "1000.153,5", "1.0000,5"])
+def test_signs_in_odd_places_are_no_separators_of_thousands(tmp_path: Path, cell: str) -> None:
+    rows = lines(20)
+    rows[4], rows[5] = (
+        ";".join([*rows[k].split(";")[:1], c, *rows[k].split(";")[2:]])
+        for k, c in ((4, "1.000,5"), (5, cell))
+    )
+    assert f"'{cell}' is not a number" in message(write(tmp_path, named(*rows)), tmp_path)
 
 
 @given(cut=st.integers(1, 60), encoding=st.sampled_from(("utf-8", "utf-16", "utf-16-be", "cp1252")))
@@ -223,7 +247,11 @@ def test_whole_numbers_with_separators_of_thousands_are_no_decimals(tmp_path: Pa
     rows = [row.replace(".", sign) for row in column_of(cells)]
     said = message(write(tmp_path, named(*rows)), tmp_path)
     assert "is a whole number with a separator of thousands" in said
-    assert "without separators of thousands" in said
+    assert f'[recording] thousands = "{sign}"' in said
+    whole = [f"{10 * k};{cell};{k % 7};99" for k, cell in enumerate(cells)]
+    stated = bench(tmp_path, options=f'thousands = "{sign}"', time='unit = "us"')
+    recording = read(write(tmp_path, named(*whole)), stated)
+    np.testing.assert_allclose(recording.rail_pressure, [(990 + k % 30) * 1e5 for k in range(120)])
 
 
 @pytest.mark.parametrize("form", ["{:.3f}", "{:g}"])

@@ -1,0 +1,154 @@
+"""Guess of a file's `[recording]` section: the column of each signal by names, units and behaviour, and doubts."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from observer_rt.config.injector import RecordingConfig
+from observer_rt.files.guess.candidates import Candidate, candidates_of
+from observer_rt.files.guess.choice import UNKNOWN, chosen_lift, chosen_pressures, chosen_rate, chosen_time
+from observer_rt.files.guess.naming import RATE
+from observer_rt.files.signals.column import Column
+from observer_rt.files.signals.table import TIME
+from observer_rt.foundation.errors import UserError
+
+NEEDED = ("rail_pressure", "needle_lift", "line_pressure")
+_SHOWN = 20  # columns
+
+
+@dataclass(frozen=True)
+class GuessedColumn:
+    """Column guessed for a signal, or for the time. why: in a few words; doubt: empty where there is none."""
+
+    signal: str
+    column: str | int
+    unit: str
+    why: str
+    doubt: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+    group: int | None = None
+
+    def entries(self) -> Iterator[tuple[str, Any]]:
+        """Keys and values of its section."""
+        yield "column", self.column
+        if self.unit:
+            yield "unit", self.unit
+        if self.factor != 1.0:
+            yield "factor", self.factor
+        if self.offset != 0.0:
+            yield "offset", self.offset
+        if self.group is not None:
+            yield "group", self.group
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Guess of how a file is read. place: the file; missing: signals without a column; rate: of its rows [Hz];
+    others: names of columns that are not used."""
+
+    place: str
+    columns: tuple[GuessedColumn, ...]
+    missing: tuple[str, ...]
+    rate: float
+    rate_doubt: str
+    others: tuple[str, ...]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What speaks against it, or is not known."""
+        own = [f"{each.signal}: {each.doubt}" for each in self.columns if each.doubt]
+        lacking = [f"{signal}: no column looks like it" for signal in self.missing]
+        return (*lacking, *own, *([self.rate_doubt] if self.rate_doubt else []))
+
+    @property
+    def layout(self) -> RecordingConfig:
+        """The mapping. Raises `UserError` where a signal has no column, or no unit."""
+        if self.missing or any(each.unit == UNKNOWN for each in self.columns):
+            raise self.error()
+        content: dict[str, Any] = {each.signal: dict(each.entries()) for each in self.columns}
+        return RecordingConfig.model_validate({**content, "rate_hz": self.rate})
+
+    def section(self) -> str:
+        """The `[recording]` section to keep, with places to fill in."""
+        lines = [
+            "[recording]",
+            f"rate_hz = {self.rate:.10g}" if self.rate else "rate_hz = ...  # rows a second",
+        ]
+        for each in self.columns:
+            lines += ["", f"[recording.{each.signal}]"]
+            lines += [f"{key} = {_as_toml(value)}" for key, value in each.entries()]
+        for signal in self.missing:
+            known = ", ".join(self.others[:_SHOWN])
+            end = "; or leave this out, and state rate_hz" if signal == TIME else ""
+            lines += ["", f"[recording.{signal}]", f'column = "..."  # one of {known}{end}', 'unit = "..."']
+        return "\n".join(lines)
+
+    def in_words(self) -> str:
+        """One line that says which column is which signal."""
+        units = [f" in {each.unit}" if each.unit else "" for each in self.columns]
+        parts = [
+            f"{each.signal} is '{each.column}'{unit}" for each, unit in zip(self.columns, units, strict=True)
+        ]
+        return f"{self.place}: guessed: {', '.join(parts)}; {self.rate:.10g} Hz"
+
+    def error(self) -> UserError:
+        """The error for who cannot be asked."""
+        return UserError(
+            self.place,
+            f"which column is which is not certain: {'; '.join(self.doubts)}",
+            f"correct this, and keep it in a bench file, given by --bench:\n\n{self.section()}\n",
+        )
+
+
+def guess_of(place: str, columns: Sequence[Column]) -> Guess:
+    """Guess from columns, or the beginning of columns. Raises `UserError` where there are none."""
+    found = candidates_of(columns)
+    if not found:
+        raise UserError(place, "holds no column of numbers", "give a file with a column for each signal")
+    brings_time = any(each.column.time is not None for each in found)
+    time = None if brings_time else chosen_time(found)
+    signals = [each for each in found if time is None or each is not time.candidate]
+    lift = chosen_lift(signals)
+    pressures = chosen_pressures(
+        [each for each in signals if lift is None or each is not lift.candidate], lift
+    )
+    rest = [
+        each for each in signals if each not in [one.candidate for one in (lift, *pressures.values()) if one]
+    ]
+    chosen = {TIME: time, "needle_lift": lift, **pressures, RATE: chosen_rate(rest)}
+    guessed = tuple(
+        GuessedColumn(
+            signal,
+            _key(one.candidate),
+            one.unit,
+            one.why,
+            one.doubt,
+            one.factor,
+            one.offset,
+            one.candidate.column.group if _is_shared(one.candidate, found) else None,
+        )
+        for signal in (TIME, *NEEDED, RATE)
+        if (one := chosen.get(signal)) is not None
+    )
+    needed = NEEDED if brings_time else (TIME, *NEEDED)
+    missing = tuple(signal for signal in needed if chosen.get(signal) is None)
+    rate, doubt = (lift.candidate.own_rate(), "") if brings_time and lift else (0.0, "")
+    if time is not None:
+        rate, doubt = time.rate, time.rate_doubt
+    used = {each.column for each in guessed}
+    others = tuple(each.column.name for each in found if _key(each) not in used)
+    return Guess(place, guessed, missing, rate, doubt, others)
+
+
+def _key(candidate: Candidate) -> str | int:
+    return candidate.column.name or candidate.place
+
+
+def _is_shared(candidate: Candidate, others: Sequence[Candidate]) -> bool:
+    return sum(other.column.name == candidate.column.name for other in others) > 1
+
+
+def _as_toml(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

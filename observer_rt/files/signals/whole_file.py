@@ -1,0 +1,50 @@
+"""Reads a file whole by the library that knows it, in a process of its own, for it trusts what stands in a file."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from observer_rt.files.signals.column import Column
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.sandbox import WorkerError, run_apart
+
+READERS = "observer_rt.files.whole"
+
+
+@dataclass(frozen=True)
+class WholeFile:
+    """Kind of files read whole. module: of `files.whole`, whose `columns(path)` yields them; library: what that
+    imports, package: what is installed for it."""
+
+    name: str
+    module: str
+    library: str
+    package: str
+
+    def columns(self, path: Path) -> Sequence[Column]:
+        """All columns of a file. Raises `UserError` for a damaged one, and where the library is missing."""
+        if find_spec(self.library) is None:
+            raise UserError(
+                str(path),
+                f"is read by {self.package}, which is not installed",
+                f"pip install {self.package}, or pip install 'observer-rt[files]'",
+            )
+        with path.open("rb"):  # whose errors are the usual ones
+            pass
+        module = f"{READERS}.{self.module}"
+        try:
+            with file_errors(path):
+                found = list(run_apart(module, "columns", path))
+        except WorkerError as error:
+            raise UserError(
+                str(path), f"a damaged {self.name} file: {error}", f"give a complete {self.name} file"
+            ) from None
+        if not found:
+            raise UserError(
+                str(path),
+                f"this {self.name} file holds no column of numbers",
+                "write plain arrays of numbers, one a signal, or export CSV or Parquet",
+            )
+        return found

@@ -88,7 +88,7 @@ PARQUET = SignalFormat(
 )
 WHOLE = (
     SignalFormat((".xlsx", ".xlsm"), "Excel", WholeFile("Excel", "excel", "openpyxl", "openpyxl")),
-    SignalFormat((".mat",), "MATLAB, 5 to 7.3", WholeFile("MATLAB", "matlab", "h5py", "h5py")),
+    SignalFormat((".mat",), "MATLAB, 5 to 7.3", WholeFile("MATLAB", "matlab", "scipy", "scipy")),
     SignalFormat((".h5", ".hdf5"), "HDF5", WholeFile("HDF5", "hdf5", "h5py", "h5py")),
     SignalFormat((".tdms",), "TDMS of LabVIEW", WholeFile("TDMS", "tdms", "nptdms", "npTDMS")),
     SignalFormat((".mdf", ".dat"), "MDF 3", WholeFile("MDF 3", "mdf3", "asammdf", "asammdf")),

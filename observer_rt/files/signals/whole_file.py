@@ -13,6 +13,16 @@ from observer_rt.foundation.sandbox import WorkerError, run_apart
 READERS = "observer_rt.files.whole"
 
 
+def require(path: Path, library: str, package: str) -> None:
+    """Raise `UserError` where the library that reads a file is missing. package: what is installed for it."""
+    if find_spec(library) is None:
+        raise UserError(
+            str(path),
+            f"is read by {package}, which is not installed",
+            f"pip install {package}, or pip install 'observer-rt[files]'",
+        )
+
+
 @dataclass(frozen=True)
 class WholeFile:
     """Kind of files read whole. module: of `files.whole`, whose `columns(path)` yields them; library: what that
@@ -25,12 +35,7 @@ class WholeFile:
 
     def columns(self, path: Path) -> Sequence[Column]:
         """All columns of a file. Raises `UserError` for a damaged one, and where the library is missing."""
-        if find_spec(self.library) is None:
-            raise UserError(
-                str(path),
-                f"is read by {self.package}, which is not installed",
-                f"pip install {self.package}, or pip install 'observer-rt[files]'",
-            )
+        require(path, self.library, self.package)
         with path.open("rb"):  # whose errors are the usual ones
             pass
         module = f"{READERS}.{self.module}"

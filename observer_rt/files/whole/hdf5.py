@@ -35,6 +35,8 @@ def _within(group: Any, prefix: str) -> Iterator[Column]:
 def _is_plain(found: Any) -> bool:
     """Whether an array of numbers, or a table of them, is in this file."""
     kinds = [found.dtype[name].kind for name in found.dtype.names or ()] or [found.dtype.kind]
+    if found.attrs.get("MATLAB_class") == b"char":
+        return False
     is_here = found.external is None and not found.is_virtual
     return is_here and found.size is not None and found.size > 1 and any(kind in "iuf" for kind in kinds)
 

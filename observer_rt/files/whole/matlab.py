@@ -8,6 +8,7 @@ import numpy as np
 from scipy.io import loadmat, matlab
 
 from observer_rt.files.signals.column import Column
+from observer_rt.files.signals.whole_file import require
 from observer_rt.files.whole.arrays import columns_of_array
 from observer_rt.foundation.errors import UserError
 
@@ -19,6 +20,7 @@ def columns(path: Path) -> Iterator[Column]:
     with path.open("rb") as file:
         is_hdf5 = file.read(len(_HDF5)) == _HDF5
     if is_hdf5:
+        require(path, "h5py", "h5py")
         from observer_rt.files.whole import hdf5
 
         yield from hdf5.columns(path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
 LARGEST_LIFT = 2 * MILLIMETRE
 DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
+NEAR_ZERO = 0.1  # of the highest value, where a needle is shut and no pressure rests
 PERFORATED = 0.01  # gaps a sample, from which on what is put in their place is no measurement
 BEYOND = 2.0  # times a fitted range of rail pressures
 OPEN = 20 * MICROMETRE  # lift of an injection, above any noise
@@ -166,11 +167,25 @@ def implausible(survey: Survey) -> Iterator[Implausible]:
     )
     if rail is None or line is None or lift is None or not (rail.count and line.count and lift.count):
         return
+    for name, pressure in (("rail_pressure", rail), ("line_pressure", line)):
+        yield from _exchanged(name, pressure, lift)
     yield from _lift(lift)
     opens = lift.highest > OPEN
     for name, pressure in (("rail_pressure", rail), ("line_pressure", line)):
         yield from _pressure(name, pressure, opens)
     yield from _beside_each_other(rail, line)
+
+
+def _exchanged(name: str, pressure: SignalSurvey, lift: SignalSurvey) -> Iterator[Implausible]:
+    """A pressure that rests at nothing and opens, where the lift never does."""
+    opens = pressure.lowest < NEAR_ZERO * pressure.highest and pressure.mean < pressure.highest / 2.0
+    if opens and lift.lowest > 2.0 * NEAR_ZERO * lift.highest > 0.0:
+        yield Implausible(
+            name,
+            "rests near zero and opens as a needle's lift does, and needle_lift never is near zero: most likely the "
+            "two are exchanged",
+            "exchange their columns or signals",
+        )
 
 
 def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
@@ -219,10 +234,17 @@ class SignalDoubt:
         return f"warning: {path or 'recording'}, {self.problem}\n  remedy: {self.remedy}"
 
 
-def doubts(survey: Survey, baseline: Baseline | None = None) -> Iterator[SignalDoubt]:
-    """Oddities of a recording's ranges; baseline: of the model, where it was fitted."""
+def doubts(
+    survey: Survey, baseline: Baseline | None = None, columns: Mapping[str, str] | None = None
+) -> Iterator[SignalDoubt]:
+    """Oddities of a recording's ranges; baseline: of the model, where it was fitted; columns: names in the file."""
     if (odd := swapped(survey)) is not None:
-        yield SignalDoubt(*odd)
+        problem, remedy = odd
+        first, second = ((columns or {}).get(name, "") for name in ("rail_pressure", "line_pressure"))
+        named = (
+            f": '{second}' does what a rail's does, '{first}' what a line's does" if first and second else ""
+        )
+        yield SignalDoubt(problem + named, remedy)
     lift = survey.signals.get("needle_lift")
     is_measured = (
         lift is not None and lift.highest > OPEN and lift.lowest != 0.0
@@ -294,9 +316,14 @@ def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Impla
                 "line_pressure",
                 f"is {line.mean / MEGAPASCAL:.4g} MPa in the mean, rail_pressure {rail.mean / MEGAPASCAL:.4g} MPa: "
                 f"{ratio:.3g} times as much",
-                f"mind the units of both; that of line_pressure is likely {unit}",
+                f"mind the units of both; that of line_pressure is likely {unit}"
+                + "".join(f", or that of rail_pressure {other}" for other in _units_at(1.0 / factor)),
             )
             return
+
+
+def _units_at(factor: float) -> list[str]:
+    return [unit for each, unit in _PRESSURE_FACTORS if abs(each / factor - 1.0) < SAME]
 
 
 def _lift(lift: SignalSurvey) -> Iterator[Implausible]:

@@ -171,3 +171,28 @@ def test_a_signal_without_values_and_a_dead_lift_are_refused() -> None:
         with pytest.raises(UserError, match=name):
             refuse_dead(None, HeldSignals(dead).survey)
     refuse_dead(None, HeldSignals(whole).survey)
+
+
+@pytest.mark.parametrize("name", ["rail_pressure", "line_pressure"])
+def test_a_lift_exchanged_with_a_pressure_is_named_from_what_both_do(name: str) -> None:
+    made = recorded()
+    mixed = changed(made, **{name: made.needle_lift * 3e11, "needle_lift": made.signals[name] * 3e-12})
+    (first, *_) = implausible(HeldSignals(mixed).survey)
+    assert first.signal == name
+    assert "opens as a needle's lift does" in first.problem
+
+
+def test_swapped_columns_are_named() -> None:
+    made = recorded()
+    survey = HeldSignals(
+        changed(made, rail_pressure=made.line_pressure, line_pressure=made.rail_pressure)
+    ).survey
+    (odd,) = doubts(survey, columns={"rail_pressure": "p1", "line_pressure": "p2"})
+    assert "'p2' does what a rail's does, 'p1' what a line's does" in odd.problem
+
+
+def test_a_ratio_of_units_names_both_columns_units() -> None:
+    """Rail pressure in MPa, read as bar: it, or the line's, is in another unit."""
+    made = recorded()
+    (first,) = implausible(HeldSignals(changed(made, rail_pressure=made.rail_pressure / 10.0)).survey)
+    assert "line_pressure is likely bar, or that of rail_pressure MPa, read as bar" in first.remedy

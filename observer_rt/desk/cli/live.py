@@ -161,7 +161,8 @@ def check(
         recording_findings,
     )
 
-    is_layout = recording is not None and describes_files_only(bench)
+    is_alone = bench == EXAMPLE_BENCH and model is None and state is None
+    is_layout = recording is not None and (is_alone or describes_files_only(bench))
     chosen = load_bench(bench, model, lenient, off_bus=is_layout).of(injector)
     findings = [] if is_layout else checkup(chosen, state)
     if log is not None:

@@ -48,11 +48,13 @@ def fit(
     from_channel: options.FromChannelOption = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
+    yes: options.YesOption = False,
     as_json: options.JsonOption = False,
     effects: options.EffectsOption = None,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
+    from observer_rt.desk.evaluation.guessing import as_confirmed
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.fitted_model import fitted_model
     from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
@@ -67,7 +69,7 @@ def fit(
         without_copies,
     )
 
-    decoder = decoder_of(bench, injector, lenient, model)
+    decoder = as_confirmed(decoder_of(bench, injector, lenient, model), recordings, yes, messages)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(
@@ -173,11 +175,13 @@ def discover(
     from_channel: options.FromChannelOption = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
+    yes: options.YesOption = False,
     as_json: options.JsonOption = False,
     effects: options.EffectsOption = None,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
+    from observer_rt.desk.evaluation.guessing import as_confirmed
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.second_opinion import second_opinion
     from observer_rt.desk.simulation.simulate import two_injections
@@ -210,7 +214,8 @@ def discover(
             "is missing" if from_evidence is None else "and --from-evidence are two sources",
             "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
         )
-    decoder = decoder_of(bench, injector, lenient, model)
+    given = (*(recordings or ()), *(healthy or ()))
+    decoder = as_confirmed(decoder_of(bench, injector, lenient, model), given, yes, messages)
     chosen = tuple(effect_named("--choose", name.strip()).id for name in choose.split("+")) if choose else ()
     if from_evidence is not None:
         asked = asked_of_evidence(from_evidence, model, decoder, messages)

@@ -152,6 +152,7 @@ def evaluate(
     fuel_temperature: options.FuelTemperatureOption = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
+    yes: options.YesOption = False,
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
     effects: options.EffectsOption = None,
@@ -159,6 +160,7 @@ def evaluate(
     """Run recordings through the observer, as the daemon would and as fast as the machine allows; or --twice."""
     from observer_rt.desk.evaluation.command import EvaluateOptions, evaluate_bench
     from observer_rt.desk.evaluation.curves import chosen_numbers
+    from observer_rt.desk.evaluation.guessing import as_confirmed
 
     asked = EvaluateOptions(
         state=state,
@@ -174,7 +176,8 @@ def evaluate(
         injections=chosen_numbers(injections) if injections is not None else (),
         twice=twice,
     )
-    evaluate_bench(load_bench(bench, model, lenient, off_bus=True).of(injector), recordings, asked, messages)
+    stated = load_bench(bench, model, lenient, off_bus=True).of(injector)
+    evaluate_bench(as_confirmed(stated, recordings, yes, messages) or stated, recordings, asked, messages)
 
 
 def reproduce(

@@ -105,6 +105,9 @@ FromChannelOption = Annotated[
         "Channel with the inputs, where a CAN log has several; LINK=CHANNEL for one bus of [links].",
     ),
 ]
+YesOption = Annotated[
+    bool, option("--yes", "Read files of other layouts as it is guessed which column is which.")
+]
 ForceOption = Annotated[bool, option("--force", "Replace existing files.")]
 JsonOption = Annotated[bool, option("--json", "Results as JSON on stdout.")]
 

@@ -266,7 +266,7 @@ def _evaluated(
     for source in sources:
         if not isinstance(source, LoggedSignals):
             refuse_dead(source.path, source.survey, source.names)
-        for odd in doubts(source.survey, bench.injector.parameters.baseline):
+        for odd in doubts(source.survey, bench.injector.parameters.baseline, source.names):
             say(console, odd.as_text(source.path))
         if not isinstance(source, LoggedSignals):
             for warning in clamped_in(source.survey, map_bus(bench)):

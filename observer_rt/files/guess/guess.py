@@ -95,10 +95,11 @@ class Guess:
 
     def error(self) -> UserError:
         """The error for who cannot be asked."""
+        as_it_is = "" if self.missing else " (evaluate, fit and discover take it as it is by --yes)"
         return UserError(
             self.place,
             f"which column is which is not certain: {'; '.join(self.doubts)}",
-            f"correct this, and keep it in a bench file, given by --bench:\n\n{self.section()}\n",
+            f"keep this, corrected, in a bench file, given by --bench{as_it_is}:\n\n{self.section()}\n",
         )
 
 

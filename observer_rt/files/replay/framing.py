@@ -37,7 +37,8 @@ _SHOWN_UNIT = {
 def bench_for(bench: Bench, recording: Sampled) -> Bench:
     """The bench at the recording's sample rate, for samples of the recording's meaning.
 
-    The example bench takes any rate; a user's own must state the recording's. Raises `UserError` otherwise.
+    The example bench takes any rate; a user's own must state the recording's, `[recording] rate_hz` before that of
+    `[sampling]`. Raises `UserError` otherwise.
     """
     rate = recording.sample_rate
     if not LOWEST_RATE <= rate <= HIGHEST_RATE:
@@ -53,7 +54,8 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
     stated = sampling.rate_hz
     if abs(rate - stated) <= RATE_TOLERANCE * stated:
         return bench
-    if bench.path != EXAMPLE_BENCH:
+    layout = bench.injector.config.recording
+    if bench.path != EXAMPLE_BENCH and (layout is None or layout.rate_hz is None):
         raise UserError(
             bench.injector.place("sampling.rate_hz"),
             f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",

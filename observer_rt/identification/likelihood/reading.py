@@ -46,7 +46,7 @@ def read_measured(
         refuse_implausible(source.path, source.survey, source.names)
         refuse_dead(source.path, source.survey, source.names)
         refuse_perforated(source.path, source.survey)
-        for doubt in doubts(source.survey, baseline):
+        for doubt in doubts(source.survey, baseline, source.names):
             say(console, doubt.as_text(source.path))
     found = []
     for path, source in zip(paths, sources, strict=True):

@@ -103,6 +103,20 @@ def test_a_foreign_file_that_leaves_doubts_names_the_section(command: Command, f
     said = command.refused("evaluate", foreign)
     assert "rail_pressure: its name does not say so" in said
     assert '[recording.rail_pressure]\ncolumn = "A"\nunit = "bar"' in said
+    told = command.done("evaluate", foreign, "--yes").err
+    layout = foreign.with_name("layout.toml")
+    layout.write_text(told.partition("to keep, in a bench file:")[2].partition(str(foreign))[0])
+    command.done("evaluate", foreign, "--bench", layout)
+    looked = command.done("check", "--recording", foreign, "--bench", layout).out
+    assert "rail_pressure is 'A' in bar" in looked
+    assert "bus database" not in looked
+
+
+def test_check_shows_what_it_guesses(command: Command, foreign: Path) -> None:
+    told = command.done("check", "--recording", foreign).out
+    assert "guessed, for a bench file" in told
+    assert 'column = "p_Leitung"' in told
+    assert "bus database" not in told
 
 
 def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:

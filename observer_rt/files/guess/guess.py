@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from observer_rt.config.injector import RecordingConfig
 from observer_rt.files.guess.candidates import Candidate, candidates_of
 from observer_rt.files.guess.choice import UNKNOWN, chosen_lift, chosen_pressures, chosen_rate, chosen_time
@@ -103,6 +105,7 @@ class Guess:
         )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of damaged columns
 def guess_of(place: str, columns: Sequence[Column]) -> Guess:
     """Guess from columns, or the beginning of columns. Raises `UserError` where there are none."""
     found = candidates_of(columns)

@@ -8,6 +8,8 @@ from observer_rt.files.signals.table import Values
 
 AGREES = 0.01  # relative, of the rate stated and that by the rounded stamps
 GAP = 1.5  # periods and steps of rounding from stamp to stamp, beyond which rows are missing
+_UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
+_MOST_DIGITS = 10
 _REPEATED = 0.1  # of the steps, beyond which stamps are rounded
 _BACK, _GAPS = 0.01, 0.1  # of the steps, that may step back, and be gaps
 
@@ -19,12 +21,12 @@ class Pace:
         self._rate, self._rounding = rate, rounding
         self._begin = self._stamp = np.nan
         self._since = 0  # rows since the last gap
-        self._steps, self._span = 0, 0.0
+        self._steps, self._runs, self._span = 0, 0, 0.0
 
     @property
     def agrees(self) -> bool:
         """Whether the stamps that were taken have the rate that is stated, but for their rounding."""
-        tolerance = AGREES * self._span + self._rounding
+        tolerance = AGREES * self._span + self._rounding * self._runs
         return self._span > 0.0 and abs(self._steps / self._rate - self._span) <= tolerance
 
     def take(self, time: Values) -> Values:
@@ -35,6 +37,7 @@ class Pace:
         self._span += float(step[together].sum())
         row = np.arange(time.size)
         begins = np.flatnonzero(~together)
+        self._runs += begins.size
         before = np.searchsorted(begins, row, side="right") - 1  # -1: as the rows before
         first = np.append(begins, -self._since)[before]
         begin = np.append(time[begins], self._begin)[before]
@@ -45,18 +48,20 @@ class Pace:
 
 @dataclass(frozen=True)
 class Stamps:
-    """How a time goes on, in its own unit. period: of the rows; rounding: of the stamps, 0 where it is less than
-    a period."""
+    """How a time goes on, in its own unit. period: of the rows; rounding: of the stamps, 0 where it is less than a
+    period; rows: after which a wrong rate would show."""
 
     period: float
     rounding: float
+    rows: int
 
     def rate(self, unit: float) -> float:
-        """Rate [Hz] in a unit [s]: the roundest that the stamps allow."""
+        """Rate [Hz] in a unit [s]: the roundest that the stamps allow, or the one of the roundest period."""
         found = 1.0 / (self.period * unit)
-        for digits in range(1, 7):
+        tolerance = (_UNSEEN + self.rounding / self.period) / self.rows
+        for digits in range(1, _MOST_DIGITS):
             for candidate in (float(f"{found:.{digits - 1}e}"), 1.0 / float(f"{1.0 / found:.{digits - 1}e}")):
-                if abs(candidate / found - 1.0) <= (1e-2 if self.rounding else 1e-4):
+                if abs(candidate / found - 1.0) <= tolerance:
                     return candidate
         return found
 
@@ -70,9 +75,8 @@ def stamps_of(values: Values) -> Stamps | None:
     if rising.size < 2 or np.count_nonzero(step < 0.0) > _BACK * step.size:
         return None
     usual = float(np.median(rising))
-    together = step[(step >= 0.0) & (step <= 1.5 * usual)]
-    if together.size < (1.0 - _GAPS) * step.size:
+    together = step[(step >= 0.0) & (step <= GAP * usual)]
+    if together.size < (1.0 - _GAPS) * step.size or not together.any():
         return None
-    period = float(together.sum()) / together.size
     is_rounded = np.count_nonzero(step == 0.0) > _REPEATED * step.size
-    return Stamps(period, usual if is_rounded else 0.0) if period > 0.0 else None
+    return Stamps(float(together.mean()), usual if is_rounded else 0.0, together.size)

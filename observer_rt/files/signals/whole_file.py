@@ -7,7 +7,6 @@ from pathlib import Path
 
 from observer_rt.files.signals.column import Column
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.sandbox import WorkerError, run_apart
 
 READERS = "observer_rt.files.whole"
@@ -40,9 +39,10 @@ class WholeFile:
             pass
         module = f"{READERS}.{self.module}"
         try:
-            with file_errors(path):
-                found = list(run_apart(module, "columns", path))
-        except WorkerError as error:
+            found = list(run_apart(module, "columns", path))
+        except (WorkerError, OSError) as error:
+            if isinstance(error, OSError) and error.errno is not None:
+                raise  # of the file, not what its library says of the content
             raise UserError(
                 str(path), f"a damaged {self.name} file: {error}", f"give a complete {self.name} file"
             ) from None

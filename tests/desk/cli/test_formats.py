@@ -35,7 +35,7 @@ def write(path, recording):
     with path.open("wb") as file:
         np.save(file, np.stack((recording.time, *recording.signals.values())))
 
-FORMAT = SignalFormat((".npy",), "array of numpy", read, write)
+FORMAT = SignalFormat((".samples",), "array of numpy", read, write)
 """
 Install = Callable[..., None]
 
@@ -77,7 +77,7 @@ def test_a_recording_format_from_outside(
     command: Command, install: Install, tmp_path: Path, worn: Path
 ) -> None:
     install("arrays", SIGNALS)
-    path = tmp_path / "worn.npy"
+    path = tmp_path / "worn.samples"
     command.done("convert", worn, path)
     np.testing.assert_array_equal(read_recording(path).line_pressure, read_recording(worn).line_pressure)
     ours, theirs = (document(command, each)["recordings"][0] for each in (worn, path))
@@ -95,7 +95,7 @@ def test_a_recording_format_from_outside(
         ),
         (LOG.replace(".hexlog", ".blf"), "has the suffix .blf, which belongs to 'Vector, binary'"),
         (LOG.replace(".hexlog", ".csv"), "has the suffix .csv, which belongs to 'time_s,"),
-        (SIGNALS.replace(".npy", ".trc"), "has the suffix .trc, which belongs to 'PEAK"),
+        (SIGNALS.replace(".samples", ".trc"), "has the suffix .trc, which belongs to 'PEAK"),
     ],
 )
 def test_a_format_that_will_not_do_names_its_distribution(
@@ -111,7 +111,7 @@ def test_a_format_that_will_not_do_names_its_distribution(
 
 
 def test_the_page_lists_the_formats_of_the_registry() -> None:
-    row = re.compile(r"\| `(\.\w+)` \| (.+?) \| (yes|no\b[^|]*)? ?\|")
+    row = re.compile(r"\| `(\.[\w.]+)` \| (.+?) \| (yes|no\b[^|]*)? ?\|")
     told = {
         (match[1], match[2], match[3] == "yes") for match in row.finditer(PAGE.read_text(encoding="utf-8"))
     }
@@ -125,8 +125,8 @@ def test_the_page_lists_the_formats_of_the_registry() -> None:
 def test_the_help_lists_the_formats_of_the_registry(command: Command) -> None:
     text = " ".join(command("convert", "--help").out.split())
     assert (
-        "Recording (.csv, .mf4, .parquet) or CAN log (.log, .blf, .asc, .trc, .mf4, .csv, .pcapng, .pcap)."
-        in text
+        "Recording (.csv, .mf4, .parquet, .txt, .csv.gz, .txt.gz, .xlsx, .xlsm, .mat, .h5, .hdf5, .tdms, .mdf, .dat, "
+        ".feather, .npy, .npz) or CAN log (.log, .blf, .asc, .trc, .mf4, .csv, .pcapng, .pcap)." in text
     )
     assert "no CAN FD in .trc" in text
     assert "Log to write (.log, .blf)" in " ".join(command("record", "--help").out.split())

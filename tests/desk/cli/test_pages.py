@@ -31,6 +31,7 @@ from observer_rt.model.baseline import Baseline
 from observer_rt.model.effects import sized
 from tests import own_injector, several_injectors
 from tests.desk.cli.conftest import Command, document
+from tests.files.layouts import text as text_of
 from tests.kept_evidence import keep
 from tests.pages import PAGES, ROOT, Page, needs_bus, serves_a_page, words_of
 from tools.benchmarks.command_line import app as bench
@@ -125,6 +126,7 @@ def test_the_commands_on_recordings(command: Command, desk: Path) -> None:
     command.done("convert", "worn.csv", "made.log", "--bench", "bench.toml")
     command.done("convert", "made.log", "bus.blf")
     write_mine(page, Path("worn.csv"))
+    Path("my.csv").write_text(text_of(read_recording(Path("worn.csv"))))
     run_all(command, without_bus(page))
     mine, worn = read_recording(Path("mine.mf4")), read_recording(Path("worn.csv"))
     np.testing.assert_allclose(mine.needle_lift, worn.needle_lift, atol=1e-8)

@@ -47,7 +47,7 @@ from observer_rt.foundation.files import file_errors
 
 Format = LogFormat | SignalFormat
 GROUP = "observer_rt.formats"
-PREVIEWED = 1 << 19  # samples of a long file, from which is guessed what is what
+PREVIEWED = 1 << 18  # samples of a long file, from which is guessed what is what
 F = TypeVar("F", bound=Format)
 _ADVICE = {  # what to do with other kinds of files
     (".xls", ".ods"): "save it as {0}.xlsx or {0}.csv",

@@ -51,6 +51,10 @@ class Candidate:
             return known_unit(signal, self.column.unit)
         return unit_in_name(signal, self.column.name)
 
+    def is_told(self, signal: str) -> bool:
+        """Whether name and unit both say that it is a signal: the needle may be shut all the time."""
+        return signal in self.named and bool(self.unit_of(signal))
+
     def is_raw(self) -> bool:
         """Whether it is what a sensor gives, not what it measures."""
         return self.column.unit.lower() in _VOLTS

@@ -94,9 +94,9 @@ def chosen_lift(candidates: Sequence[Candidate]) -> Chosen | None:
     doubts = _name_doubts("needle_lift", best, [each for each in likely if scores[each] > scores[best] - 2])
     pulses = best.pulses
     factor, offset = 1.0, 0.0
-    if pulses is None:
+    if pulses is None and not best.is_told("needle_lift"):
         doubts.append("it does not rest and open")
-    elif pulses.is_inverted:
+    elif pulses is not None and pulses.is_inverted:
         factor = -1.0
         offset = pulses.rest if abs(pulses.rest) > 0.2 * abs(pulses.height) else 0.0
         doubts.append("it goes down where the needle opens: inverted")
@@ -158,7 +158,7 @@ def _pressure(
     if float(np.nanmedian(each.values)) < 0.0:
         factor = -1.0
         doubts.append("it is below zero: inverted")
-    if not each.is_pressure:
+    if not each.is_pressure and not each.is_told(signal):
         doubts.append("it does not look like a pressure")
     unit, unit_doubt = _unit(signal, each, each.values)
     return Chosen(

@@ -31,7 +31,8 @@ _SPELLINGS = {
     "bara": "bar",
     "barg": "bar",
 }
-_SUFFIX = re.compile(r"^(.+?)[_ .]([A-Za-zµμ]\w*)$")
+_GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
+_SUFFIX = re.compile(r"^(.+?)[_ .]([A-Za-zµμ][A-Za-z0-9µμ]*)$")
 
 
 def signals_named(name: str) -> set[str]:
@@ -54,6 +55,7 @@ def known_unit(signal: str, unit: str) -> str:
     units = UNITS[signal]
     if unit in units:
         return unit
+    unit = _GAUGE.sub("", unit)
     spelled = _SPELLINGS.get(unit.lower(), unit)
     small: Mapping[str, str] = {each.lower(): each for each in reversed(units)}
     return spelled if spelled in units else small.get(spelled.lower(), "")

@@ -1,14 +1,22 @@
 """The beginning of a CSV file whose columns nobody has named: separator, line of names, units, numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from observer_rt.files.signals.column import Column, name_and_unit
+from observer_rt.files.signals.column import Column, Values, name_and_unit
 from observer_rt.files.signals.header import SEPARATORS, bare_unit, split_line
-from observer_rt.files.signals.number_text import decimal_of, is_missing, is_number, thousands_of
+from observer_rt.files.signals.number_text import (
+    cells_as_numbers,
+    decimal_of,
+    is_missing,
+    is_number,
+    thousands_of,
+)
 from observer_rt.files.signals.text_file import encoding_of, opened_text
 from observer_rt.foundation.errors import UserError
 
@@ -26,28 +34,40 @@ def preview_csv(path: Path, most: int) -> tuple[Column, ...]:
             str(path), "is empty", "give a file with the names of its columns and numbers below them"
         )
     separator, first = _begin(path, lines[:_LOOKED_AT])
-    rows = [cells for line in lines[first:] if len(cells := _cells(line, separator)) > 1]
-    width = max(map(len, rows))
+    shown = [cells for line in lines[first:][:_LOOKED_AT] if len(cells := _cells(line, separator)) > 1]
+    width = max(map(len, shown))
     names, units = _names(lines[:first], separator, width)
-    columns = list(zip(*([*row, *[""] * (width - len(row))] for row in rows), strict=True))
-    numeric = [place for place, cells in enumerate(columns) if _is_numeric(cells[0])]
-    decimal = decimal_of([row for row in rows[:_LOOKED_AT] if len(row) == width], numeric)
-    thousands = thousands_of((cell for row in rows for cell in row), decimal)
-    return tuple(
-        Column(name, _values(cells, decimal, thousands), unit)
-        for name, unit, cells in zip(names, units, columns, strict=True)
-    )
+    numeric = [place for place, cell in enumerate(shown[0]) if _is_numeric(cell)]
+    decimal = decimal_of([row for row in shown if len(row) == width], numeric)
+    table = _at_once(lines[first:], separator, decimal)
+    found = _one_by_one(lines[first:], separator, decimal, width) if table is None else list(table.T)
+    return tuple(Column(*each) for each in zip(names, found, units, strict=False))
 
 
-def _values(cells: Sequence[str], decimal: str, thousands: str) -> np.ndarray:
-    """Numbers where most cells are some, else the cells."""
-    plain = [cell.replace(thousands, "") if thousands else cell for cell in cells]
+def _at_once(lines: Sequence[str], separator: str, decimal: str) -> Values | None:
+    """Numbers (rows, columns) where there is nothing else."""
     try:
-        return np.array(
-            [np.nan if is_missing(cell) else float(cell.replace(decimal, ".")) for cell in plain], np.float64
+        return np.loadtxt(
+            (line.replace(decimal, ".") for line in lines),
+            delimiter=None if separator == " " else separator,
+            comments=_COMMENT,
+            ndmin=2,
         )
     except ValueError:
-        return np.array(cells, object)
+        return None
+
+
+def _one_by_one(lines: Sequence[str], separator: str, decimal: str, width: int) -> Iterator[NDArray[Any]]:
+    """Columns of numbers, and of cells where there are others."""
+    rows = [cells for line in lines if len(cells := _cells(line, separator)) > 1]
+    some = [*rows[:_LOOKED_AT], *rows[:: 1 + len(rows) // _LOOKED_AT]]
+    thousands = thousands_of((cell for row in some for cell in row), decimal)
+    for place in range(width):
+        cells = [row[place] if place < len(row) else "" for row in rows]
+        try:
+            yield cells_as_numbers(cells, decimal, thousands)
+        except ValueError:
+            yield np.array(cells, object)
 
 
 def _begin(path: Path, lines: Sequence[str]) -> tuple[str, int]:

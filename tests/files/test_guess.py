@@ -11,6 +11,7 @@ from observer_rt.files.formats import guessed
 from observer_rt.files.guess.guess import Guess, guess_of
 from observer_rt.files.guess.naming import known_unit, signals_named, unit_in_name
 from observer_rt.files.signals.column import columns_of
+from observer_rt.foundation.errors import UserError
 from tests.device import simulated
 from tests.files.layouts import GERMAN, columns, text
 
@@ -113,6 +114,28 @@ def test_without_names_what_signals_do_decides() -> None:
         "time": "a", "rail_pressure": "b", "needle_lift": "c", "line_pressure": "d",
     }  # fmt: skip
     assert len(found.doubts) == 4
+
+
+def test_a_column_without_a_name_has_all_given_by_place(tmp_path: Path) -> None:
+    """As the index of a DataFrame in CSV."""
+    path = tmp_path / "a.csv"
+    path.write_text(text(OURS, ("", *GERMAN[1:])))
+    found = guessed(path)
+    assert found is not None
+    assert chosen(found) == {
+        "time": 1, "rail_pressure": 2, "needle_lift": 3, "line_pressure": 4,
+    }  # fmt: skip
+    assert found.doubts == ("time: its name does not say so",)
+    assert found.layout.by_place
+
+
+def test_a_rate_that_nothing_takes_is_told() -> None:
+    table = {**german(), "Zeit [s]": OURS.time * 1e4}
+    del table["Zeit [µs]"]
+    found = guess(table)
+    assert any("5 rows a second are too few or too many" in doubt for doubt in found.doubts)
+    with pytest.raises(UserError, match="mind the time, and its unit"):
+        _ = found.layout
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ NEEDED = ("injector", "sha256", "time", *COLUMNS)
 
 
 def recordings_in(sources: Sequence[str]) -> list[Path]:
-    """All files, each once, in order: of a folder those, at any depth, whose suffix is known.
+    """All files, each once, in order: of a folder those, at any depth, whose suffix is a recording's or a log's.
 
     Truths beside simulated recordings are left out. Raises `UserError` for a name under which nothing is.
     """
@@ -47,10 +47,18 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
     return list(found)
 
 
+_OTHER_FILES_OF_FOLDERS = {
+    ".txt",
+    ".txt.gz",
+    ".dat",
+    ".npy",
+}  # notes, more often than recordings: to be named
+
+
 def _files(source: str) -> Iterator[Path]:
     path = Path(source)
     if path.is_dir():
-        known = _suffixes()
+        known = set(_suffixes()) - _OTHER_FILES_OF_FOLDERS
         for each in sorted(path.rglob("*")):
             if each.is_file() and suffix_of(each) in known and not each.name.endswith(TRUTH_SUFFIX):
                 yield each

@@ -1,15 +1,23 @@
 """Guess of a file's `[recording]` section: the column of each signal by names, units and behaviour, and doubts."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from observer_rt.config.injector import RecordingConfig
+from observer_rt.files.guess.behaviour import RATES
 from observer_rt.files.guess.candidates import Candidate, candidates_of
-from observer_rt.files.guess.choice import UNKNOWN, chosen_lift, chosen_pressures, chosen_rate, chosen_time
+from observer_rt.files.guess.choice import (
+    UNKNOWN,
+    Chosen,
+    chosen_lift,
+    chosen_pressures,
+    chosen_rate,
+    chosen_time,
+)
 from observer_rt.files.guess.naming import RATE
 from observer_rt.files.signals.column import Column
 from observer_rt.files.signals.table import TIME
@@ -66,11 +74,11 @@ class Guess:
 
     @property
     def layout(self) -> RecordingConfig:
-        """The mapping. Raises `UserError` where a signal has no column, or no unit."""
-        if self.missing or any(each.unit == UNKNOWN for each in self.columns):
+        """The mapping. Raises `UserError` where a signal has no column or unit, and for a rate that nothing takes."""
+        if self.missing or any(each.unit == UNKNOWN for each in self.columns) or not _can_be_read(self.rate):
             raise self.error()
         content: dict[str, Any] = {each.signal: dict(each.entries()) for each in self.columns}
-        return RecordingConfig.model_validate({**content, "rate_hz": self.rate})
+        return RecordingConfig.model_validate({**content, "rate_hz": self.rate or None})
 
     def section(self) -> str:
         """The `[recording]` section to keep, with places to fill in."""
@@ -122,32 +130,33 @@ def guess_of(place: str, columns: Sequence[Column]) -> Guess:
         each for each in signals if each not in [one.candidate for one in (lift, *pressures.values()) if one]
     ]
     chosen = {TIME: time, "needle_lift": lift, **pressures, RATE: chosen_rate(rest)}
-    guessed = tuple(
-        GuessedColumn(
-            signal,
-            _key(one.candidate),
-            one.unit,
-            one.why,
-            one.doubt,
-            one.factor,
-            one.offset,
-            one.candidate.column.group if _is_shared(one.candidate, found) else None,
-        )
-        for signal in (TIME, *NEEDED, RATE)
-        if (one := chosen.get(signal)) is not None
-    )
     needed = NEEDED if brings_time else (TIME, *NEEDED)
     missing = tuple(signal for signal in needed if chosen.get(signal) is None)
     rate, doubt = (lift.candidate.own_rate(), "") if brings_time and lift else (0.0, "")
     if time is not None:
         rate, doubt = time.rate, time.rate_doubt
-    used = {each.column for each in guessed}
-    others = tuple(each.column.name for each in found if _key(each) not in used)
+    if not _can_be_read(rate):
+        doubt = f"{rate:.6g} rows a second are too few or too many: mind the time, and its unit"
+    guessed = tuple(_guessed({name: one for name, one in chosen.items() if one is not None}, found))
+    used = {one.candidate for one in chosen.values() if one is not None}
+    others = tuple(each.column.name or str(each.place) for each in found if each not in used)
     return Guess(place, guessed, missing, rate, doubt, others)
 
 
-def _key(candidate: Candidate) -> str | int:
-    return candidate.column.name or candidate.place
+def _guessed(chosen: Mapping[str, Chosen], found: Sequence[Candidate]) -> Iterator[GuessedColumn]:
+    """Columns by their names, all by their places where one has none."""
+    are_named = all(one.candidate.column.name for one in chosen.values())
+    for signal in (TIME, *NEEDED, RATE):
+        if (one := chosen.get(signal)) is not None:
+            each = one.candidate
+            group = each.column.group if _is_shared(each, found) else None
+            key = each.column.name if are_named else each.place
+            yield GuessedColumn(signal, key, one.unit, one.why, one.doubt, one.factor, one.offset, group)
+
+
+def _can_be_read(rate: float) -> bool:
+    lowest, highest = RATES
+    return not rate or lowest <= rate <= highest
 
 
 def _is_shared(candidate: Candidate, others: Sequence[Candidate]) -> bool:

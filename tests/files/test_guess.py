@@ -1,16 +1,21 @@
 """Which column is which signal, among others that look like it; and what is left open."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.files.formats import guessed
 from observer_rt.files.guess.guess import Guess, guess_of
 from observer_rt.files.guess.naming import known_unit, signals_named, unit_in_name
 from observer_rt.files.signals.column import columns_of
+from observer_rt.files.tables import recording_of
 from observer_rt.foundation.errors import UserError
 from tests.device import simulated
 from tests.files.layouts import GERMAN, columns, text
@@ -195,3 +200,43 @@ def test_a_long_file_is_looked_at_only_at_its_beginning(tmp_path: Path) -> None:
     assert found is not None
     assert found.doubts == ()
     assert found.rate == 50e3
+
+
+def _odd(draw: st.DrawFn, size: int) -> NDArray[Any]:
+    """A column as nobody would record it."""
+    numbers = np.random.default_rng(draw(st.integers(0, 99)))
+    kinds: tuple[Callable[[], NDArray[Any]], ...] = (
+        lambda: np.arange(size) * 10.0 ** draw(st.integers(-9, 9)),
+        lambda: np.full(size, draw(st.sampled_from((0.0, 1e300, np.nan, np.inf, 1000.0)))),
+        lambda: numbers.normal(size=size) * 10.0 ** draw(st.integers(-300, 300)),
+        lambda: 300.0 * (np.arange(size) % 50 < 5) * draw(st.sampled_from((-1.0, 1.0))),
+        lambda: 1000.0 + numbers.normal(size=size),
+        lambda: numbers.choice(np.array(["a", "1.000,5", "", "2026-01-01T00:00:00"], object), size),
+        lambda: np.arange(size).astype("datetime64[us]"),
+        lambda: numbers.integers(0, 2, size).astype(bool),
+    )
+    made: NDArray[Any] = draw(st.sampled_from(kinds))()
+    return made
+
+
+@st.composite
+def odd_tables(draw: st.DrawFn) -> dict[str, NDArray[Any]]:
+    names = st.sampled_from(
+        ("t", "Zeit [ms]", "p_rail", "p_Line [bar]", "lift", "Hub [µm]", "rail [V]", "", "x")
+    )
+    size = draw(st.sampled_from((0, 1, 2, 3, 300, 3000)))
+    return {name: _odd(draw, size) for name in draw(st.lists(names, min_size=1, max_size=6, unique=True))}
+
+
+@settings(deadline=None)
+@given(table=odd_tables())
+def test_whatever_a_table_holds_it_is_read_or_refused_with_a_remedy(table: dict[str, NDArray[Any]]) -> None:
+    try:
+        samples = recording_of(table, name="odd").samples
+    except UserError as error:
+        told = str(error)
+    else:
+        assert samples >= 2
+        return
+    assert told.startswith("odd")
+    assert "remedy: " in told

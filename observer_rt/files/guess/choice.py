@@ -132,8 +132,8 @@ def chosen_pressures(candidates: Sequence[Candidate], lift: Chosen | None) -> di
     doubt = ""
     if moves[rail] > _FARTHER * moves[line]:
         doubt = (
-            f"'{rail.column.name}' moves {moves[rail] / moves[line]:.2g} times as far as '{line.column.name}' while "
-            "the needle is open, as a line's pressure does: most likely the two are exchanged, and are so here"
+            f"'{rail.column.name}' moves farther than '{line.column.name}' while the needle is open, as a line's "
+            "pressure does: most likely the two are exchanged, and are so here"
         )
         rail, line = line, rail
     result: dict[str, Chosen | None] = {}

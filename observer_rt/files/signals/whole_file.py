@@ -41,8 +41,6 @@ class WholeFile:
         try:
             found = list(run_apart(module, "columns", path))
         except (WorkerError, OSError) as error:
-            if isinstance(error, OSError) and error.errno is not None:
-                raise  # of the file, not what its library says of the content
             raise UserError(
                 str(path), f"a damaged {self.name} file: {error}", f"give a complete {self.name} file"
             ) from None

@@ -10,7 +10,7 @@ from observer_rt.files.signals.column import Column, moments_as_seconds
 from observer_rt.files.signals.header import Calendar, calendar_of
 from observer_rt.files.signals.number_text import cells_as_numbers, is_missing
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
-from observer_rt.files.signals.table import TIME, Table, TablePart, Values
+from observer_rt.files.signals.table import LARGEST, TIME, Table, TablePart, Values
 from observer_rt.foundation.errors import UserError, hint
 
 
@@ -112,7 +112,15 @@ class HeldTable(Table):
                 ) from None
         if values.dtype.kind not in "biuf":
             raise UserError(place, f"holds {values.dtype}, no numbers", "map a column of numbers")
-        return values.astype(np.float64)
+        numbers: Values = values.astype(np.float64)
+        beyond = np.flatnonzero(np.isfinite(numbers) & (np.abs(numbers) > LARGEST))
+        if beyond.size:
+            raise UserError(
+                place,
+                f"value {beyond[0] + 1} is {numbers[beyond[0]]:g}",
+                "record it again: the file is damaged",
+            )
+        return numbers
 
     def _stamps(self, name: str) -> Values:
         column = self._columns[name]

@@ -11,10 +11,9 @@ from observer_rt.config.injector import ColumnConfig
 from observer_rt.files.mdf4.blocks import CountedRecords
 from observer_rt.files.mdf4.opening import damage_told, opened, refuse_outside
 from observer_rt.files.signals.column import Column
-from observer_rt.files.signals.table import TablePart, Values, present
+from observer_rt.files.signals.table import LARGEST, TablePart, Values, present
 from observer_rt.foundation.errors import UserError
 
-LARGEST = 1e30  # no measurement, but what can be written in any unit
 Place = tuple[int, int]
 """Group and index of a channel."""
 

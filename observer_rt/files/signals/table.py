@@ -19,6 +19,7 @@ from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.foundation.errors import UserError, hint
 
 TIME = "time"
+LARGEST = 1e30  # no measurement, but what can be written in any unit
 OPTIONAL = "injection_rate"  # which a file in our own layout may have or not
 Values = NDArray[np.float64]
 

@@ -100,7 +100,9 @@ def test_volts_ask_for_the_sensors_curve(unit: str) -> None:
     assert 'unit = "..."' in found.section()
 
 
-@pytest.mark.parametrize(("factor", "told"), [(1e-1, ("bar", "MPa")), (1.0, ("bar",))])
+@pytest.mark.parametrize(
+    ("factor", "told"), [(1e-1, ("bar", "MPa")), (1.0, ("bar",)), (14.5, ("kPa", "psi"))]
+)
 def test_a_unit_is_guessed_only_where_one_is_possible(factor: float, told: tuple[str, ...]) -> None:
     """1200 is in bar; 120 could be MPa, or bar of a low-pressure system."""
     table = german()

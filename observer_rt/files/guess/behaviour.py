@@ -13,6 +13,7 @@ from observer_rt.files.signals.table_signals import UNITS
 RATES = (1e3, 1e6)  # Hz, of what can be read
 _OPEN = 0.3  # of the largest lift, above which a needle is open
 _MOST_OPENINGS = 60
+_LOWEST_PSI = 3000.0  # of a common rail; less is bar more likely
 _AFTER = 0.5  # of an opening's length, in which the line still answers
 _PLAUSIBLE_UNITS = {
     "time": ("s", "ms", "us"),
@@ -86,7 +87,12 @@ def units_possible(signal: str, values: Values) -> tuple[str, ...]:
     kind = "rail_pressure" if signal == "line_pressure" else signal
     lowest, highest = (OPEN, LARGEST_LIFT) if kind == "needle_lift" else PRESSURES
     size = abs(float(np.percentile(np.abs(known), 99.9)))
-    return tuple(u for u in _PLAUSIBLE_UNITS.get(kind, ()) if lowest <= size * UNITS[kind][u] <= highest)
+    possible = [
+        unit for unit in _PLAUSIBLE_UNITS.get(kind, ()) if lowest <= size * UNITS[kind][unit] <= highest
+    ]
+    if kind == "rail_pressure" and _LOWEST_PSI <= size <= highest / UNITS[kind]["psi"]:
+        possible.append("psi")
+    return tuple(possible)
 
 
 def time_units_possible(stamps: Stamps) -> tuple[str, ...]:

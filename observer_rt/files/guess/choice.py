@@ -1,6 +1,6 @@
 """Choice among candidates: time, lift by its pulses, rail and line by how far each moves while the needle is open."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -21,6 +21,7 @@ from observer_rt.files.signals.table import TIME
 from observer_rt.files.signals.table_signals import UNITS
 
 _FARTHER = 1.4  # times, by which a line's pressure moves more than the rail's, beyond noise
+_PRESSURES = ("rail_pressure", "line_pressure")
 _MOST_PRESSURES = 8
 _NANOSECONDS = "ns"
 UNKNOWN = "..."  # a unit to be stated
@@ -101,58 +102,64 @@ def chosen_lift(candidates: Sequence[Candidate]) -> Chosen | None:
         offset = pulses.rest if abs(pulses.rest) > 0.2 * abs(pulses.height) else 0.0
         doubts.append("it goes down where the needle opens: inverted")
     unit, unit_doubt = _unit("needle_lift", best, best.values - (pulses.rest if pulses and offset else 0.0))
-    why = ", ".join(_reasons("needle_lift", best, ["rests and opens"] if pulses else []))
+    why = ", ".join(_reasons("needle_lift", best, "rests and opens" if pulses else ""))
     return Chosen(best, unit, why, "; ".join([*doubts, *unit_doubt]), factor, float(f"{offset:.6g}"))
 
 
 def chosen_pressures(candidates: Sequence[Candidate], lift: Chosen | None) -> dict[str, Chosen | None]:
     """Rail and line pressure: as they are named; what is not named, or moves otherwise, as it moves."""
-    both = ("rail_pressure", "line_pressure")
     scores = {
-        signal: {each: each.score(signal) + (2 if each.is_pressure else -2) for each in candidates}
-        for signal in both
+        each: [each.score(signal) + (2 if each.is_pressure else -2) for signal in _PRESSURES]
+        for each in candidates
     }
-    likely = [each for each in candidates if max(scores[signal][each] for signal in both) >= 2]
-    likely.sort(key=lambda each: -max(scores[signal][each] for signal in both))
+    likely = sorted(
+        (each for each in candidates if max(scores[each]) >= 2), key=lambda each: -max(scores[each])
+    )
     likely = likely[:_MOST_PRESSURES]
-    moves = _movements(likely, lift)
-    pairs = {
-        (rail, line): scores["rail_pressure"][rail]
-        + scores["line_pressure"][line]
-        + (3 if moves[line] > _FARTHER * moves[rail] else -3 if moves[rail] > _FARTHER * moves[line] else 0)
-        for rail, line in permutations(likely, 2)
-    }
-    if not pairs:
+    if len(likely) < 2:
         return {
-            signal: _pressure(signal, each, [], "") if signal in each.named else None
-            for signal in both
-            for each in likely[:1]
+            signal: _pressure(signal, each, [], "")
+            for signal in _PRESSURES
+            for each in likely
+            if signal in each.named
         }
-    rail, line = max(pairs, key=lambda pair: pairs[pair])
+    moves = _movements(likely, lift)
+
+    def score(pair: tuple[Candidate, Candidate]) -> int:
+        rail, line = pair
+        return (
+            scores[rail][0]
+            + scores[line][1]
+            + 3 * (_is_line(line, rail, moves) - _is_line(rail, line, moves))
+        )
+
+    rail, line = max(permutations(likely, 2), key=score)
     doubt = ""
-    if moves[rail] > _FARTHER * moves[line]:
+    if _is_line(rail, line, moves):
         doubt = (
             f"'{rail.column.name}' moves farther than '{line.column.name}' while the needle is open, as a line's "
             "pressure does: most likely the two are exchanged, and are so here"
         )
         rail, line = line, rail
     result: dict[str, Chosen | None] = {}
-    for signal, each in zip(both, (rail, line), strict=True):
+    told = ("moves less", "moves with the lift") if _is_line(line, rail, moves) else ("", "")
+    for place, each in enumerate((rail, line)):
         others = [
             other
             for other in likely
-            if other not in (rail, line) and scores[signal][other] > scores[signal][each] - 2
+            if other not in (rail, line) and scores[other][place] > scores[each][place] - 2
         ]
-        told = ["moves less"] if signal == "rail_pressure" else ["moves with the lift"]
-        why = told if moves[line] > _FARTHER * moves[rail] else []
-        result[signal] = _pressure(signal, each, [each, *others], doubt, why)
-        doubt = doubt and f"see {both[0]}"
+        said = doubt and (f"see {_PRESSURES[0]}" if place else doubt)
+        result[_PRESSURES[place]] = _pressure(_PRESSURES[place], each, [each, *others], said, told[place])
     return result
 
 
-def _pressure(
-    signal: str, each: Candidate, likely: Sequence[Candidate], doubt: str, why: Sequence[str] = ()
-) -> Chosen:
+def _is_line(one: Candidate, other: Candidate, moves: Mapping[Candidate, float]) -> bool:
+    """Whether one moves so much farther than the other, as a line's pressure beside the rail's."""
+    return moves[one] > _FARTHER * moves[other]
+
+
+def _pressure(signal: str, each: Candidate, likely: Sequence[Candidate], doubt: str, why: str = "") -> Chosen:
     doubts = [doubt] if doubt else _name_doubts(signal, each, likely)
     factor = 1.0
     if float(np.nanmedian(each.values)) < 0.0:
@@ -197,9 +204,9 @@ def _name_doubts(signal: str, chosen: Candidate, likely: Sequence[Candidate]) ->
     return doubts
 
 
-def _reasons(signal: str, chosen: Candidate, behaviour: Sequence[str]) -> list[str]:
-    named = ["name"] if signal in chosen.named else []
-    return [*named, *(["unit"] if chosen.unit_of(signal) else []), *behaviour]
+def _reasons(signal: str, chosen: Candidate, behaviour: str) -> list[str]:
+    told = {"name": signal in chosen.named, "unit": bool(chosen.unit_of(signal)), behaviour: bool(behaviour)}
+    return [reason for reason, is_there in told.items() if is_there]
 
 
 def _unit(signal: str, candidate: Candidate, values: Values) -> tuple[str, list[str]]:

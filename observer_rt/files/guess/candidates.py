@@ -17,7 +17,7 @@ _VOLTS = ("v", "mv", "ma")  # of a sensor whose curve is to be stated
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class ColumnCandidate:
     """A column that holds numbers, or moments, which are seconds here. place: in the file, from 1."""
 
     column: Column
@@ -75,13 +75,13 @@ class Candidate:
         return 0.0 if found is None else found.rate(1.0)
 
 
-def candidates_of(columns: Sequence[Column]) -> list[Candidate]:
+def candidates_of(columns: Sequence[Column]) -> list[ColumnCandidate]:
     """The columns that can be something."""
     found = []
     for place, column in enumerate(columns, 1):
         values, is_calendar = _numbers(column)
         if values is not None and values.size > 2 and np.isfinite(values).any():
-            found.append(Candidate(column, place, values, is_calendar))
+            found.append(ColumnCandidate(column, place, values, is_calendar))
     return found
 
 

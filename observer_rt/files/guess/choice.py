@@ -14,7 +14,7 @@ from observer_rt.files.guess.behaviour import (
     time_units_possible,
     units_possible,
 )
-from observer_rt.files.guess.candidates import Candidate
+from observer_rt.files.guess.candidates import ColumnCandidate
 from observer_rt.files.guess.naming import RATE
 from observer_rt.files.signals.column import Values
 from observer_rt.files.signals.table import TIME
@@ -29,9 +29,9 @@ UNKNOWN = "..."  # a unit to be stated
 
 @dataclass(frozen=True)
 class Chosen:
-    """Candidate for a signal. why, doubt: in a few words; rate [Hz]: of a time."""
+    """ColumnCandidate for a signal. why, doubt: in a few words; rate [Hz]: of a time."""
 
-    candidate: Candidate
+    candidate: ColumnCandidate
     unit: str
     why: str
     doubt: str = ""
@@ -41,7 +41,7 @@ class Chosen:
     rate_doubt: str = ""
 
 
-def chosen_time(candidates: Sequence[Candidate]) -> Chosen | None:
+def chosen_time(candidates: Sequence[ColumnCandidate]) -> Chosen | None:
     """The column that goes on evenly, by its name where several do."""
     rising = [each for each in candidates if each.stamps is not None]
     named = [each for each in rising if TIME in each.named or each.is_calendar]
@@ -70,7 +70,7 @@ def chosen_time(candidates: Sequence[Candidate]) -> Chosen | None:
     )
 
 
-def _time_unit(candidate: Candidate) -> tuple[str, float, tuple[str, ...]]:
+def _time_unit(candidate: ColumnCandidate) -> tuple[str, float, tuple[str, ...]]:
     """Unit, the factor beside it, and the units possible where none is stated."""
     if _NANOSECONDS in (candidate.column.unit, candidate.column.name.rpartition("_")[2]):
         return "us", 1e-3, ()
@@ -82,7 +82,7 @@ def _time_unit(candidate: Candidate) -> tuple[str, float, tuple[str, ...]]:
     return (possible[0] if possible else ""), 1.0, possible
 
 
-def chosen_lift(candidates: Sequence[Candidate]) -> Chosen | None:
+def chosen_lift(candidates: Sequence[ColumnCandidate]) -> Chosen | None:
     """The column that rests and opens, by its name where several do."""
     scores = {
         each: each.score("needle_lift") + (2 if each.pulses else -1) - (3 if each.is_pressure else 0)
@@ -106,7 +106,7 @@ def chosen_lift(candidates: Sequence[Candidate]) -> Chosen | None:
     return Chosen(best, unit, why, "; ".join([*doubts, *unit_doubt]), factor, float(f"{offset:.6g}"))
 
 
-def chosen_pressures(candidates: Sequence[Candidate], lift: Chosen | None) -> dict[str, Chosen | None]:
+def chosen_pressures(candidates: Sequence[ColumnCandidate], lift: Chosen | None) -> dict[str, Chosen | None]:
     """Rail and line pressure: as they are named; what is not named, or moves otherwise, as it moves."""
     scores = {
         each: [each.score(signal) + (2 if each.is_pressure else -2) for signal in _PRESSURES]
@@ -125,7 +125,7 @@ def chosen_pressures(candidates: Sequence[Candidate], lift: Chosen | None) -> di
         }
     moves = _movements(likely, lift)
 
-    def score(pair: tuple[Candidate, Candidate]) -> int:
+    def score(pair: tuple[ColumnCandidate, ColumnCandidate]) -> int:
         rail, line = pair
         return (
             scores[rail][0]
@@ -154,12 +154,14 @@ def chosen_pressures(candidates: Sequence[Candidate], lift: Chosen | None) -> di
     return result
 
 
-def _is_line(one: Candidate, other: Candidate, moves: Mapping[Candidate, float]) -> bool:
+def _is_line(one: ColumnCandidate, other: ColumnCandidate, moves: Mapping[ColumnCandidate, float]) -> bool:
     """Whether one moves so much farther than the other, as a line's pressure beside the rail's."""
     return moves[one] > _FARTHER * moves[other]
 
 
-def _pressure(signal: str, each: Candidate, likely: Sequence[Candidate], doubt: str, why: str = "") -> Chosen:
+def _pressure(
+    signal: str, each: ColumnCandidate, likely: Sequence[ColumnCandidate], doubt: str, why: str = ""
+) -> Chosen:
     doubts = [doubt] if doubt else _name_doubts(signal, each, likely)
     factor = 1.0
     if float(np.nanmedian(each.values)) < 0.0:
@@ -173,13 +175,13 @@ def _pressure(signal: str, each: Candidate, likely: Sequence[Candidate], doubt: 
     )
 
 
-def chosen_rate(candidates: Sequence[Candidate]) -> Chosen | None:
+def chosen_rate(candidates: Sequence[ColumnCandidate]) -> Chosen | None:
     """A measured injection rate: only by name and unit."""
     found = [each for each in candidates if RATE in each.named and each.unit_of(RATE)]
     return Chosen(found[0], found[0].unit_of(RATE), "name, unit") if len(found) == 1 else None
 
 
-def _movements(pressures: Sequence[Candidate], lift: Chosen | None) -> dict[Candidate, float]:
+def _movements(pressures: Sequence[ColumnCandidate], lift: Chosen | None) -> dict[ColumnCandidate, float]:
     """How far each moves while the needle is open; NaN where that is not known."""
     pulses: Pulses | None = lift.candidate.pulses if lift is not None else None
     if lift is None or pulses is None:
@@ -192,24 +194,24 @@ def _movements(pressures: Sequence[Candidate], lift: Chosen | None) -> dict[Cand
     }
 
 
-def _middle(candidate: Candidate) -> float:
+def _middle(candidate: ColumnCandidate) -> float:
     """Both pressures rest at the same, whatever their units."""
     return abs(float(np.nanmedian(candidate.values))) or 1.0
 
 
-def _name_doubts(signal: str, chosen: Candidate, likely: Sequence[Candidate]) -> list[str]:
+def _name_doubts(signal: str, chosen: ColumnCandidate, likely: Sequence[ColumnCandidate]) -> list[str]:
     doubts = [] if signal in chosen.named else ["its name does not say so"]
     if others := [each.column.name for each in likely if each is not chosen][:3]:
         doubts.append(f"could be {', '.join(others)}, too")
     return doubts
 
 
-def _reasons(signal: str, chosen: Candidate, behaviour: str) -> list[str]:
+def _reasons(signal: str, chosen: ColumnCandidate, behaviour: str) -> list[str]:
     told = {"name": signal in chosen.named, "unit": bool(chosen.unit_of(signal)), behaviour: bool(behaviour)}
     return [reason for reason, is_there in told.items() if is_there]
 
 
-def _unit(signal: str, candidate: Candidate, values: Values) -> tuple[str, list[str]]:
+def _unit(signal: str, candidate: ColumnCandidate, values: Values) -> tuple[str, list[str]]:
     """Unit of a signal, and what is doubtful about it."""
     possible = units_possible(signal, values)
     stated = candidate.unit_of(signal)

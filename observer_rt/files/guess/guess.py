@@ -9,7 +9,7 @@ import numpy as np
 
 from observer_rt.config.injector import RecordingConfig
 from observer_rt.files.guess.behaviour import RATES
-from observer_rt.files.guess.candidates import Candidate, candidates_of
+from observer_rt.files.guess.candidates import ColumnCandidate, candidates_of
 from observer_rt.files.guess.choice import (
     UNKNOWN,
     Chosen,
@@ -143,7 +143,7 @@ def guess_of(place: str, columns: Sequence[Column]) -> Guess:
     return Guess(place, guessed, missing, rate, doubt, others)
 
 
-def _guessed(chosen: Mapping[str, Chosen], found: Sequence[Candidate]) -> Iterator[GuessedColumn]:
+def _guessed(chosen: Mapping[str, Chosen], found: Sequence[ColumnCandidate]) -> Iterator[GuessedColumn]:
     """Columns by their names, all by their places where one has none."""
     are_named = all(one.candidate.column.name for one in chosen.values())
     for signal in (TIME, *NEEDED, RATE):
@@ -159,7 +159,7 @@ def _can_be_read(rate: float) -> bool:
     return not rate or lowest <= rate <= highest
 
 
-def _is_shared(candidate: Candidate, others: Sequence[Candidate]) -> bool:
+def _is_shared(candidate: ColumnCandidate, others: Sequence[ColumnCandidate]) -> bool:
     return sum(other.column.name == candidate.column.name for other in others) > 1
 
 

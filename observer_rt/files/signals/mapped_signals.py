@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.files.signals.pacing import Pace, stamps_of
+from observer_rt.files.signals.pacing import StampPace, stamps_of
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
@@ -246,7 +246,7 @@ class MappedSignals(TableSignals):
     def _parts(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis in SI units, read anew; rounded stamps by the stated rate."""
         rounding = self._rounding.get(raster)
-        pace = None if rounding is None else Pace(self.rate, rounding)
+        pace = None if rounding is None else StampPace(self.rate, rounding)
         for part in super()._parts(raster):
             yield part if pace is None else TablePart(pace.take(part.time), part.signals)
 
@@ -255,7 +255,7 @@ class MappedSignals(TableSignals):
         rows, disordered = axis.rows, axis.disordered
         if disordered <= MOST_DISORDERED * rows and (axis.is_on_grid or self._table.config.rate_hz is None):
             return axis
-        pace = Pace(self.rate, axis.period)
+        pace = StampPace(self.rate, axis.period)
         for part in self._parts(raster):
             pace.take(part.time)
         if pace.agrees:

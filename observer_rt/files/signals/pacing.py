@@ -14,7 +14,7 @@ _REPEATED = 0.1  # of the steps, beyond which stamps are rounded
 _BACK, _GAPS = 0.01, 0.1  # of the steps, that may step back, and be gaps
 
 
-class Pace:
+class StampPace:
     """Takes rounded stamps [s] in order. rate: stated [Hz]; rounding: step from one stamp to another [s]."""
 
     def __init__(self, rate: float, rounding: float) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.files.formats import open_recording
-from observer_rt.files.signals.pacing import Pace, stamps_of
+from observer_rt.files.signals.pacing import StampPace, stamps_of
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream
 from observer_rt.foundation.errors import UserError
 from tests.files.signals.foreign import COLUMNS, RATE, bench, signals
@@ -86,8 +86,8 @@ def test_without_time_and_rate_the_line_to_write_is_named(tmp_path: Path) -> Non
 
 def test_a_pace_is_the_same_however_it_is_cut() -> None:
     stamps = np.floor(np.delete(np.arange(5000), range(2000, 2400)) / RATE / 1e-3) * 1e-3
-    whole = Pace(RATE, 1e-3).take(stamps)
-    cut = Pace(RATE, 1e-3)
+    whole = StampPace(RATE, 1e-3).take(stamps)
+    cut = StampPace(RATE, 1e-3)
     parts = [cut.take(part) for part in np.split(stamps, [1, 2, 700, 2000, 2001])]
     np.testing.assert_array_equal(np.concatenate(parts), whole)
     assert cut.agrees

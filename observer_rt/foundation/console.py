@@ -9,6 +9,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal, TextIO, cast
 
@@ -72,7 +73,7 @@ _bars = _Bars()
 
 def _drawn_on(console: Console) -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    is_seen = console.is_terminal or console.is_jupyter
+    is_seen = console.is_terminal or (console.is_jupyter and find_spec("ipywidgets") is not None)
     return Progress(*columns, console=console, transient=True, disable=not is_seen)
 
 

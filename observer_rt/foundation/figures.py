@@ -26,7 +26,17 @@ LOOK = {
     "axes.axisbelow": True,
 }
 _SVG = {"svg.fonttype": "none", "svg.hashsalt": "observer_rt", "path.simplify_threshold": 0.3}
+_SHOWN_DPI = 80
 _NO_METADATA = dict.fromkeys(("Date", "Creator", "Type", "Format"))
+
+
+class NotebookFigure(Figure):
+    """A figure that notebooks show, whether or not pyplot is in use."""
+
+    def _repr_png_(self) -> bytes:
+        picture = io.BytesIO()
+        self.savefig(picture, format="png", dpi=_SHOWN_DPI)
+        return picture.getvalue()
 
 
 @contextmanager

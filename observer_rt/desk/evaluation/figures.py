@@ -17,6 +17,7 @@ from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.foundation.figures import NotebookFigure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
@@ -172,7 +173,7 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())
     has_wear = any(row.wear for one in recordings for row in one.masses)
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
-    figure = Figure(
+    figure = NotebookFigure(
         figsize=(max(8.8, 4.1 * columns), rows * (3.4 + 2.2 * has_line) + 2.9 + 2.6 * has_wear + 0.8),
         layout="constrained",
     )

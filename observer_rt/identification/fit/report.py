@@ -13,7 +13,7 @@ from rich.console import Console
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.console import plain_table, say
-from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, save_figure
+from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.fit.calibrate import GATE, TOLERATED, Calibrated, FlowLevel, judged_by
 from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples, spread
@@ -224,7 +224,7 @@ def fit_figure(done: Calibrated) -> Figure:
     overlays = spread(done.comparison.overlays, _MOST)
     rows = -(-len(overlays) // _COLUMNS)
     with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(12.0, 2.9 * rows + 3.6), layout="constrained")
+        figure = NotebookFigure(figsize=(12.0, 2.9 * rows + 3.6), layout="constrained")
         grid = figure.add_gridspec(rows + 1, _COLUMNS, height_ratios=[1.0] * rows + [1.15])
         for number, overlay in enumerate(overlays):
             axes = figure.add_subplot(grid[number // _COLUMNS, number % _COLUMNS])

@@ -19,7 +19,13 @@ from observer_rt.engine.estimation.gating import Belief, GatedBelief, best_subse
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.fallback import Rehearsed
-from observer_rt.engine.learning.interval import Resimulated, rate_sigma, resimulated, volume_interval
+from observer_rt.engine.learning.interval import (
+    Resimulated,
+    rate_sigma,
+    resimulated,
+    volume_budget,
+    volume_interval,
+)
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import (
     FLOW_KNOWN,
@@ -189,6 +195,7 @@ def _by_event(
         report=report,
         rate_rmse=math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2))),
         rate_ci95_halfwidth=1.96 * float(np.mean(sigma[rate != 0.0])) if rate.any() else math.nan,
+        budget=volume_budget(again, window),
     ), replace(curves, estimated=rate, sigma=sigma)
 
 
@@ -205,7 +212,6 @@ def _report_by(report: InjectionReport, again: Resimulated, window: slice, passe
     )
     if not passed or not set(report.reasons) <= _LIFTED:
         return report
-    gradient = np.trapezoid(again.run.slopes[window], axis=0) * again.interval
-    is_known = math.sqrt(max(float(gradient @ again.covariance @ gradient), 0.0)) <= FLOW_KNOWN * volume
+    is_known = volume_budget(again, window).parameters <= FLOW_KNOWN * volume
     reason = Reason.NONE if is_known else Reason.OUTSIDE_LEARNED_RANGE
     return replace(report, valid=is_known, reason=reason, further=(), state=State.ADAPTED)

@@ -16,10 +16,11 @@ from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN, InjectionResult, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.library.units import with_units
+from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.engine.stream.state import State
-from observer_rt.foundation.units import MM3_PER_MS
+from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
 
@@ -56,6 +57,25 @@ class EvaluationResult:
         c = self._coefficients
         rows = [_row(one, result, c) for one in self.evaluations for result in one.injections]
         columns = [RECORDING, *columns_of(RESULT_FIELDS, Output.PARQUET), _BOUND.name]
+        return with_units(pd.DataFrame(rows, columns=columns))
+
+    @cached_property
+    def budget(self) -> pd.DataFrame:
+        """Uncertainty of the masses [mg, one sigma] by what makes it, of injections that were looked at twice."""
+        rows = [
+            {
+                RECORDING: _name(one),
+                "number": result.report.number,
+                **{
+                    f"by_{part}_mg": sigma * result.report.density / MILLIGRAM
+                    for part, sigma in result.budget._asdict().items()
+                },
+            }
+            for one in self.evaluations
+            for result in one.injections
+            if result.budget is not None
+        ]
+        columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
         return with_units(pd.DataFrame(rows, columns=columns))
 
     @cached_property
@@ -109,10 +129,14 @@ class EvaluationResult:
         )
 
 
+def _name(one: Evaluation) -> str:
+    return one.path.name if one.path is not None else ""
+
+
 def _row(one: Evaluation, result: InjectionResult, c: Coefficients) -> dict[str, Any]:
     bound = _BOUND.of(result, c)
     return {
-        RECORDING: one.path.name if one.path is not None else "",
+        RECORDING: _name(one),
         **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
         _BOUND.name: bound,
     }
@@ -123,9 +147,7 @@ def _samples(one: Evaluation) -> pd.DataFrame:
     states = pd.Categorical.from_codes(trace.state, [state.name for state in State])
     return pd.DataFrame(
         {
-            RECORDING: pd.Categorical.from_codes(
-                np.zeros(one.time.size, int), [one.path.name if one.path is not None else ""]
-            ),
+            RECORDING: pd.Categorical.from_codes(np.zeros(one.time.size, int), [_name(one)]),
             "time_s": one.time,
             "injection_rate_mm3_per_ms": trace.injection_rate / MM3_PER_MS,
             "injection_rate_sigma_mm3_per_ms": trace.injection_rate_sigma / MM3_PER_MS,

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,18 @@ class Resimulated:
     systematic: float = 0.0
 
 
+class VolumeBudget(NamedTuple):
+    """Standard deviations of a volume [m3] by what makes it uncertain.
+
+    parameters: what was learned is known so well only; inputs: noise of the signals; model: what the model gets wrong
+    of a healthy injector, and away from where it was learned.
+    """
+
+    parameters: float
+    inputs: float
+    model: float
+
+
 def resimulated(
     window: Window,
     setting: Setting,
@@ -54,13 +67,19 @@ def volume_interval(event: Resimulated, window: slice, published: float) -> tupl
     It is that of the re-simulated volume; one published that was not known so well, nan: none was, is at its end.
     """
     volume = _volume(event, window)
-    gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
-    by_parameters = float(gradient @ event.covariance @ gradient)
-    by_inputs = float(event.by_inputs.volume[window][-1])
-    by_model = (event.systematic * volume) ** 2
-    sigma = float(np.sqrt(by_parameters + by_inputs + by_model))
+    sigma = math.hypot(*volume_budget(event, window))
     low, high = volume - 1.96 * sigma, volume + 1.96 * sigma
     return (low, high) if math.isnan(published) else (min(low, published), max(high, published))
+
+
+def volume_budget(event: Resimulated, window: slice) -> VolumeBudget:
+    """Budget of the uncertainty of the volume injected in a window of the event."""
+    gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
+    return VolumeBudget(
+        math.sqrt(max(float(gradient @ event.covariance @ gradient), 0.0)),
+        math.sqrt(float(event.by_inputs.volume[window][-1])),
+        event.systematic * _volume(event, window),
+    )
 
 
 def is_revised(event: Resimulated, window: slice, volume: float) -> bool:

@@ -29,7 +29,8 @@ def worn() -> tuple[Recording, pd.DataFrame]:
 
 @pytest.fixture(scope="module")
 def result(worn: tuple[Recording, pd.DataFrame]) -> ort.EvaluationResult:
-    return ort.Injector.load().evaluate(worn[0])
+    """As the daemon would have it live."""
+    return ort.Injector.load().evaluate(worn[0], twice=False)
 
 
 def true_masses(truth: pd.DataFrame, injections: pd.DataFrame) -> list[float]:
@@ -89,8 +90,20 @@ def test_every_form_of_a_recording_gives_the_same_masses(
         "text": str(path),
         "list": [path],
     }[form]
-    found = ort.Injector.load().evaluate(given)
+    found = ort.Injector.load().evaluate(given, twice=False)
     np.testing.assert_allclose(found.injections.mass_mg, result.injections.mass_mg, rtol=1e-6)
+
+
+def test_two_looks_are_the_default_and_have_a_budget(worn: tuple[Recording, pd.DataFrame]) -> None:
+    found = ort.Injector.load().evaluate(worn[0])
+    table, budget = found.injections, found.budget
+    assert table.valid.all()
+    np.testing.assert_allclose(table.mass_mg, true_masses(worn[1], table), rtol=6e-3)
+    assert (
+        abs(table.mass_mg - true_masses(worn[1], table)) < table.mass_bound_mg
+    ).sum() >= 4  # they err alike
+    total = np.sqrt((budget[["by_parameters_mg", "by_inputs_mg", "by_model_mg"]] ** 2).sum(axis=1))
+    np.testing.assert_allclose(table.mass_bound_mg, 1.96 * total, rtol=1e-3)
 
 
 def test_units_end_the_names_and_lead_to_si(result: ort.EvaluationResult) -> None:
@@ -124,7 +137,7 @@ def test_learned_state_goes_on(
 ) -> None:
     path = tmp_path / "learned.state"
     result.save_state(path)
-    again = ort.Injector.load().evaluate(worn[0], state=path)
+    again = ort.Injector.load().evaluate(worn[0], state=path, twice=False)
     assert again.injections.valid.sum() > result.injections.valid.sum()
     with pytest.raises(ort.UserError, match="no such file"):
         ort.Injector.load().evaluate(worn[0], state=tmp_path / "other.state")
@@ -132,7 +145,9 @@ def test_learned_state_goes_on(
 
 def test_chained_recordings_are_one_history(worn: tuple[Recording, pd.DataFrame]) -> None:
     injector, recording = ort.Injector.load(), worn[0]
-    apart, chained = (injector.evaluate([recording, recording], chain=chain) for chain in (False, True))
+    apart, chained = (
+        injector.evaluate([recording, recording], chain=chain, twice=False) for chain in (False, True)
+    )
     assert list(apart.injections.recording.unique()) == ["recording 1", "recording 2"]
     assert chained.valid_share > apart.valid_share
 

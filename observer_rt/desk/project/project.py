@@ -1,0 +1,139 @@
+"""The folder of a project: `project.toml`, the files it names, and what was made of them as they are now."""
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from observer_rt import __version__
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
+from observer_rt.config.toml_file import Section, place_in, read_toml, validated
+from observer_rt.files.signals.recording import TRUTH_SUFFIX
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors, file_hash
+
+PROJECT, MODEL, RESULTS, DONE = "project.toml", "injector.toml", "results", "done.json"
+_NEW = """\
+# The work on one injector: paths are from this folder, `*` stands for any name.
+model = "{model}"          # injector file to begin with: geometry right, the rest within a factor of two
+healthy = ["healthy/*"]          # recordings of the healthy injector: the model is fitted to them
+recordings = ["recordings/*"]    # to be evaluated, and searched for what is missing
+# bench = "bench.toml"           # [recording] and [signals], where recordings have a layout of their own
+# masses = "masses.csv"          # measured masses, for the fit: recording,mass_mg[,injection][,sigma_mg]
+"""
+
+
+class ProjectConfig(Section):
+    """Content of `project.toml`; paths are relative to its folder."""
+
+    model: str
+    healthy: tuple[str, ...] = ()
+    recordings: tuple[str, ...] = ()
+    bench: str | None = None
+    masses: str | None = None
+
+
+@dataclass(frozen=True)
+class Project:
+    """A project's folder and what its file says."""
+
+    folder: Path
+    config: ProjectConfig
+
+    @classmethod
+    def new(cls, folder: Path, model: Path | None) -> Self:
+        """Make the folder of a project, with a copy of an injector file; None: the nominal injector.
+
+        Raises `UserError` for a folder that has a project, or cannot be made, and for a model that does not load.
+        """
+        start = model or NOMINAL_INJECTOR
+        load_injector(start)
+        if (folder / PROJECT).exists():
+            raise UserError(str(folder / PROJECT), "is there already", "name another folder")
+        with file_errors(folder):
+            for below in (folder, folder / "healthy", folder / "recordings"):
+                below.mkdir(parents=True, exist_ok=True)
+            (folder / MODEL).write_text(start.read_text(encoding="utf-8"), encoding="utf-8")
+            (folder / PROJECT).write_text(_NEW.format(model=MODEL), encoding="utf-8")
+        return cls.read(folder)
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read the project of a folder. Raises `UserError` for one without, and for mistakes in its file."""
+        path = folder / PROJECT
+        if not path.exists():
+            raise UserError(
+                str(path), "is not there", f"make a project by `observer-rt project new {folder}`, or name its folder"
+            )
+        return cls(folder, validated(ProjectConfig, read_toml(path), place_in(path), "project"))
+
+    @property
+    def model(self) -> Path:
+        """The injector file to begin with."""
+        return self.folder / self.config.model
+
+    @property
+    def bench(self) -> Path | None:
+        """The bench file, where there is one."""
+        return self.folder / self.config.bench if self.config.bench else None
+
+    @property
+    def masses(self) -> Path | None:
+        """Measured masses, where there are any."""
+        return self.folder / self.config.masses if self.config.masses else None
+
+    @property
+    def healthy(self) -> list[Path]:
+        """Recordings of the healthy injector."""
+        return self._files(self.config.healthy)
+
+    @property
+    def recordings(self) -> list[Path]:
+        """Recordings to be evaluated. Raises `UserError` where there is none."""
+        found = self._files(self.config.recordings)
+        if not found:
+            named = ", ".join(self.config.recordings) or "nothing"
+            raise UserError(
+                f"{self.folder / PROJECT}: recordings", f"{named} matches no file", "put recordings there, or name them"
+            )
+        return found
+
+    @property
+    def results(self) -> Path:
+        """The folder of what was made; it is there."""
+        with file_errors(self.folder / RESULTS):
+            (self.folder / RESULTS).mkdir(exist_ok=True)
+        return self.folder / RESULTS
+
+    def _files(self, patterns: Iterable[str]) -> list[Path]:
+        found = {path for pattern in patterns for path in self.folder.glob(pattern) if path.is_file()}
+        return sorted(path for path in found if not path.name.endswith(TRUTH_SUFFIX))
+
+    def state_of(self, files: Iterable[Path | None]) -> str:
+        """Digest of files as they are now, of this version of the program."""
+        digest = hashlib.sha256(__version__.encode())
+        for path in files:
+            if path is not None:
+                with file_errors(path):
+                    digest.update(f"{path.relative_to(self.folder)} {file_hash(path)}\n".encode())
+        return digest.hexdigest()
+
+    def is_done(self, step: str, state: str, made: Path) -> bool:
+        """Whether a step was done with files in this state, and what it made is still there."""
+        return made.exists() and self._done.get(step) == state
+
+    def set_done(self, step: str, state: str) -> None:
+        """Note that a step was done."""
+        with file_errors(self.results / DONE):
+            (self.results / DONE).write_text(json.dumps({**self._done, step: state}, indent=2), encoding="utf-8")
+
+    @property
+    def _done(self) -> dict[str, str]:
+        path = self.results / DONE
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return found if isinstance(found, dict) else {}

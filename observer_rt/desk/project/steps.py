@@ -1,0 +1,96 @@
+"""Steps of a project: fit, evaluate, discover, report; each does first what it rests on, and nothing twice."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from observer_rt.desk.library.injector import Injector
+from observer_rt.desk.project.project import Project
+from observer_rt.desk.project.report import FIT, INJECTIONS, BUDGET, ANSWER, DISCOVERY, EVALUATION_FIGURE, FIT_FIGURE, REPORT, write_page
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_errors
+
+FITTED = "fitted.toml"
+_DPI = 110
+Say = Callable[[str], None]
+
+
+def fit(project: Project, say: Say) -> Path:
+    """Fit the model to the healthy recordings; the fitted injector file, or the model as given where there is none.
+
+    say: takes what was done, a line each.
+    """
+    healthy = project.healthy
+    if not healthy:
+        say(f"fit: no healthy recordings; {project.model} is used as it is")
+        return project.model
+    fitted = project.results / FITTED
+    state = project.state_of([project.model, project.bench, project.masses, *healthy])
+    if project.is_done("fit", state, fitted):
+        say(f"fit: {fitted} is up to date")
+        return fitted
+    injector = Injector.load(project.model, project.bench).fit(list(healthy), masses=project.masses)
+    result = injector.calibration
+    assert result is not None  # of what was fitted
+    with file_errors(project.results):
+        injector.save(fitted)
+        (project.results / FIT).write_text(json.dumps(result.document.as_json(), indent=2), encoding="utf-8")
+        result.plot().savefig(project.results / FIT_FIGURE, dpi=_DPI)
+    project.set_done("fit", state)
+    say(f"fit: {fitted}: {result.verdict}")
+    return fitted
+
+
+def evaluate(project: Project, say: Say) -> Path:
+    """Evaluate the recordings with the fitted model, looked at twice; the table of injections."""
+    model, recordings = fit(project, say), project.recordings
+    table = project.results / INJECTIONS
+    state = project.state_of([model, project.bench, *recordings])
+    if project.is_done("evaluate", state, table):
+        say(f"evaluate: {table} is up to date")
+        return table
+    result = Injector.load(model, project.bench).evaluate(list(recordings))
+    with file_errors(project.results):
+        result.injections.to_csv(table, index=False)
+        result.budget.to_csv(project.results / BUDGET, index=False)
+        result.plot().savefig(project.results / EVALUATION_FIGURE, dpi=_DPI)
+    project.set_done("evaluate", state)
+    count = len(result.injections)
+    say(f"evaluate: {table}: {count} injections, {int(result.injections.valid.sum())} valid")
+    return table
+
+
+def discover(project: Project, say: Say) -> Path:
+    """Search the recordings for what the fitted model is missing; the page of the answer."""
+    model, recordings = fit(project, say), project.recordings
+    page = project.results / DISCOVERY / REPORT
+    state = project.state_of([model, project.bench, *recordings])
+    if project.is_done("discover", state, page):
+        say(f"discover: {page} is up to date")
+        return page
+    found = Injector.load(model, project.bench).discover(list(recordings))
+    found.report(project.results / DISCOVERY)
+    with file_errors(project.results):
+        (project.results / ANSWER).write_text(f"{found!r}\n", encoding="utf-8")
+    project.set_done("discover", state)
+    say(f"discover: {page}: {repr(found).splitlines()[0]}")
+    return page
+
+
+def report(project: Project, say: Say) -> Path:
+    """Do all that is not up to date, and write the page."""
+    for step in (evaluate, discover):
+        step(project, say)
+    page = write_page(project)
+    say(f"report: {page}")
+    return page
+
+
+STEPS = {"fit": fit, "evaluate": evaluate, "discover": discover, "report": report}
+
+
+def do(step: str, project: Project, say: Say) -> Path:
+    """Do a step by its name. Raises `UserError` for a name that is none."""
+    if step not in STEPS:
+        raise UserError(step, "is no step", f"give one of {', '.join(STEPS)}")
+    return STEPS[step](project, say)

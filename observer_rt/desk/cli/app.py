@@ -16,6 +16,7 @@ from observer_rt.desk.cli.logs import convert, record, replay
 from observer_rt.desk.cli.models import compare, discover, effects, fit
 from observer_rt.desk.cli.offline import evaluate, reproduce, simulate
 from observer_rt.desk.cli.options import messages
+from observer_rt.desk.cli.project import project
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError
 
@@ -153,6 +154,7 @@ for _heading, _commands in {
         (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
         (export, "--c ecu --fmu rig --model injector.toml --state learned.json"),
         (reproduce, "--out reproduced"),
+        (project, "report my_injector"),
     ),
     "Discovery": (
         (discover, "--model injector.toml --out found --plan worn_1.csv worn_2.csv"),

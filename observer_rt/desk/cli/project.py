@@ -22,7 +22,8 @@ class ProjectStep(StrEnum):
 
 def project(
     step: Annotated[
-        ProjectStep, argument("new, or a step; each does first what it rests on.", "new|fit|evaluate|discover|report")
+        ProjectStep,
+        argument("new, or a step; each does first what it rests on.", "new|fit|evaluate|discover|report"),
     ],
     folder: Annotated[Path, argument("Folder of the project.", "DIR")],
     model: Annotated[
@@ -30,13 +31,16 @@ def project(
         file_option("--model", "With new: injector file to begin with (default: the nominal injector)."),
     ] = None,
 ) -> None:
-    """Keep the work on an injector in a folder: files, fit, evaluation, discovery, report; redone where a file changed."""
+    """Keep the work on an injector in a folder: fit, evaluation, discovery, report; redone where a file changed."""
     from observer_rt.desk.project.project import PROJECT, Project
     from observer_rt.desk.project.steps import do
 
     if step is ProjectStep.NEW:
         made = Project.new(folder, model)
-        say(results(), f"{made.folder / PROJECT}: put recordings into {folder}/healthy and {folder}/recordings")
+        say(
+            results(),
+            f"{made.folder / PROJECT}: put recordings into {folder}/healthy and {folder}/recordings",
+        )
         return
     if model is not None:
         raise UserError("--model", "is for a new project", f"name it in {folder / PROJECT}")

@@ -12,13 +12,16 @@ import pandas as pd
 from rich.console import Console
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
+from observer_rt.config.injector import RecordingConfig
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.library.notes import noted
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.signal_survey import refuse_implausible
-from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.recording import SIGNALS, Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
-from observer_rt.files.signals.table_writers import PRINTED, SI
+from observer_rt.files.signals.table_writers import PRINTED
+from observer_rt.files.tables import signals_of
+from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
 
@@ -33,8 +36,8 @@ def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Reco
     Parameters
     ----------
     given : path, DataFrame, mapping of arrays, or Recording
-        A file in any format that is read; or columns with the names of `to_frame` and their units, or those of a
-        `Recording` in SI units.
+        A file in any format that is read. Columns are found by names, units and values, such as those of `to_frame`;
+        named as the arrays of a `Recording` they are in SI units.
     bench : path, optional
         Bench file whose `[recording]` describes the columns.
 
@@ -78,22 +81,6 @@ def to_frame(recording: Recording) -> pd.DataFrame:
     return with_units(pd.DataFrame(columns))
 
 
-def recording_of_table(given: pd.DataFrame | Mapping[str, Any], bench: Bench, name: str) -> Recording:
-    """Recording of columns by name."""
-    known = {c.header: (c.channel, c.factor) for c in PRINTED} | {c.channel: (c.channel, 1.0) for c in SI}
-    arrays: dict[str, Any] = {
-        known[column][0]: np.asarray(given[column], float) * known[column][1]
-        for column in given
-        if column in known
-    }
-    missing = {"time", "rail_pressure", "needle_lift", "line_pressure"} - arrays.keys()
-    if missing:
-        raise UserError(
-            name, f"has no column for {', '.join(sorted(missing))}", "name them as to_frame() does"
-        )
-    return Recording(**arrays)
-
-
 def sources_of(given: Recordings, bench: Bench, console: Console) -> list[SignalStream]:
     """Recordings looked through, files by the bench's `[recording]`; those in memory are named by their number.
 
@@ -122,7 +109,7 @@ def _source(given: RecordingLike, number: int, bench: Bench, console: Console) -
         case Recording():
             return _held(given, number)
         case pd.DataFrame() | Mapping():
-            return _held(recording_of_table(given, bench, f"recording {number}"), number)
+            return _of_table(given, bench.injector.config.recording, f"recording {number}", console)
     raise TypeError(
         f"recording {number}: {type(given).__name__} is none; give a path, a DataFrame, a mapping of arrays or a "
         "Recording"
@@ -137,13 +124,27 @@ def _held(recording: Recording, number: int) -> HeldSignals:
     return held
 
 
+def _of_table(
+    given: pd.DataFrame | Mapping[str, Any], layout: RecordingConfig | None, name: str, console: Console
+) -> SignalStream:
+    """Columns by a layout; without one those of a `Recording` in SI units, else what names, units and values say."""
+    if layout is None and {"time", *SIGNALS[:3]} <= set(given) <= {"time", *SIGNALS}:
+        arrays: dict[str, Any] = {str(column): np.asarray(given[column], float) for column in given}
+        return _held(Recording(**arrays, path=Path(name)), 0)
+    stream = signals_of(given, layout, name)
+    refuse_implausible(stream.path, stream.survey, stream.names)
+    for note in stream.notes:
+        say(console, note)
+    return stream
+
+
 def digests(sources: Sequence[SignalStream]) -> dict[str, str]:
     """SHA-256 by name: of files, or of the values of recordings in memory."""
     return {str(source.path): _digest(source) for source in sources}
 
 
 def _digest(source: SignalStream) -> str:
-    if not isinstance(source, HeldSignals) and source.path is not None:
+    if source.path is not None and source.path.is_file():
         return file_hash(source.path)
     digest = hashlib.sha256()
     for values in source.collected().arrays.values():

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +66,9 @@ class Project:
         path = folder / PROJECT
         if not path.exists():
             raise UserError(
-                str(path), "is not there", f"make a project by `observer-rt project new {folder}`, or name its folder"
+                str(path),
+                "is not there",
+                f"make a project by `observer-rt project new {folder}`, or name its folder",
             )
         return cls(folder, validated(ProjectConfig, read_toml(path), place_in(path), "project"))
 
@@ -96,7 +99,9 @@ class Project:
         if not found:
             named = ", ".join(self.config.recordings) or "nothing"
             raise UserError(
-                f"{self.folder / PROJECT}: recordings", f"{named} matches no file", "put recordings there, or name them"
+                f"{self.folder / PROJECT}: recordings",
+                f"{named} matches no file",
+                "put recordings there, or name them",
             )
         return found
 
@@ -117,7 +122,8 @@ class Project:
         for path in files:
             if path is not None:
                 with file_errors(path):
-                    digest.update(f"{path.relative_to(self.folder)} {file_hash(path)}\n".encode())
+                    name = os.path.relpath(path, self.folder)
+                    digest.update(f"{name} {file_hash(path)}\n".encode())
         return digest.hexdigest()
 
     def is_done(self, step: str, state: str, made: Path) -> bool:
@@ -127,7 +133,9 @@ class Project:
     def set_done(self, step: str, state: str) -> None:
         """Note that a step was done."""
         with file_errors(self.results / DONE):
-            (self.results / DONE).write_text(json.dumps({**self._done, step: state}, indent=2), encoding="utf-8")
+            (self.results / DONE).write_text(
+                json.dumps({**self._done, step: state}, indent=2), encoding="utf-8"
+            )
 
     @property
     def _done(self) -> dict[str, str]:

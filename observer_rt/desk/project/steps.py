@@ -6,7 +6,17 @@ from pathlib import Path
 
 from observer_rt.desk.library.injector import Injector
 from observer_rt.desk.project.project import Project
-from observer_rt.desk.project.report import FIT, INJECTIONS, BUDGET, ANSWER, DISCOVERY, EVALUATION_FIGURE, FIT_FIGURE, REPORT, write_page
+from observer_rt.desk.project.report import (
+    ANSWER,
+    BUDGET,
+    DISCOVERY,
+    EVALUATION_FIGURE,
+    FIT,
+    FIT_FIGURE,
+    INJECTIONS,
+    REPORT,
+    write_page,
+)
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 

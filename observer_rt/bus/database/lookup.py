@@ -15,6 +15,8 @@ from observer_rt.foundation.errors import UserError, nearest
 from observer_rt.foundation.units import factor_of
 
 NANOSECONDS_PER_MILLISECOND = 1_000_000
+USUAL_INDEX = "SampleIndex"  # where the bench file names none
+INDEX_BITS = 32
 NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
 IN_CONTAINERS = (
     "places in a container change from frame to frame, which is not decoded: have the PDU sent in a frame of its own "

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import STANDARD_MASK, frame_key
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
 from observer_rt.bus.database.codec import FLOAT16, FLOAT32, FLOAT64
-from observer_rt.bus.database.lookup import MessageLayout, from_unit, signal_names
+from observer_rt.bus.database.lookup import INDEX_BITS, MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping.input_tables import (
     INPUT_GROUP,
     ROLES,
@@ -38,7 +38,7 @@ from observer_rt.bus.mapping.output_messages import (
     rate_message,
 )
 from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
-from observer_rt.bus.mapping.timing import INDEX_BITS, Following, following, map_timing, number_signal
+from observer_rt.bus.mapping.timing import Following, following, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import decode_signals, encode_signals
@@ -405,4 +405,5 @@ def _step(signal: np.void, value: float) -> float:
     raw = np.clip(
         (value - float(signal["offset"])) / float(signal["scale"]), signal["lowest"], signal["highest"]
     )
-    return scale * abs(float(np.spacing(np.asarray(raw, _FLOAT_TYPES[kind]))))
+    with np.errstate(over="ignore"):  # nothing lies beyond the largest number
+        return scale * abs(float(np.spacing(np.asarray(raw, _FLOAT_TYPES[kind]))))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
 from observer_rt.bus.database.codec import signal_table
 from observer_rt.bus.database.lookup import (
+    USUAL_INDEX,
     MessageLayout,
     find_signal,
     from_unit,
@@ -37,7 +38,7 @@ from observer_rt.bus.mapping.input_tables import (
     sample_groups,
 )
 from observer_rt.bus.mapping.output_messages import protected_layout
-from observer_rt.bus.mapping.timing import USUAL_INDEX, Joining, Numbering, index_signal, time_on_bus
+from observer_rt.bus.mapping.timing import Joining, Numbering, index_signal, time_on_bus
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.signals import (

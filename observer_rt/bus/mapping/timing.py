@@ -12,7 +12,7 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.e2e import UNPROTECTED
-from observer_rt.bus.database.lookup import MessageLayout, find_signal
+from observer_rt.bus.database.lookup import INDEX_BITS, USUAL_INDEX, MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector
@@ -27,8 +27,6 @@ from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 SLOTS = 1 << 12  # samples that may wait for another message
 MAX_INTERPOLATED = 2  # samples that a gap may have without being a loss
-USUAL_INDEX = "SampleIndex"  # where the bench file names none
-INDEX_BITS = 32
 LONGEST_COUNTER = 16  # bits
 HELD_CYCLES = 2.5  # of a slower signal, where the bench file states no max_hold_ms: one may be lost
 SHORTEST = 0.5  # of the time a frame takes on the bus

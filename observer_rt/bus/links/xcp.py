@@ -44,16 +44,20 @@ class XcpLink(Link):
         end = time.monotonic() + timeout_s
         while (frame := self._link.receive(max(0.0, end - time.monotonic()))) is not None:
             if frame.frame_id != self._config.slave_id:
+                self._require_measurements()
                 return frame
             self._last = time.monotonic()
             if (sample := self._samples.after(frame)) is not None:
                 return sample
+        self._require_measurements()
+        return None
+
+    def _require_measurements(self) -> None:
         if time.monotonic() - self._last > SILENCE:
             raise LinkDownError(
                 f"the ECU at 0x{self._config.master_id:X} sends no measurements any more\n"
                 "  remedy: was it switched off, or is another tool measuring by XCP?"
             )
-        return None
 
     def send(
         self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags = SWITCHED

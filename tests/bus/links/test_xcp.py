@@ -1,6 +1,7 @@
 """An ECU measured by XCP on CAN: what is asked of it, the samples its link hands over, and what ends in words."""
 
 import struct
+import time
 from collections.abc import Iterator
 from typing import Any
 from uuid import uuid4
@@ -12,7 +13,7 @@ from observer_rt.bus.database.measurements import measurements
 from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.links.python_can import PythonCanLink
-from observer_rt.bus.links.xcp import XcpLink
+from observer_rt.bus.links.xcp import SILENCE, XcpLink
 from observer_rt.config.xcp import MESSAGE, XcpConfig
 from observer_rt.foundation.errors import RunError
 from tests.xcp_ecu import EVENT, MASTER, SLAVE, Ecu
@@ -145,8 +146,12 @@ def test_what_others_send_passes(channel: str, bus: can.BusABC) -> None:
     with Ecu(bus, memory("<", 1, 2, 3.0)), XcpLink(link, config()) as measured:
         bus.send(can.Message(arbitration_id=0x200, data=b"other", is_extended_id=False))
         frame = measured.receive(1.0)
-    assert frame is not None
-    assert (frame.frame_id, frame.payload) == (0x200, b"other")
+        assert frame is not None
+        assert (frame.frame_id, frame.payload) == (0x200, b"other")
+        time.sleep(SILENCE)  # of the ECU
+        bus.send(can.Message(arbitration_id=0x200, data=b"other", is_extended_id=False))
+        with pytest.raises(LinkDownError, match="no measurements any more"):
+            measured.receive(1.0)
 
 
 def test_the_ecu_is_left_as_it_was_found(channel: str, bus: can.BusABC) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from observer_rt.desk.library.units import in_si
     from observer_rt.foundation.errors import UserError
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "Discovery",
     "EvaluationResult",

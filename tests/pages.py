@@ -10,7 +10,7 @@ _BLOCK = re.compile(
     r"^```(?P<language>\w*)\n(?P<fenced>(?s:.*?))^```$|(?P<indented>(?:^    .*\n)+)", re.MULTILINE
 )
 _PROGRAM = re.compile(
-    r"^(?:\$ )?((?:observer-rt|tools/\w+|sudo|source|journalctl|sqlite3|pip|python3?)\b.*)$"
+    r"^(?:\$ )?((?:observer-rt|tools/\w+|sudo|source|journalctl|sqlite3|podman|pip|python3?)\b.*)$"
 )
 _INJECTION = re.compile(
     r"(?P<place> *\d+ +\d+ \d+\.\d{3} +\d+\.\d) +(?P<mass>\d+\.\d\d) +(?P<bound>\d+\.\d)"

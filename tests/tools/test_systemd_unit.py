@@ -2,8 +2,11 @@
 
 import configparser
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 
+import pytest
 import typer.main
 
 from observer_rt.desk.cli.app import app
@@ -46,3 +49,22 @@ def test_it_waits_for_ready_watches_and_restarts_but_not_for_a_wrong_bench_file(
 def test_its_sandbox_lets_can_through() -> None:
     service = unit()["Service"]
     assert "AF_CAN" in service["RestrictAddressFamilies"]
+
+
+def test_it_asks_for_what_the_loop_wants() -> None:
+    service = unit()["Service"]
+    assert (service["LimitRTPRIO"], service["LimitMEMLOCK"]) == ("99", "infinity")
+    assert service["AmbientCapabilities"] == "CAP_NET_ADMIN"  # receive buffers; a raw CAN socket needs none
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
+def test_systemd_finds_nothing_wrong_with_it(tmp_path: Path) -> None:
+    program = shlex.split(unit()["Service"]["ExecStart"])[0]
+    (tmp_path / "observer-rt.service").write_text(UNIT.read_text().replace(program, "/bin/true"))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", tmp_path / "observer-rt.service"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")

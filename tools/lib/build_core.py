@@ -130,6 +130,7 @@ def _configure(folder: Path, kind: Kind) -> None:
         f"-Dchecked={'true' if kind.checked else 'false'}",
     ]
     tools = folder.with_suffix(".tools")
+    tools.parent.mkdir(exist_ok=True)
     tools.write_text(_machine_file(kind))
     asked = folder / "asked-for"
     edited = str((CORE / "meson.build").stat().st_mtime_ns)

@@ -1,0 +1,78 @@
+"""A release: one version everywhere, packages that work where nothing else is installed, a container that starts."""
+
+import hashlib
+import re
+import shlex
+import subprocess
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+import typer.main
+import yaml
+
+import observer_rt
+from observer_rt.desk.cli.app import app
+
+ROOT = Path(__file__).parents[2]
+CONTAINER = ROOT / "tools" / "container" / "Containerfile"
+
+
+def instructions() -> dict[str, list[str]]:
+    """Arguments of each instruction of the container file, by its name, in their order."""
+    text = CONTAINER.read_text().replace("\\\n", "")
+    found: dict[str, list[str]] = {}
+    for line in text.splitlines():
+        if line and not line.startswith("#"):
+            name, arguments = line.split(maxsplit=1)
+            found.setdefault(name, []).append(arguments)
+    return found
+
+
+def test_one_version_everywhere() -> None:
+    versions = re.findall(r"^## (\d[\d.]*)$", (ROOT / "docs" / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert versions[0] == observer_rt.__version__
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == observer_rt.__version__
+
+
+def test_the_citation_has_what_the_format_asks_for() -> None:
+    stated = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert stated["cff-version"] == "1.2.0"
+    assert {"message", "title", "authors", "license"} <= stated.keys()
+    for reference in stated["references"]:
+        assert {"type", "title", "authors"} <= reference.keys()
+
+
+def test_the_container_starts_what_was_installed_with_options_that_there_are() -> None:
+    found = instructions()
+    (program,), (name, *arguments) = (yaml.safe_load(found[key][0]) for key in ("ENTRYPOINT", "CMD"))
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    known = {option for parameter in commands[name].params for option in parameter.opts}
+    assert {argument for argument in arguments if argument.startswith("--")} <= known
+    made = " ".join(found["RUN"])
+    assert f"venv {Path(program).parents[1]}" in made
+    bench = arguments[arguments.index("--bench") + 1]
+    assert f"{program} run --print-example-bench >{bench}" in made
+    folders = shlex.split(made.split("mkdir -p ")[1])[:2]
+    assert {str(Path(argument).parent) for argument in arguments if argument.startswith("/")} == set(folders)
+    assert set(yaml.safe_load(found["VOLUME"][0])) == set(folders)
+
+
+def test_the_container_takes_the_wheel_that_a_release_makes() -> None:
+    (copied,) = instructions()["COPY"]
+    wheel = f"dist/observer_rt-{observer_rt.__version__}-cp311-abi3-manylinux_2_17_x86_64.whl"
+    assert fnmatch(wheel, copied.split()[0])
+
+
+@pytest.mark.slow
+def test_a_release_is_made_and_works() -> None:
+    done = subprocess.run(
+        [ROOT / "tools" / "release", "x86_64"], capture_output=True, text=True, check=False, timeout=1800
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("PASSED") == 2  # by twine
+    assert done.stderr.count("installed and tried") == 2
+    files = [line.split() for line in done.stdout.splitlines()]
+    assert {Path(name).suffix for _, name in files} == {".gz", ".whl"}
+    for digest, name in files:
+        assert hashlib.sha256((ROOT / "dist" / name).read_bytes()).hexdigest() == digest

@@ -12,8 +12,10 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.injector import Meaning, RecordingConfig
+from observer_rt.config.injector import ColumnConfig, Meaning, RecordingConfig
 from observer_rt.files.canlog.asc import ASC
 from observer_rt.files.canlog.blf import BLF
 from observer_rt.files.canlog.busmaster import BUSMASTER
@@ -250,14 +252,44 @@ def _mapped(
         if guess.doubts:
             raise guess.error()
         mapping, note = guess.layout, (guess.in_words(),)
-    table: Table
-    if isinstance(reader, WholeFile):
-        table = HeldTable(path, mapping, columns, reader.name)
-    else:
-        table = reader.table(path, mapping)
-    stream = MappedSignals(table, rate)
+    stream = MappedSignals(_table(path, reader, mapping, columns), rate)
     stream.notes = (*note, *stream.notes)
     return stream
+
+
+def _table(
+    path: Path, reader: OwnLayout | WholeFile, mapping: RecordingConfig, columns: Sequence[Column]
+) -> Table:
+    """Table of a file by its mapping; columns: of one that is read whole."""
+    if isinstance(reader, WholeFile):
+        return HeldTable(path, mapping, columns, reader.name)
+    return reader.table(path, mapping)
+
+
+def first_number(path: Path, injector: BenchInjector, column: str) -> float:
+    """The first number of a column that is no signal, as printed. Raises `UserError` for a file without it."""
+    place, remedy = f"{path}, column {column}", "name a column of numbers that every recording has"
+    reader = _of(path, signal_formats()).reader
+    if not isinstance(reader, OwnLayout | WholeFile):
+        raise UserError(place, "is none that a file of this kind could have", remedy)
+    mapping = injector.config.recording
+    if isinstance(reader, OwnLayout) and reader.is_of(path, mapping):
+        mapping = reader.mapping
+    elif mapping is None:
+        guess = guessed(path)
+        assert guess is not None  # it is in no layout of ours
+        mapping = guess.layout
+    its = ColumnConfig(column=int(column) if mapping.by_place and column.isdigit() else column)
+    with file_errors(path):
+        mapping = mapping.model_copy(update={"needle_lift": its, "injection_rate": None})
+        columns = reader.columns(path) if isinstance(reader, WholeFile) else ()
+        table = _table(path, reader, mapping, columns)
+        raster = next(place for place, names in enumerate(table.rasters) if "needle_lift" in names)
+        for part in table.parts(raster):
+            numbers = part.signals["needle_lift"]
+            if np.isfinite(numbers).any():
+                return float(numbers[np.isfinite(numbers)][0])
+    raise UserError(place, "holds no number", remedy)
 
 
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:

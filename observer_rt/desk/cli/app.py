@@ -163,7 +163,7 @@ for _heading, _commands in {
     ),
     "Many recordings": (
         (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover"),
-        (trend, "results --plot wear.png"),
+        (trend, "results --limit nozzle=30% --plot wear.png"),
     ),
 }.items():
     for _command, _example in _commands:

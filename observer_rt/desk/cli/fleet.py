@@ -18,7 +18,12 @@ def batch(
     ],
     out: Annotated[
         Path,
-        option("--out", "Folder for the tables; recordings that are in them are not evaluated again.", "DIR"),
+        option(
+            "--out",
+            "Folder for the tables (Parquet), or a database NAME.duckdb; recordings that are in them are not "
+            "evaluated again.",
+            "DIR",
+        ),
     ],
     bench: options.BenchOption = EXAMPLE_BENCH,
     model: options.ModelOption = None,
@@ -36,8 +41,17 @@ def batch(
         option(
             "--time-from",
             "Regular expression whose first group finds date and time of a recording in its path. "
-            "Default: the time in frames or header; for CSV and Parquet, when the file was last written.",
+            "Default: the time in frames, a column of calendar time, or the header; else when the file was last "
+            "written, which `trend` does not take.",
             "PATTERN",
+        ),
+    ] = None,
+    age_from: Annotated[
+        str | None,
+        option(
+            "--age-from",
+            "Column of the recordings with the injector's age: operating hours, or number of injections.",
+            "COLUMN",
         ),
     ] = None,
     scheduler: Annotated[
@@ -67,17 +81,21 @@ def batch(
     as_json: options.JsonOption = False,
     effects: Annotated[list[Path] | None, options.effects_option(exposed=True)] = None,
 ) -> None:
-    """Evaluate thousands of recordings in parallel: Parquet with one row per injection, resumed where it stopped."""
+    """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
     from observer_rt.config.own_effects import OwnEffects
     from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
-    from observer_rt.desk.fleet.batch import Dataset, evaluate_all, settings_of, tell
+    from observer_rt.desk.fleet.batch import evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.cluster import Work, connected
+    from observer_rt.desk.fleet.database import SUFFIX, results_at
     from observer_rt.desk.fleet.groups import InjectorNames, RecordingTimes, doubt_of_one, recordings_in
     from observer_rt.desk.fleet.job import Task
     from observer_rt.foundation.console import stop_on_signals
 
     if healthy and not discover:
         raise UserError("--healthy", "is for discovery", "add --discover, or leave it out")
+    is_database = out.suffix == SUFFIX
+    if discover and is_database:
+        raise UserError(f"--out {out}", "cannot hold the reports of --discover", "name a folder")
     chosen = load_bench(bench.absolute(), model and model.absolute(), lenient, off_bus=True).of(injector)
     InjectorNames(injector_from)  # refuses what is no pattern
     RecordingTimes(time_from)  # as this does
@@ -90,11 +108,13 @@ def batch(
     paths = recordings_in(sources)
     if doubt := doubt_of_one(paths, injector_from, chosen):
         say(messages, doubt)
-    out.mkdir(parents=True, exist_ok=True)
-    check_folder("--out", out)
+    folder = out.parent if is_database else out
+    folder.mkdir(parents=True, exist_ok=True)
+    check_folder("--out", folder)
     learning = not no_learning
     settings = settings_of(chosen, state, learning, injector_from, own)
-    dataset = Dataset(out, settings | ({} if time_from is None else {"time_from": time_from}))
+    columns = {"time_from": time_from, "age_from": age_from}
+    dataset = results_at(out, settings | {key: each for key, each in columns.items() if each is not None})
     knowledge, parameters = None, chosen.injector.parameters
     if state is not None:
         knowledge = restored_knowledge(
@@ -104,7 +124,7 @@ def batch(
             partial(say, messages),
             set_aside=False,
         )
-    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, own)
+    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, age_from, own)
     found = None
     with dataset, stop_on_signals() as stop, connected(scheduler, workers) as cluster:
         work = Work(cluster, stop, messages)
@@ -115,24 +135,52 @@ def batch(
 
 
 def trend(
-    folder: Annotated[Path, argument("Folder that `batch` filled.", "DIR")],
+    results_of: Annotated[Path, argument("Folder or database that `batch` filled.", "DIR")],
+    limits: Annotated[
+        list[str] | None,
+        option(
+            "--limit",
+            "Change of flow whose date is asked, such as nozzle=30% or seat=-20%; repeatable.",
+            "QUANTITY=SIZE",
+        ),
+    ] = None,
+    time_from: Annotated[
+        str | None,
+        option(
+            "--time-from",
+            "Regular expression whose first group finds date and time of a recording in its path.",
+            "PATTERN",
+        ),
+    ] = None,
+    trust_file_times: Annotated[
+        bool,
+        option(
+            "--trust-file-times",
+            "Take the time at which a file was last written where nothing else says when it was recorded.",
+        ),
+    ] = False,
     out: Annotated[
-        Path | None, file_option("--out", "Page to write (default: trend.html in DIR).", show_default=False)
+        Path | None,
+        file_option("--out", "Page to write (default: trend.html in DIR, or beside it).", show_default=False),
     ] = None,
     picture: Annotated[Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf).")] = None,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Show the wear of every injector over its recordings, the most worn first, with 95 % bands."""
-    from observer_rt.desk.fleet.batch import read_injections
-    from observer_rt.desk.fleet.trend import NEEDED, doubts, table_of, trends, write_page, write_picture
-    from observer_rt.desk.fleet.trend import as_json as document
+    """Show the wear of every injector over date and age, the most worn first, and when it reaches limits."""
+    from observer_rt.desk.fleet.database import read_injections
+    from observer_rt.desk.fleet.forecast import Limit
+    from observer_rt.desk.fleet.trend import NEEDED, doubts, trends
+    from observer_rt.desk.fleet.trend_page import write_page, write_picture
+    from observer_rt.desk.fleet.trend_words import as_json as document
+    from observer_rt.desk.fleet.trend_words import table_of
 
-    page = out or folder / "trend.html"
+    page = out or (results_of / "trend.html" if results_of.is_dir() else results_of.with_suffix(".html"))
     check_destination("--out", page, (".html",))
     if picture is not None:
         check_destination("--plot", picture, FIGURE_SUFFIXES)
-    found = trends(read_injections(folder, NEEDED))
-    write_page(page, found, folder)
+    asked = [Limit.read(each) for each in limits or ()]
+    found = trends(read_injections(results_of, NEEDED), asked, time_from, trust_file_times)
+    write_page(page, found, results_of)
     if picture is not None:
         write_picture(picture, found)
     if as_json:

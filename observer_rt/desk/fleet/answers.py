@@ -10,7 +10,7 @@ import pyarrow as pa
 from pydantic import Field, ValidationError
 from rich.table import Table
 
-from observer_rt.desk.fleet.batch import write_table
+from observer_rt.desk.fleet.dataset import write_table
 from observer_rt.desk.fleet.groups import Group
 from observer_rt.desk.fleet.job import FailedFile
 from observer_rt.foundation.console import plain_table

@@ -20,8 +20,8 @@ from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.own_effects import OwnEffects
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.fleet.answers import FOLDER, Answers, DiscoveredRow, Ended, answer_table
-from observer_rt.desk.fleet.batch import Dataset, read_injections
 from observer_rt.desk.fleet.cluster import Broken, Jobs, Work
+from observer_rt.desk.fleet.dataset import Results, read_injections
 from observer_rt.desk.fleet.groups import NEEDED, Group, ModelGroup, groups_of, kinds_of
 from observer_rt.desk.fleet.job import NO_MEMORY, FailedFile
 from observer_rt.desk.second_opinion import second_opinion
@@ -139,7 +139,7 @@ class Discovering:
                 hashes[path.absolute()] = file_hash(path)
         return cls(kinds_of(bench, pattern), hashes, effects)
 
-    def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Dataset) -> "FoundAnswers":
+    def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Results) -> "FoundAnswers":
         """Have the workers look for what is missing in every injector. files: those of this run by SHA-256.
 
         Raises `InterruptionError` when it is interrupted.

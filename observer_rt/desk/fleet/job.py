@@ -1,10 +1,9 @@
 """One file through the observer: what a worker does, knowing nothing of the others, and the rows it returns."""
 
 import gc
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,12 +18,11 @@ from observer_rt.desk.evaluation.curves import RESULT_FIELDS
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.fleet.groups import InjectorNames, RecordingTimes
+from observer_rt.desk.fleet.moment import PATH, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import INDICATORS, Output, columns_of, row_of
 from observer_rt.engine.signal_survey import refuse_dead, refuse_implausible
-from observer_rt.files.canlog.can_log import NANOSECONDS
-from observer_rt.files.formats import is_log, open_log
-from observer_rt.files.signals.stream import SignalStream
+from observer_rt.files.formats import first_number, is_log
 from observer_rt.files.signals.table_signals import OtherRateError
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
@@ -37,10 +35,12 @@ SCHEMA = pa.schema(
         ("sha256", pa.string()),
         ("injector", pa.string()),
         ("time", pa.timestamp("us", tz="UTC")),
+        ("time_from", pa.string()),
+        ("age", pa.float64()),
         *((name, _KINDS[kind]) for name, kind in columns_of(RESULT_FIELDS, Output.PARQUET).items()),
     ]
 )
-"""time: of the injection's begin."""
+"""time: of the injection's begin; time_from: what says it (`moment`); age: of the injector, by `--age-from`."""
 OLD_NAMES = {
     "mass_ci95_low_mg": "mass_low_mg",
     "mass_ci95_high_mg": "mass_high_mg",
@@ -56,14 +56,14 @@ OLD_NAMES = {
 
 NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
 _ROWS = 1024
-_MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
 
 
 @dataclass(frozen=True)
 class Task:
     """Settings shared by all files. knowledge: learned before, to start each file with.
 
-    folder: where relative paths begin; pattern: as of `InjectorNames`; time_pattern: as of `RecordingTimes`.
+    folder: where relative paths begin; pattern: as of `InjectorNames`; time_pattern: as of `RecordingTimes`;
+    age_column: of the recordings, with operating hours or the like.
     """
 
     bench: Bench
@@ -72,6 +72,7 @@ class Task:
     learning: bool = True
     pattern: str | None = None
     time_pattern: str | None = None
+    age_column: str | None = None
     effects: OwnEffects = field(default_factory=OwnEffects)
 
 
@@ -127,9 +128,13 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     except OtherRateError:
         evaluation = _evaluation(task, place, alone, in_one_go=False)
     c = effective_model(alone.injector.parameters).coefficients
-    stretches = evaluation.source.stretches
     said = RecordingTimes(task.time_pattern).of(path)
-    zero = _zero(place, evaluation.source) if said is None else said - timedelta(seconds=stretches[0].start)
+    zero, by = (
+        zero_of(place, evaluation.source)
+        if said is None
+        else (said - timedelta(seconds=evaluation.source.stretches[0].start), PATH)
+    )
+    age = None if task.age_column is None else first_number(place, alone.injector, task.age_column)
     for result in evaluation.injections:
         yield {
             **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
@@ -137,6 +142,8 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
             "sha256": sha256,
             "injector": name,
             "time": zero + timedelta(seconds=result.start),
+            "time_from": by,
+            "age": age,
         }
 
 
@@ -153,28 +160,6 @@ def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> Evalu
     if not is_log(place):
         refuse_dead(place, source.survey, source.names)
     return evaluation
-
-
-def _zero(path: Path, source: SignalStream) -> datetime:
-    """Moment of time 0 in a file: by its frames or its header; else it ended when it was last written."""
-    start, end = source.stretches[0].start, source.stretches[-1]
-    if is_log(path):
-        begin = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start
-    elif (stated := _mdf4_start(path)) > 0:
-        begin = stated / NANOSECONDS
-    else:
-        begin = path.stat().st_mtime - end.start - end.samples / source.sample_rate
-    return datetime.fromtimestamp(begin, UTC)
-
-
-def _mdf4_start(path: Path) -> int:
-    """Start time in the header of an MDF 4 file [ns since 1970]; 0 without one, or of another file."""
-    with path.open("rb") as file:
-        head = file.read(_MDF4_START + 8)
-    if not head.startswith(b"MDF     4") or len(head) < _MDF4_START + 8:
-        return 0
-    (start,) = struct.unpack_from("<Q", head, _MDF4_START)
-    return int(start)
 
 
 def dask_setup(_worker: object) -> None:

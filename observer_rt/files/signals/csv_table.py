@@ -13,7 +13,7 @@ from typing import TextIO
 import numpy as np
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
-from observer_rt.files.signals.column import Column
+from observer_rt.files.signals.column import NANOSECONDS, Column
 from observer_rt.files.signals.csv_preview import preview_csv
 from observer_rt.files.signals.header import (
     Calendar,
@@ -212,6 +212,7 @@ class CsvTable(FileTable):
         self._origin = 0  # ns, of a calendar: its first stamp
         if dialect.calendar is not None:
             self._origin = self._first_stamp(dialect.calendar)
+            self.origin = self._origin / NANOSECONDS
             self.units[TIME] = "s"
             self.layout += f"; {dialect.calendar.as_text(self._origin)}"
         self._is_cut = self._ends_too_soon()

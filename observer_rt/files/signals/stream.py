@@ -44,6 +44,8 @@ class SignalStream(ABC):
         """Names of signals in the file, where they are not as in a recording."""
         self.meaning: Meaning | None = None
         """Meaning of a sample; None: as the bench file states, without one an instant."""
+        self.origin = 0.0
+        """Moment of time 0 [s since 1970], where the file's stamps say it."""
         self.details: tuple[str, ...] = ()
         """Details of how the file was read, for who looks at it."""
 

@@ -69,6 +69,8 @@ class Table(ABC):
         self.rasters: tuple[tuple[str, ...], ...] = ()
         """Names of the mapped signals by time axis."""
         self.notes: list[str] = []
+        self.origin = 0.0
+        """Moment that times are counted from [s since 1970], where stamps of a calendar say it."""
 
     @abstractmethod
     def parts(self, raster: int) -> Iterator[TablePart]:

@@ -63,6 +63,7 @@ class TableSignals(SignalStream):
         self._scales = {name: self._scale(name, column) for name, column in self._mapped.items()}
         self.has_rate = "injection_rate" in self._mapped
         self.notes = tuple(table.notes)
+        self.origin = table.origin
 
     def _parts(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis in SI units, none empty, read anew."""

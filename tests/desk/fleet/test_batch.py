@@ -6,7 +6,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from observer_rt.desk.fleet.batch import read_injections
+from observer_rt.desk.fleet import database
+from observer_rt.desk.fleet.dataset import read_injections
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.files import file_hash
 from tests.desk.fleet.rows import masses
@@ -72,6 +73,16 @@ def test_an_interrupted_batch_goes_on(recordings: Path, tmp_path: Path) -> None:
     assert said["done"] != 0
     assert said["done"] + said["skipped"] == 7
     assert read_injections(tmp_path).num_rows == before + said["injections"]
+
+
+def test_a_database_is_filled_and_not_filled_again(recordings: Path, tmp_path: Path) -> None:
+    pytest.importorskip("duckdb")
+    out = tmp_path / "made" / "results.duckdb"
+    said = ended(started(recordings, "--out", out))
+    assert (said["done"], said["skipped"], said["failed"]) == (6, 1, 1)
+    assert database.read_injections(out).num_rows == said["injections"] > 0
+    again = ended(started(recordings, "--out", out))
+    assert (again["done"], again["skipped"], again["failed"]) == (0, 7, 1)
 
 
 def test_no_scheduler_is_said_with_what_to_do(recordings: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.own_effects import use_effects
-from observer_rt.desk.fleet.batch import read_injections
+from observer_rt.desk.fleet.dataset import read_injections
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.formats import write_recording

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.desk.fleet.batch import Dataset, read_injections
+from observer_rt.desk.fleet.dataset import Dataset, read_injections
 from observer_rt.desk.fleet.job import OLD_NAMES, SCHEMA, FailedFile
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import rows

@@ -1,58 +1,20 @@
 """Wear over time: what all recordings of an injector say together, the most worn first."""
 
-import re
-from pathlib import Path
+import json
+import math
+from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pytest
 
+from observer_rt.desk.fleet.forecast import Limit
 from observer_rt.desk.fleet.job import SCHEMA
-from observer_rt.desk.fleet.trend import (
-    SURE,
-    as_json,
-    doubts,
-    smoothed,
-    table_of,
-    trends,
-    write_page,
-    write_picture,
-)
+from observer_rt.desk.fleet.moment import PATH, WRITTEN
+from observer_rt.desk.fleet.trend import InjectorTrend, doubts, trends
+from observer_rt.desk.fleet.trend_words import as_json, table_of
 from observer_rt.foundation.console import results
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import rows
-
-
-def test_the_band_holds_what_drifts_and_is_narrower_than_single_sightings() -> None:
-    random = np.random.default_rng(1)
-    inside, widths = [], []
-    for _ in range(30):
-        truth = np.cumsum(random.normal(0.0, 0.004, 40))
-        sigma = np.full(40, 0.01)
-        course = smoothed(truth + random.normal(0.0, sigma), sigma)
-        inside.append(np.abs(course.level - truth) <= SURE * course.level_sigma)
-        widths.append(course.level_sigma.mean() / 0.01)
-    assert 0.88 < np.mean(inside) < 0.99
-    assert np.mean(widths) < 0.8
-
-
-def test_what_stays_is_known_ever_better() -> None:
-    random = np.random.default_rng(2)
-    sigma = np.full(100, 0.01)
-    course = smoothed(0.2 + random.normal(0.0, sigma), sigma)
-    assert course.level[-1] == pytest.approx(0.2, abs=0.006)
-    assert course.level_sigma[-1] < 0.005
-
-
-@pytest.mark.parametrize("sightings", [0, 1, 2])
-def test_few_sightings_are_taken_as_they_are(sightings: int) -> None:
-    course = smoothed(np.full(sightings, 0.1), np.full(sightings, 0.01))
-    assert course.level.tolist() == pytest.approx([0.1] * sightings)
-
-
-def test_two_sightings_that_differ_are_no_quantity_that_stands_still() -> None:
-    course = smoothed(np.array([0.02, 0.04]), np.full(2, 0.002))
-    assert course.level == pytest.approx([0.02, 0.04], abs=0.004)
 
 
 @pytest.fixture
@@ -105,12 +67,81 @@ def test_recordings_of_two_injectors_under_one_name_are_doubted() -> None:
     assert "--injector-from" in doubt
 
 
-def test_page_and_picture_are_written(table: pa.Table, tmp_path: Path) -> None:
-    found = trends(table)
-    write_page(tmp_path / "trend.html", found, tmp_path)
-    write_picture(tmp_path / "trend.png", found)
-    page = (tmp_path / "trend.html").read_text()
-    assert page.index("worn") < page.index("healthy") < page.index("doubtful")
-    assert page.count("<svg") == len(found)
-    assert not re.search(r"(?:src|href)=.http", page)
-    assert (tmp_path / "trend.png").read_bytes().startswith(b"\x89PNG")
+def document(found: list[InjectorTrend]) -> Any:
+    return json.loads(json.dumps(as_json(found), allow_nan=False))
+
+
+def campaign(injector: str, change: float, **more: object) -> pa.Table:
+    """Twelve recordings, ten days and 100 hours apart, between which nozzle flow changes so much."""
+    return pa.concat_tables(
+        rows(f"{injector}_{k}", injector, [change * k], day=10 * k, age=500.0 + 100.0 * k, **more)
+        for k in range(12)
+    )
+
+
+def test_rates_have_their_sign_and_limits_a_date_and_an_age() -> None:
+    limits = [Limit.read("nozzle=30%"), Limit.read("nozzle=-30%")]
+    wears, falls = document(
+        trends(pa.concat_tables([campaign("wears", 0.02), campaign("falls", -0.01)]), limits)
+    )
+    assert wears["nozzle"]["rate_per_month"]["value"] == pytest.approx(0.02 * 3.04, rel=0.1)
+    assert wears["nozzle"]["rate_per_1000_of_age"]["value"] == pytest.approx(0.2, rel=0.1)
+    assert falls["nozzle"]["rate_per_month"]["ci95"][1] < 0.0
+    above, below = wears["limits"]
+    low, high = above["date"]["ci95"]
+    assert low < "2026-05-31" < high < "2026-07-15"  # 150 days
+    assert above["age"]["value"] == pytest.approx(2000.0, abs=60.0)
+    assert set(below["date"]) == {"not_before"}
+
+
+def test_the_terminal_says_when_limits_are_reached(capsys: pytest.CaptureFixture[str]) -> None:
+    table = pa.concat_tables([campaign("gone", 0.04), campaign("wears", 0.02), campaign("stays", 0.0)])
+    table = table.drop_columns("age").append_column("age", pa.nulls(len(table), pa.float64()))
+    few = rows("aa", "few", [0.1]).select(table.schema.names)
+    results().print(table_of(trends(pa.concat_tables([table, few]), [Limit.read("nozzle=30%")])))
+    said = " ".join(capsys.readouterr().out.split())
+    for words in (
+        "nozzle +30 %",
+        "reached 2026-03-22",
+        "2026-05-",
+        " to 2026-",
+        "not before 2026-08-",
+        "asks 4 recordings",
+    ):
+        assert words in said
+
+
+def test_an_age_that_falls_is_refused() -> None:
+    both = [rows("aa", "worn", [0.1], age=900.0), rows("bb", "worn", [0.1], day=3, age=20.0)]
+    with pytest.raises(UserError, match=r"falls in age from 900 to 20 at bb\.csv"):
+        trends(pa.concat_tables(both))
+
+
+def test_without_an_age_of_all_there_is_none() -> None:
+    both = [rows("aa", "worn", [0.1], age=900.0), rows("bb", "worn", [0.1], day=3)]
+    (worn,) = trends(pa.concat_tables(both))
+    assert not worn.by_age
+    assert math.isfinite(worn.courses["nozzle"].slope)
+    assert document([worn])[0]["limits"] == []
+
+
+def when_written(*files: str) -> pa.Table:
+    made = [rows(f"{k}", "worn", [0.1, 0.2], file=file, time_from=WRITTEN) for k, file in enumerate(files)]
+    return pa.concat_tables(made)
+
+
+def test_times_that_only_the_file_system_says_are_asked_for() -> None:
+    table = when_written("a_20260301_1200.csv", "b_20260401_1200.csv")
+    with pytest.raises(
+        UserError, match=r"2 recordings, such as a_2026(?s:.*)--time-from '\(\\d\{8\}.*--trust-file-"
+    ):
+        trends(table)
+    (dated,) = trends(table, time_from=r"_(\d{8}_\d{4})")
+    assert [f"{each:%m-%d %H:%M:%S}" for each in dated.times] == ["03-01 12:00:01", "04-01 12:00:01"]
+
+
+def test_they_are_taken_if_one_says_so() -> None:
+    (trusted,) = trends(when_written("a.csv"), trust_written=True)
+    assert len(trusted.times) == 1
+    (stated,) = trends(rows("aa", "worn", [0.1], time_from=PATH))
+    assert len(stated.times) == 1

@@ -7,20 +7,21 @@ from numpy.typing import NDArray
 
 Signal = NDArray[np.float64]
 SURE = 1.959964  # standard deviations of a 95 % interval
-_LEVEL_WANDERS, _SLOPE_WANDERS = np.geomspace(0.03, 1.0, 8), np.geomspace(0.003, 2.0, 6)  # that are tried
-_PRIOR_LEVEL, _PRIOR_SLOPE = (
-    100.0,
-    3.0,
-)  # standard deviations; all of what the sightings span, over their time
+_LEVEL_WANDERS, _SLOPE_WANDERS = np.geomspace(0.03, 1.0, 8), np.geomspace(0.003, 2.0, 6)
+"""Ways to wander that are tried, in parts of what the sightings span, over their time; so are the next."""
+_PRIOR_LEVEL, _PRIOR_SLOPE, _LEAST_SIGMA = 10.0, 3.0, 1e-4  # standard deviations
+_LEAST_SPAN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class End:
     """What may be true at the last sighting, in parts of what the sightings span, over the time that they do.
 
-    weight, (g,): of how level and slope may wander (g,); state, (g, 2), and its covariance, (g, 2, 2): both of them.
+    scale: what they span; weight, (g,): of how level and slope may wander (g,); state, (g, 2), and
+    its covariance, (g, 2, 2).
     """
 
+    scale: float
     weight: Signal
     level_wanders: Signal
     slope_wanders: Signal
@@ -63,12 +64,12 @@ def smoothed(place: Signal, value: Signal, sigma: Signal) -> Course:
     if value.size == 0:
         return Course(place, value, sigma, value, sigma)
     reach = float(np.ptp(place)) or 1.0
-    scale = max(float(np.ptp(value)), float(np.median(sigma)))
+    scale = max(float(np.ptp(value)), float(np.median(sigma)), _LEAST_SPAN)
     level_wanders, slope_wanders = (each.ravel() for each in np.meshgrid(_LEVEL_WANDERS, _SLOPE_WANDERS))
     states, covariances, surprise = _smoothed(
         np.diff(place) / reach,
         (value - value[0]) / scale,
-        np.maximum(sigma / scale, 1e-9),
+        np.maximum(sigma / scale, _LEAST_SIGMA),
         level_wanders,
         slope_wanders,
     )
@@ -85,7 +86,7 @@ def smoothed(place: Signal, value: Signal, sigma: Signal) -> Course:
         scale * deviation[:, 0],
         float(state[-1, 1] * scale / reach),
         float(deviation[-1, 1] * scale / reach),
-        End(weight, level_wanders, slope_wanders, states[-1], covariances[-1]),
+        End(scale, weight, level_wanders, slope_wanders, states[-1], covariances[-1]),
     )
 
 

@@ -91,8 +91,7 @@ def _ways(course: Course) -> Signal:
     time = np.linspace(0.0, 1.0, _STEPS + 1)
     ways = state[:, :1] + state[:, 1:] * time
     ways += end.level_wanders[pair, None] * wander + end.slope_wanders[pair, None] * bend
-    scale = max(float(np.ptp(course.value)), float(np.median(course.sigma)))
-    found: Signal = course.value[0] + scale * ways
+    found: Signal = course.value[0] + end.scale * ways
     return found
 
 

@@ -133,7 +133,7 @@ def _refuse_overlapping(injector: str, table: pd.DataFrame) -> None:
 
 
 def _trend(injector: str, table: pd.DataFrame, limits: Sequence[Limit]) -> InjectorTrend:
-    known = table[table["valid"]].dropna(subset=[value for value, _, _ in _COLUMNS.values()])
+    known = table[table["valid"]].dropna(subset=list(chain.from_iterable(_COLUMNS.values())))
     last = known.groupby("sha256", sort=False).tail(1)
     days = (last["time"] - last["time"].min()).dt.total_seconds().to_numpy(float) / DAY
     ages = last["age"].to_numpy(float)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.desk.fleet.course import SURE, Course, Signal, smoothed
+from observer_rt.desk.fleet.forecast import Limit, crossing
 
 
 def daily(value: Signal, sigma: Signal) -> Course:
@@ -57,3 +58,11 @@ def test_the_unit_of_places_does_not_matter() -> None:
     by_day, by_second = smoothed(days, value, sigma), smoothed(86400.0 * days, value, sigma)
     assert by_second.level == pytest.approx(by_day.level, rel=1e-9)
     assert 86400.0 * by_second.slope == pytest.approx(by_day.slope, rel=1e-9)
+
+
+@pytest.mark.parametrize("value", [[0.1, 0.1, 0.1, 0.1, 0.1], [0.0, 0.1, 0.1, 0.3, 0.2]])
+def test_sightings_without_noise_or_at_one_place_do_no_harm(value: list[float]) -> None:
+    course = smoothed(np.array([0.0, 1.0, 1.0, 2.0, 2.0]), np.array(value), np.zeros(5))
+    assert course.level[0] == pytest.approx(value[0], abs=1e-3)
+    assert course.level[3] == pytest.approx(0.5 * (value[3] + value[4]), abs=1e-3)
+    assert crossing(course, Limit("nozzle", 0.5)) is not None

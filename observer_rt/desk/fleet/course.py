@@ -14,7 +14,7 @@ _LEAST_SPAN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class End:
+class CourseEnd:
     """What may be true at the last sighting, in parts of what the sightings span, over the time that they do.
 
     scale: what they span; weight, (g,): of how level and slope may wander (g,); state, (g, 2), and
@@ -43,7 +43,7 @@ class Course:
     level_sigma: Signal
     slope: float = 0.0
     slope_sigma: float = 0.0
-    end: End | None = field(default=None, repr=False)
+    end: CourseEnd | None = field(default=None, repr=False)
 
     @property
     def band(self) -> tuple[Signal, Signal]:
@@ -86,7 +86,7 @@ def smoothed(place: Signal, value: Signal, sigma: Signal) -> Course:
         scale * deviation[:, 0],
         float(state[-1, 1] * scale / reach),
         float(deviation[-1, 1] * scale / reach),
-        End(scale, weight, level_wanders, slope_wanders, states[-1], covariances[-1]),
+        CourseEnd(scale, weight, level_wanders, slope_wanders, states[-1], covariances[-1]),
     )
 
 

@@ -105,7 +105,7 @@ def without_bus(page: Page) -> list[str]:
 def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
     measured = desk / "measured"
     measured.mkdir()
-    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a.csv")
+    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a_20260301.csv")
     run_all(command, without_bus(Page("README.md")))
     made = {"worn.png", "figures", "found", "bench.toml", "results"}
     assert made <= {path.name for path in desk.iterdir()}
@@ -115,12 +115,12 @@ def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
 @pytest.mark.slow
 def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
     for name, effect in (("a", ()), ("b", WORN)):
-        path = desk / "measured" / f"injector_{name}" / "run.csv"
+        path = desk / "measured" / f"injector_{name}" / "run_20260301_120000.csv"
         path.parent.mkdir(parents=True)
         command.done("simulate", *SEVERAL_POINTS, *effect, "--output", path)
     run_all(command, without_bus(Page("docs/batch.md")))
     page = (desk / "results" / "trend.html").read_text()
-    assert page.index("#1") < page.index(">b<") < page.index(">a<")
+    assert page.index(">b</a>") < page.index(">a</a>")
     assert (desk / "wear.png").exists()
 
 

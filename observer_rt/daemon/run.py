@@ -190,6 +190,8 @@ class InjectorService:
             f"{constants.substeps} integration steps a sample, look-ahead {lookahead} samples "
             f"({lookahead / rate / MICROSECOND:g} us)",
         )
+        if added := injector.parameters.in_force:
+            say(Topic.START, f"the model has {'; '.join(added)}")
         if doubt := doubt_about_fit(injector):
             say(Topic.START, f"warning: {doubt.text}; remedy: {doubt.remedy}")
 

@@ -140,6 +140,15 @@ class EffectInForce(_Section):
     evidence: str = ""
     date: Annotated[str, BeforeValidator(str)] = ""  # TOML has dates of its own
 
+    @property
+    def words(self) -> str:
+        """Such as `orifice_area v_H = 0.3`."""
+        sizes = (
+            f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
+            for name, size in self.parameters.items()
+        )
+        return " ".join([self.id, *sizes])
+
 
 def _known_format(number: int) -> int:
     if number != FORMAT:
@@ -166,6 +175,11 @@ class InjectorParameters(_Section):
     needle: Needle
     baseline: Baseline | None = None  # of the healthy injector, where the file was fitted
     remainder: Remainder | None = None  # of terms that were accepted in part
+
+    @property
+    def in_force(self) -> tuple[str, ...]:
+        """Effects and terms that are added to the nominal model, in words."""
+        return (*(effect.words for effect in self.effects), *(term.words for term in self.terms))
 
 
 class Departures(NamedTuple):

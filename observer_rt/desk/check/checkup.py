@@ -154,13 +154,8 @@ def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> It
 
 @ruled("effects")
 def _effects(fitted: BenchInjector) -> Iterator[Said]:
-    """The effects that the injector file adds to the nominal model."""
-    for effect in fitted.parameters.effects:
-        sizes = (
-            f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
-            for name, size in effect.parameters.items()
-        )
-        yield " ".join([effect.id, *sizes])
+    """The effects and terms that the injector file adds to the nominal model."""
+    yield from fitted.parameters.in_force
 
 
 @ruled("injector")

@@ -26,6 +26,8 @@ NUMBER = "%.9g"
 _COLUMNS = (
     WrittenColumn("time_s", "time", "s", NUMBER),
     WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", NUMBER),
+    WrittenColumn("injection_rate_sigma_mm3_per_ms", "injection_rate_sigma", "mm3/ms", NUMBER),
+    WrittenColumn("nominal_rate_mm3_per_ms", "nominal_rate", "mm3/ms", NUMBER),
     WrittenColumn("valid", "valid", "", "%d"),
     WrittenColumn("state", "state", "", "%s", tuple(state.name for state in State)),
     *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
@@ -81,10 +83,10 @@ def open_trace(path: Path) -> TableWriter:
 
 def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
     """Columns of a written trace, in the order of the table. time (n,) [s]."""
-    rate = trace.injection_rate / MM3_PER_MS
+    rates = (trace.injection_rate, trace.injection_rate_sigma, trace.nominal_rate)
     x = (trace.x[:, i] for i in range(3))
     phi = (trace.phi[:, i] for i in range(3))
-    return [time, rate, trace.valid, trace.state, *x, *phi]
+    return [time, *(rate / MM3_PER_MS for rate in rates), trace.valid, trace.state, *x, *phi]
 
 
 class Segment:

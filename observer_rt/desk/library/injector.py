@@ -300,6 +300,5 @@ class Injector:
         if baseline is not None:
             verdict = "adequate" if baseline.adequate else "not adequate"
             lines.append(f"fitted {baseline.date} to {len(baseline.recordings)} recordings, {verdict}")
-        lines += [f"effect in force: {one.id}" for one in self.parameters.effects]
-        lines += [f"term in force: {one.equation}: {one.law}" for one in self.parameters.terms]
+        lines += [f"in force: {words}" for words in self.parameters.in_force]
         return lines

@@ -57,6 +57,14 @@ class TermInForce(BaseModel):
         return cls(equation=term.equation, law=str(term.law), coefficient=stated, **why)
 
     @property
+    def words(self) -> str:
+        """Such as `line_flow: c*line_flow, c = -0.14 MPa`."""
+        if self.coefficient is None:
+            return f"{self.equation}: {self.law}"
+        unit = "" if self.coefficient.unit == str(PURE) else f" {self.coefficient.unit}"
+        return f"{self.equation}: {self.law}, c = {self.coefficient.value:g}{unit}"
+
+    @property
     def term(self) -> Term:
         """The term stated.
 

@@ -249,3 +249,22 @@ def test_a_classic_bus_without_rates_carries_pages(tmp_path: Path) -> None:
     load = expected_load(bench, map_bench(bench))
     assert load.continuous == pytest.approx(114e-6 * (3 * 10e3 + 17 * 7 + 10 * 12), rel=0.03)
     assert load.windowed == pytest.approx(114e-6 * (3 * 60 * 17 + 17 * 7 + 10 * 12), rel=0.03)
+
+
+def test_what_is_in_force_beside_the_nominal_model_is_said(findings_of: FindingsOf) -> None:
+    added = """
+[[effects]]
+id = "orifice_area"
+parameters = { v_H = { value = 0.3, unit = "-" } }
+
+[[terms]]
+equation = "line_flow"
+law = "c*max(line_flow - 25, 0)"
+coefficient = { value = 0.139, unit = "MPa*ms/mm3" }
+"""
+    found = findings_of(injector={"[needle]": f"{added}\n[needle]"})
+    assert [finding.text for finding in of(found, "effects")] == [
+        "orifice_area v_H = 0.3",
+        "line_flow: c*max(line_flow - 25, 0), c = 0.139 MPa*ms/mm3",
+    ]
+    assert of(findings_of(), "effects") == []

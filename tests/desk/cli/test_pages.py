@@ -367,7 +367,7 @@ def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
     assert printed(framed, tmp_path) == ["1 frame with a wrong CRC"]
     heading, *rows = printed(first, tmp_path)
     assert heading.split() == ["mass_mg", "mass_bound_mg", "valid"]
-    assert [row.split()[-1] for row in rows] == ["False", "False", "True"]
+    assert [row.split()[-1] for row in rows] == ["True", "True", "True"]
     assert (tmp_path / "worn.png").exists()
     assert printed(loop, tmp_path)[0].startswith("named: seat_area")
 

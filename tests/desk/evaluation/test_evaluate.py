@@ -169,7 +169,8 @@ def test_trace_file(tmp_path: Path) -> None:
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
-        *("time_s", "injection_rate_mm3_per_ms", "valid", "state"),
+        *("time_s", "injection_rate_mm3_per_ms", "injection_rate_sigma_mm3_per_ms"),
+        *("nominal_rate_mm3_per_ms", "valid", "state"),
         *("x1", "x2", "x3", "phi1", "phi2", "phi3"),
     ]
     assert len(rows) == worn().recording.samples
@@ -177,6 +178,9 @@ def test_trace_file(tmp_path: Path) -> None:
     at = int(np.nanargmax(found.trace.injection_rate))
     shown = found.trace.injection_rate[at] / 1e-6
     assert float(rows[at]["injection_rate_mm3_per_ms"]) == pytest.approx(shown, rel=1e-8)
+    sigma, nominal = found.trace.injection_rate_sigma[at], found.trace.nominal_rate[at]
+    assert float(rows[at]["injection_rate_sigma_mm3_per_ms"]) == pytest.approx(sigma / 1e-6, rel=1e-8)
+    assert float(rows[at]["nominal_rate_mm3_per_ms"]) == pytest.approx(nominal / 1e-6, rel=1e-8)
     assert float(rows[at]["x3"]) == pytest.approx(found.trace.x[at, 2], rel=1e-8)
     assert float(rows[at]["phi1"]) == pytest.approx(found.trace.phi[at, 0], rel=1e-8)
     assert float(rows[at]["time_s"]) == pytest.approx(worn().recording.time[at], rel=1e-8)

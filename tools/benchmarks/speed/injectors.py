@@ -131,8 +131,8 @@ def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     text = bench_text(
         ('interface = "socketcan"', 'interface = "descriptor"'),
-        ('\ntime_base = "device"\n', '\ntime_base = "device"\nlink = "{injector}"\n'),
-        ("\ninjector_id = 1\n", '\nlink = "{injector}"\n'),
+        ('\ntime_base = "device"', '\nlink = "{injector}"\ntime_base = "device"'),
+        ("\ninjector_id = 1", '\nlink = "{injector}"'),
     )
     names = [f"i{number}" for number in range(len(sockets))]
     for name, each in zip(names, sockets, strict=True):

@@ -153,8 +153,8 @@ for _heading, _commands in {
         (convert, "bus.blf recording.csv --bench bench.toml"),
         (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
         (export, "--c ecu --fmu rig --model injector.toml --state learned.json"),
-        (reproduce, "--out reproduced"),
         (project, "report my_injector"),
+        (reproduce, "--out reproduced"),
     ),
     "Discovery": (
         (discover, "--model injector.toml --out found --plan worn_1.csv worn_2.csv"),

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser
 
 from observer_rt.desk.fleet.forecast import Limit
 from observer_rt.desk.fleet.trend import trends
 from observer_rt.desk.fleet.trend_page import scale_of, write_page, write_picture
 from tests.desk.fleet.rows import rows
-from tests.desk.live_page.browser import launch
 
 
 def fleet(injectors: int, recordings: int = 3) -> pa.Table:
@@ -28,33 +27,32 @@ def fleet(injectors: int, recordings: int = 3) -> pa.Table:
     )
 
 
-def test_a_click_leads_to_an_injector_and_a_point_to_its_recording(tmp_path: Path) -> None:
+def test_a_click_leads_to_an_injector_and_a_point_to_its_recording(browser: Browser, tmp_path: Path) -> None:
     unknown = rows("xx", "unknown", [0.9], valid=False)
     found = trends(pa.concat_tables([fleet(8), unknown]), [Limit.read("seat=-20%")])
     write_page(tmp_path / "trend.html", found, tmp_path)
-    with sync_playwright() as playwright, launch(playwright) as browser:
-        page = browser.new_page()
-        errors: list[str] = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto((tmp_path / "trend.html").as_uri())
-        assert page.locator("#name").inner_text() == "<b>07</b>"
-        assert "+20 %" in page.locator("svg").inner_html()
-        box = page.locator("#nozzle").bounding_box()
-        assert box is not None
-        page.locator("#nozzle").click(position={"x": box["width"] - 2, "y": 2.5 * box["height"] / 9})
-        assert page.locator("#name").inner_text() == "<b>05</b>"
-        assert "+20 %" in page.locator("svg").inner_html()  # of all injectors
-        page.locator("circle").nth(1).dispatch_event("click")
-        chosen = page.locator("tr.chosen")
-        assert chosen.inner_text().startswith("2026-01-12")
-        assert "+5.00 ± 1.96" in chosen.inner_text()
-        link = chosen.locator("a").get_attribute("href")
-        assert link is not None
-        assert link.endswith("measured/05/run%201.csv")
-        page.fill("#find", "unk")
-        assert page.locator("#injectors tr:visible").count() == 2
-        assert page.locator("#course").inner_text() == "no valid injection"
-        assert not errors
+    page = browser.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto((tmp_path / "trend.html").as_uri())
+    assert page.locator("#name").inner_text() == "<b>07</b>"
+    assert "+20 %" in page.locator("svg").inner_html()
+    box = page.locator("#nozzle").bounding_box()
+    assert box is not None
+    page.locator("#nozzle").click(position={"x": box["width"] - 2, "y": 2.5 * box["height"] / 9})
+    assert page.locator("#name").inner_text() == "<b>05</b>"
+    assert "+20 %" in page.locator("svg").inner_html()  # of all injectors
+    page.locator("circle").nth(1).dispatch_event("click")
+    chosen = page.locator("tr.chosen")
+    assert chosen.inner_text().startswith("2026-01-12")
+    assert "+5.00 ± 1.96" in chosen.inner_text()
+    link = chosen.locator("a").get_attribute("href")
+    assert link is not None
+    assert link.endswith("measured/05/run%201.csv")
+    page.fill("#find", "unk")
+    assert page.locator("#injectors tr:visible").count() == 2
+    assert page.locator("#course").inner_text() == "no valid injection"
+    assert not errors
 
 
 def test_the_page_says_its_order_reaches_nothing_outside_and_stays_light(tmp_path: Path) -> None:

@@ -5,25 +5,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, Request, sync_playwright
+from playwright.sync_api import Browser, Page, Request
 
-from observer_rt.foundation.errors import UserError
 from tests.daemon.end_to_end import command
-from tests.desk.live_page.browser import launch, served
+from tests.desk.live_page.browser import served
 
 Serve = Callable[..., str]
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    """Tests cannot do without one."""
-    with sync_playwright() as playwright:
-        try:
-            started = launch(playwright)
-        except UserError as error:
-            pytest.fail(str(error), pytrace=False)
-        yield started
-        started.close()
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from observer_rt.identification.ode import CandidateLaw, OdeModel, OdeRecording,
 from tests.pages import Page
 
 PAGE = Page("docs/library.md")
-TANKS, PELTS = PAGE.fenced("python")[3:]
+TANKS, PELTS = PAGE.fenced("python")[-2:]
 MASS, VISCOUS, COULOMB = 2.0, 12.0, 20.0
 NOISE = 1e-4  # m
 AXIS = OdeModel(

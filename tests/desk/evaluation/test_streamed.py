@@ -1,5 +1,6 @@
 """Files in parts through the observer: the same bits as in one piece, in memory that does not grow."""
 
+import csv
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -163,9 +164,9 @@ def _columns(path: Path) -> tuple[Signal, Signal, list[str]]:
             table["injection_rate_mm3_per_ms"].to_numpy(),
             table["state"].to_pylist(),
         )
-    rows = [line.split(",") for line in path.read_text().splitlines()[1:]]
-    rates = np.array([float(row[1] or "nan") for row in rows])
-    return np.array([float(row[0]) for row in rows]), rates, [row[3] for row in rows]
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    rates = np.array([float(row["injection_rate_mm3_per_ms"] or "nan") for row in rows])
+    return np.array([float(row["time_s"]) for row in rows]), rates, [row["state"] for row in rows]
 
 
 @pytest.mark.parametrize("in_memory", [1, 2, 5, 6])

@@ -22,6 +22,11 @@ def effect_named(place: str, name: str) -> Effect:
     return VOCABULARY[name]
 
 
+def effects_named(place: str, names: str) -> tuple[str, ...]:
+    """Ids of effects, given as `ID` or `ID+ID`; none of an empty text. Raises `UserError` as `effect_named`."""
+    return tuple(effect_named(place, name.strip()).id for name in names.split("+")) if names else ()
+
+
 def parameter_named(place: str, effect: Effect, name: str) -> EffectParameter:
     """The effect's parameter of this name. Raises `UserError` at `place`."""
     for parameter in effect.parameters:

@@ -83,7 +83,7 @@ def batch(
 ) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
     from observer_rt.config.own_effects import OwnEffects
-    from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
+    from observer_rt.desk.evaluation.learned_state import read_state
     from observer_rt.desk.fleet.batch import evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.cluster import Work, connected
     from observer_rt.desk.fleet.database import SUFFIX, results_at
@@ -115,15 +115,7 @@ def batch(
     settings = settings_of(chosen, state, learning, injector_from, own)
     columns = {"time_from": time_from, "age_from": age_from}
     dataset = results_at(out, settings | {key: each for key, each in columns.items() if each is not None})
-    knowledge, parameters = None, chosen.injector.parameters
-    if state is not None:
-        knowledge = restored_knowledge(
-            state,
-            model_hash(parameters),
-            parameters.scaling.pressure,
-            partial(say, messages),
-            set_aside=False,
-        )
+    knowledge = read_state(state, chosen.injector.parameters, partial(say, messages))
     task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, age_from, own)
     found = None
     with dataset, stop_on_signals() as stop, connected(scheduler, workers) as cluster:

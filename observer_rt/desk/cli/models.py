@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 from observer_rt.config.bench import load_injector
-from observer_rt.config.effects import effect_named
+from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli import options
 from observer_rt.desk.cli.options import argument, decoder_of, file_option, messages, option
@@ -216,7 +216,7 @@ def discover(
         )
     given = (*(recordings or ()), *(healthy or ()))
     decoder = as_confirmed(decoder_of(bench, injector, lenient, model), given, yes, messages)
-    chosen = tuple(effect_named("--choose", name.strip()).id for name in choose.split("+")) if choose else ()
+    chosen = effects_named("--choose", choose)
     if from_evidence is not None:
         asked = asked_of_evidence(from_evidence, model, decoder, messages)
     else:

@@ -6,26 +6,26 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 from rich.console import Console
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge, save_knowledge
+from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.desk.evaluation.curves import numbers_shown, refuse_beyond
-from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate_stream
-from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs, open_source, without_truths
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
+from observer_rt.desk.evaluation.histories import look_over, run_by_run
+from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state, write_state
+from observer_rt.desk.evaluation.logged import LoggedSignals, open_source, without_truths
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
+from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
-from observer_rt.desk.evaluation.twice import SecondLook
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.constants import injector_at
-from observer_rt.engine.service.learners import doubt_about_fit, make_learner, refuse_state
-from observer_rt.engine.signal_survey import doubts, refuse_dead
+from observer_rt.engine.service.learners import LearnerFactory, refuse_state
 from observer_rt.files.formats import is_log
-from observer_rt.files.replay.framing import bench_for, clamped_in
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
@@ -128,21 +128,17 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     paths = without_truths(given, console)
     _refuse_early(bench, paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
-    model = model_hash(bench.injector.parameters)
+    stated = bench.injector.parameters
     bench = _with_fuel(bench, sources, options)
-    pressure_scale = bench.injector.parameters.scaling.pressure
-    knowledge = restored_knowledge(
-        options.state, model, pressure_scale, partial(say, console), set_aside=False
-    )
+    knowledge = read_state(options.state, stated, partial(say, console))
     with ExitStack() as stack:
         traces = [stack.enter_context(replacing(path)) for path in options.traces(paths)]
         evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
-        with sole_writer(options.save_state):
-            save_knowledge(options.save_state, knowledge, model, pressure_scale)
+        write_state(options.save_state, knowledge, stated)
     if options.json:
-        write_document(evaluations, model, c, sys.stdout)
+        write_document(evaluations, model_hash(stated), c, sys.stdout)
     else:
         results_console, baseline = results(), bench.injector.parameters.baseline
         is_fitted = baseline is not None and baseline.adequate
@@ -202,8 +198,7 @@ def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions)
     for option, path in (("--state", options.state), ("--save-state", options.save_state)):
         if path is not None:
             refuse_state(bench.injector, option)
-    if options.state is not None and not options.state.exists():
-        raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
+    refuse_missing_state("--state", options.state)
     _check_destinations(paths, options)
 
 
@@ -255,47 +250,20 @@ def _evaluated(
     options: EvaluateOptions,
     console: Console,
 ) -> tuple[list[Evaluation], Knowledge]:
-    """Every source by itself, or all of them as one history, in which knowledge goes on from run to run.
-
-    Gives the knowledge at the end of the last one, too.
-    """
-    benches = [bench_for(bench, source) for source in sources]  # refuse before the first one is evaluated
-    for doubt in dict.fromkeys(doubt_about_fit(own.injector) for own in benches):
-        if doubt is not None:
-            say(console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
-    for source in sources:
-        if not isinstance(source, LoggedSignals):
-            refuse_dead(source.path, source.survey, source.names)
-        for odd in doubts(source.survey, bench.injector.parameters.baseline, source.names):
-            say(console, odd.as_text(source.path))
-        if not isinstance(source, LoggedSignals):
-            for warning in clamped_in(source.survey, map_bus(bench)):
-                say(console, f"warning: {source.path}, {warning}")
+    """Every source by itself, or all of them as one history; gives the knowledge at the end of the last one, too."""
+    look_over(bench, sources, console)
     openings = [source.survey.openings.most for source in sources]
     refuse_beyond(options.injections, sum(openings) if options.chain else max(openings))
-    runs = in_runs(sources) if options.chain else [[source] for source in sources]
-    if options.chain:
-        bench_for_all(bench, sources)
     learning = options.learning and bench.injector.config.learning.enabled
     wants_curves = options.plot is not None or options.twice
     curves = effective_model(bench.injector.parameters).coefficients if wants_curves else None
-    evaluations: list[Evaluation] = []
-    known, done = knowledge, 0
+    remaining = iter(traces)
+
+    def evaluate_run(
+        run: Sequence[SignalStream], known: Knowledge | None, report: Progress, learner_of: LearnerFactory
+    ) -> tuple[Sequence[Evaluation], Knowledge]:
+        mine = list(islice(remaining, len(run)))
+        return evaluate_stream(bench, run, mine, known, learning, report, curves, learner_of=learner_of)
+
     with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
-        for run in runs:
-            known = known if options.chain else knowledge
-            mine = traces[len(evaluations) :][: len(run)]
-
-            def report(samples: int, before: int = done) -> None:
-                progress(before + samples)
-
-            look = SecondLook()
-            learner_of = look.learner if options.twice else make_learner
-            found, known = evaluate_stream(
-                bench, run, mine, known, learning, report, curves, learner_of=learner_of
-            )
-            look.revise(found)
-            evaluations += found
-            done += sum(source.samples for source in run)
-    assert known is not None  # there is a run
-    return evaluations, known
+        return run_by_run(bench, sources, knowledge, options.chain, options.twice, progress, evaluate_run)

@@ -21,9 +21,11 @@ from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.fallback import Rehearsed
 from observer_rt.engine.learning.interval import (
     Resimulated,
+    VolumeBudget,
     rate_sigma,
     resimulated,
     volume_budget,
+    volume_in,
     volume_interval,
 )
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge, Outcome
@@ -47,8 +49,6 @@ from observer_rt.foundation.errors import UserError
 Matrix = NDArray[np.float64]
 _LIFTED = frozenset({Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.REVISED})
 """Reasons of the moment: what later injections taught may lift them."""
-
-
 _MOST_POINTS = 64  # operating points among which a place is near
 
 
@@ -56,10 +56,11 @@ _MOST_POINTS = 64  # operating points among which a place is near
 class _Event:
     """An event that was learned from, as it is run again.
 
-    start: position of its first sample; systematic: share of a volume that the model gets wrong, but for places far
-    from all learned at; passed: without objections.
+    taught: beliefs about it; start: position of its first sample; systematic: share of a volume that the model gets
+    wrong, but for places far from all learned at; passed: without objections.
     """
 
+    taught: TaughtEvent
     start: int
     samples: int
     point: EventPoint
@@ -73,7 +74,6 @@ class SecondLook:
     """Keeps what a learner makes of every event, and revises the results of all when the last one is there."""
 
     def __init__(self) -> None:
-        self._beliefs: list[TaughtEvent] = []
         self._events: list[_Event] = []
         self._rehearsed: Spool[Rehearsed] = Spool()
         self._active: frozenset[int] = frozenset()
@@ -100,10 +100,10 @@ class SecondLook:
         point = operating_point(window, interval)
         far = UNSEEN * extrapolation_sigma(point, state.learned_at[:-1])
         by_coil = state.energizing.current.covariance
-        self._beliefs.append(TaughtEvent(outcome.prior, state.learned.belief))
         self._rehearsed.append(replace(rehearsed, errors={}))
         self._events.append(
             _Event(
+                TaughtEvent(outcome.prior, state.learned.belief),
                 round(window.clock.time / interval),
                 window.output.size,
                 point,
@@ -119,7 +119,7 @@ class SecondLook:
         """Give every injection of the evaluations the rate and mass that all events together teach."""
         if sum(event.passed for event in self._events) <= EVENTS_REQUIRED:
             return
-        beliefs = smoothed(self._beliefs)
+        beliefs = smoothed([event.taught for event in self._events])
         starts = [event.start for event in self._events]
         chosen = np.unique(np.linspace(0, len(starts) - 1, _MOST_POINTS).round().astype(int))
         learned_at = [self._events[number].point for number in chosen]
@@ -188,20 +188,25 @@ def _by_event(
 ) -> tuple[InjectionResult, RateCurves]:
     """An injection, and its curves, by an event run again, in a window of that; passed: the event."""
     rate, sigma = again.run.rate[window], rate_sigma(again, window)
-    report = _report_by(result.report, again, window, passed)
+    budget = volume_budget(again, window)
+    report = _report_by(
+        result.report, again, window, passed and set(result.report.reasons) <= _LIFTED, budget
+    )
     measured = curves.reference
     return replace(
         result,
         report=report,
         rate_rmse=math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2))),
         rate_ci95_halfwidth=1.96 * float(np.mean(sigma[rate != 0.0])) if rate.any() else math.nan,
-        budget=volume_budget(again, window),
+        budget=budget,
     ), replace(curves, estimated=rate, sigma=sigma)
 
 
-def _report_by(report: InjectionReport, again: Resimulated, window: slice, passed: bool) -> InjectionReport:
-    """A report by an event run again; one that only lacked knowledge is judged by what is known now."""
-    volume = float(np.trapezoid(again.run.rate[window])) * again.interval
+def _report_by(
+    report: InjectionReport, again: Resimulated, window: slice, is_judged: bool, budget: VolumeBudget
+) -> InjectionReport:
+    """A report by an event run again; is_judged: it only lacked knowledge, and is valid by what is known now."""
+    volume = volume_in(again, window)
     low, high = volume_interval(again, window, math.nan)
     report = replace(
         report,
@@ -210,8 +215,8 @@ def _report_by(report: InjectionReport, again: Resimulated, window: slice, passe
         mass_ci95=(low * report.density, high * report.density),
         peak_rate=float(again.run.rate[window].max()),
     )
-    if not passed or not set(report.reasons) <= _LIFTED:
+    if not is_judged:
         return report
-    is_known = volume_budget(again, window).parameters <= FLOW_KNOWN * volume
+    is_known = budget.parameters <= FLOW_KNOWN * volume
     reason = Reason.NONE if is_known else Reason.OUTSIDE_LEARNED_RANGE
     return replace(report, valid=is_known, reason=reason, further=(), state=State.ADAPTED)

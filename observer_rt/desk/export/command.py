@@ -4,13 +4,14 @@ import json
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
+from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state
 from observer_rt.desk.export.c_code import c_sources
 from observer_rt.desk.export.compiler import compile_c, compiler
 from observer_rt.desk.export.document import document_of
@@ -61,15 +62,8 @@ def export_bench(bench: Bench, options: ExportOptions, console: Console) -> None
         raise UserError("--single", "is of the C sources", "add --c DIR, or leave it out")
     bench = without_its_bus(bench, options.sample_rate)
     parameters = bench.injector.parameters
-    if options.state is not None and not options.state.exists():
-        raise UserError(f"--state {options.state}", "no such file", "correct the path, or leave it out")
-    knowledge = restored_knowledge(
-        options.state,
-        model_hash(parameters),
-        parameters.scaling.pressure,
-        lambda text: say(console, text),
-        set_aside=False,
-    )
+    refuse_missing_state("--state", options.state)
+    knowledge = read_state(options.state, parameters, partial(say, console))
     if options.fuel_temperature is not None:
         temperature = temperature_of("--fuel-temperature", options.fuel_temperature)
         bench = bench.with_parameters(injector_at(bench.injector, temperature))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from html import escape
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from observer_rt.config.bench import Bench
-from observer_rt.config.effects import effect_named
+from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.desk.library.notes import CallNotes, screen
@@ -133,8 +134,6 @@ class DiscoveryResult:
         return as_text(self.findings)
 
     def _repr_html_(self) -> str:
-        from html import escape
-
         return f"<pre>{escape(as_text(self.findings))}</pre>"
 
 
@@ -145,12 +144,6 @@ class Wanted:
     choose: str = ""
     accept_term: int = 0
     in_part: bool = False
-
-    @property
-    def chosen(self) -> tuple[str, ...]:
-        """Ids of the effects chosen."""
-        names = self.choose.split("+") if self.choose else []
-        return tuple(effect_named("choose", name.strip()).id for name in names)
 
 
 def discovered(
@@ -171,7 +164,7 @@ def discovered(
         tuple(measured),
         tuple(healthy),
         digests,
-        wanted.chosen,
+        effects_named("choose", wanted.choose),
         wanted.accept_term,
         observer_remainder if wanted.in_part else None,
     )

@@ -15,21 +15,19 @@ import pandas as pd
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
-from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
-from observer_rt.desk.evaluation.twice import SecondLook
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.histories import look_over, run_by_run
+from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state
+from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.library.discovery import DiscoveryResult, Wanted, discovered
 from observer_rt.desk.library.fit import FitResult
 from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, sources_of
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.service.learners import doubt_about_fit, make_learner
-from observer_rt.engine.signal_survey import doubts, refuse_dead
-from observer_rt.files.replay.framing import bench_for
+from observer_rt.engine.service.learners import LearnerFactory
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import progress_bar, say
-from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
@@ -178,30 +176,24 @@ class Injector:
         """
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
-            self._doubt(sources, notes)
-            if chain:
-                bench_for_all(self.bench, sources)
-            runs = [sources] if chain else [[source] for source in sources]
-            knowledge = None if state is None else self._restored(Path(state), notes)
+            look_over(self.bench, sources, notes.console)
+            before = None if state is None else Path(state)
+            refuse_missing_state("state", before)
+            knowledge = read_state(before, self.parameters, partial(say, notes.console))
+            learning = learn and self.bench.injector.config.learning.enabled
             c = effective_model(self.parameters).coefficients
-            evaluations: list[Evaluation] = []
+
+            def evaluate_run(
+                run: Sequence[SignalStream], known: Knowledge | None, report: Progress, made: LearnerFactory
+            ) -> tuple[Sequence[Evaluation], Knowledge]:
+                history = evaluate(self.bench, run, known, learning, report, made, curves_of=c)
+                return history.evaluations, history.knowledge
+
             with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
-                done = 0
-                for run in runs:
-                    look = SecondLook()
-                    history = evaluate(
-                        self.bench,
-                        run,
-                        knowledge,
-                        learn,
-                        lambda samples, before=done: progress(before + samples),  # type: ignore[misc]
-                        look.learner if twice else make_learner,
-                        curves_of=c,
-                    )
-                    look.revise(history.evaluations)
-                    evaluations += history.evaluations
-                    done += sum(one.samples for one in run)
-        return EvaluationResult(self.bench.injector, tuple(evaluations), history.knowledge, tuple(notes))
+                evaluations, knowledge = run_by_run(
+                    self.bench, sources, knowledge, chain, twice, progress, evaluate_run
+                )
+        return EvaluationResult(self.bench.injector, tuple(evaluations), knowledge, tuple(notes))
 
     def discover(
         self,
@@ -264,27 +256,6 @@ class Injector:
         stated = effects_on_one_raster(self.bench.injector)
         paths = [source.path for source in sources if source.path is not None]
         return read_measured(paths, named.__getitem__, notes.console, most, stated, self.parameters.baseline)
-
-    def _doubt(self, sources: Sequence[SignalStream], notes: CallNotes) -> None:
-        """Refuses dead signals, notes doubts about others and about the model's fit."""
-        for source in sources:
-            own = bench_for(self.bench, source)
-            if (doubt := doubt_about_fit(own.injector)) is not None:
-                say(notes.console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
-            refuse_dead(source.path, source.survey, source.names)
-            for odd in doubts(source.survey, self.parameters.baseline):
-                say(notes.console, odd.as_text(source.path))
-
-    def _restored(self, state: Path, notes: CallNotes) -> Knowledge | None:
-        if not state.exists():
-            raise UserError(f"state {state}", "no such file", "correct the path, or leave it out")
-        return restored_knowledge(
-            state,
-            model_hash(self.parameters),
-            self.parameters.scaling.pressure,
-            partial(say, notes.console),
-            set_aside=False,
-        )
 
     def __repr__(self) -> str:
         return "\n".join(self._lines)

@@ -1,4 +1,4 @@
-"""CallNotes of a call: what the command line would print besides its result; its warnings become Python's."""
+"""Notes of a call: what the command line would print besides its result; its warnings become Python's."""
 
 import warnings
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ class ObserverWarning(UserWarning):
 
 
 class CallNotes(list[str]):
-    """CallNotes of a call, a line or more each; `console` takes them."""
+    """Notes of a call, a line or more each; `console` takes them."""
 
     def __init__(self) -> None:
         super().__init__()

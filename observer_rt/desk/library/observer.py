@@ -1,6 +1,5 @@
 """The observer fed sample by sample or block by block, in physical units: the daemon without its bus."""
 
-import math
 from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
@@ -13,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.core.stream.stream import RING
-from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge, save_knowledge
+from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state, write_state
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
@@ -71,13 +69,9 @@ class SampleObserver:
         self._reports: list[InjectionReport] = []
         self._rate = sample_rate_Hz
         bus = map_bus(bench)
-        known = restored_knowledge(
-            None if state is None else Path(state),
-            model_hash(injector.parameters),
-            injector.parameters.scaling.pressure,
-            lambda _: None,
-            set_aside=False,
-        )
+        before = None if state is None else Path(state)
+        refuse_missing_state("state", before)
+        known = read_state(before, injector.parameters, lambda _: None)
         fuel = injector.parameters.fluid.reference_temperature
         self._core = Core(bench.injector, bus, known, listeners=[self._take], fuel_temperature=fuel)
         self._device = Device(bus)
@@ -142,8 +136,9 @@ class SampleObserver:
     def injections(self) -> pd.DataFrame:
         """Injections reported so far, a row each, as of `EvaluationResult.injections`."""
         names = [*columns_of(FIELDS, Output.PARQUET), MASS_BOUND.name]
+        c = self._coefficients
         rows = [
-            {**row_of(FIELDS, Output.PARQUET, one, self._coefficients), MASS_BOUND.name: self._bound(one)}
+            {**row_of(FIELDS, Output.PARQUET, one, c), MASS_BOUND.name: MASS_BOUND.of(one, c)}
             for one in self._reports
         ]
         return with_units(pd.DataFrame(rows, columns=names))
@@ -161,9 +156,7 @@ class SampleObserver:
 
     def save_state(self, path: str | PathLike[str]) -> None:
         """Write what was learned to a path. Raises `UserError`, `RunError` where it cannot be written."""
-        with sole_writer(Path(path)):
-            scale = self._parameters.scaling.pressure
-            save_knowledge(Path(path), self._core.knowledge, model_hash(self._parameters), scale)
+        write_state(Path(path), self._core.knowledge, self._parameters)
 
     def _take(self, news: Any) -> None:
         if isinstance(news, InjectionReport):
@@ -194,7 +187,3 @@ class SampleObserver:
                 }
             )
         )
-
-    def _bound(self, one: InjectionReport) -> float | None:
-        bound: float | None = MASS_BOUND.of(one, self._coefficients)
-        return None if bound is None or math.isnan(bound) else bound

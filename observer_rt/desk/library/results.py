@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN, InjectionResult, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.learned_state import write_state
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -101,9 +100,7 @@ class EvaluationResult:
 
     def save_state(self, path: str | PathLike[str]) -> None:
         """Write what was learned to a path, for `state=` and `observer-rt run`. Raises `UserError`, `RunError`."""
-        parameters = self.injector.parameters
-        with sole_writer(Path(path)):
-            save_knowledge(Path(path), self.knowledge, model_hash(parameters), parameters.scaling.pressure)
+        write_state(Path(path), self.knowledge, self.injector.parameters)
 
     @property
     def _coefficients(self) -> Coefficients:
@@ -134,11 +131,10 @@ def _name(one: Evaluation) -> str:
 
 
 def _row(one: Evaluation, result: InjectionResult, c: Coefficients) -> dict[str, Any]:
-    bound = _BOUND.of(result, c)
     return {
         RECORDING: _name(one),
         **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
-        _BOUND.name: bound,
+        _BOUND.name: _BOUND.of(result, c),
     }
 
 

@@ -65,10 +65,10 @@ class Belief:
         total = before + information
         if not np.isfinite(np.linalg.cholesky(total)).all():  # LAPACK lets NaN pass
             raise np.linalg.LinAlgError("information is not finite")
-        covariance = _symmetric(np.asarray(np.linalg.inv(total), np.float64))
+        covariance = symmetric(np.asarray(np.linalg.inv(total), np.float64))
         kept = covariance @ before
         error = kept @ self.error_covariance @ kept.T + covariance @ information @ covariance
-        return Belief(covariance @ (before @ self.mean + vector), covariance, _symmetric(error))
+        return Belief(covariance @ (before @ self.mean + vector), covariance, symmetric(error))
 
 
 def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> Belief:
@@ -76,7 +76,8 @@ def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> 
     return Belief(mean, covariance, covariance)
 
 
-def _symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A covariance (m, m) without what rounding made unequal."""
     return np.asarray(0.5 * (matrix + matrix.T), np.float64)
 
 

@@ -66,7 +66,7 @@ def volume_interval(event: Resimulated, window: slice, published: float) -> tupl
 
     It is that of the re-simulated volume; one published that was not known so well, nan: none was, is at its end.
     """
-    volume = _volume(event, window)
+    volume = volume_in(event, window)
     sigma = math.hypot(*volume_budget(event, window))
     low, high = volume - 1.96 * sigma, volume + 1.96 * sigma
     return (low, high) if math.isnan(published) else (min(low, published), max(high, published))
@@ -78,13 +78,13 @@ def volume_budget(event: Resimulated, window: slice) -> VolumeBudget:
     return VolumeBudget(
         math.sqrt(max(float(gradient @ event.covariance @ gradient), 0.0)),
         math.sqrt(float(event.by_inputs.volume[window][-1])),
-        event.systematic * _volume(event, window),
+        event.systematic * volume_in(event, window),
     )
 
 
 def is_revised(event: Resimulated, window: slice, volume: float) -> bool:
     """Whether what was learned from the event contradicts the volume [m3] published for a window of it."""
-    learned = _volume(event, window)
+    learned = volume_in(event, window)
     return not abs(volume - learned) <= REVISED * abs(learned)
 
 
@@ -98,5 +98,6 @@ def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(variance), np.float64)
 
 
-def _volume(event: Resimulated, window: slice) -> float:
+def volume_in(event: Resimulated, window: slice) -> float:
+    """Volume [m3] injected in a window of the event, as it was re-simulated."""
     return float(np.trapezoid(event.run.rate[window])) * event.interval

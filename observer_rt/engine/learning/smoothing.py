@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief
+from observer_rt.engine.estimation.gating import Belief, symmetric
 
 _NARROWED = 1e-6  # share of a covariance, by which one event later may be less uncertain: rounding
 _MOVED = 1.0  # standard deviations between events, beyond which a belief was not carried on but replaced
@@ -78,8 +78,4 @@ def _before(event: TaughtEvent, following: TaughtEvent, ahead: _SmoothedEvent) -
     later = gain @ (ahead.kept @ noise @ ahead.kept.T + ahead.later + rest @ moved @ rest.T) @ gain.T
     error = kept @ after.error_covariance @ kept.T + later
     mean = after.mean + gain @ (ahead.belief.mean - prior.mean)
-    return _SmoothedEvent(Belief(mean, _symmetric(covariance), _symmetric(error)), kept, _symmetric(later))
-
-
-def _symmetric(matrix: Matrix) -> Matrix:
-    return np.asarray(0.5 * (matrix + matrix.T), np.float64)
+    return _SmoothedEvent(Belief(mean, symmetric(covariance), symmetric(error)), kept, symmetric(later))

@@ -29,7 +29,7 @@ UNKNOWN = "..."  # a unit to be stated
 
 @dataclass(frozen=True)
 class Chosen:
-    """ColumnCandidate for a signal. why, doubt: in a few words; rate [Hz]: of a time."""
+    """Candidate chosen for a signal. why, doubt: in a few words; rate [Hz]: of a time."""
 
     candidate: ColumnCandidate
     unit: str

@@ -244,3 +244,8 @@ def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> N
     assert ort.Injector.load(tmp_path / "fitted.toml").parameters == fitted.parameters
     assert fitted.calibration.plot().axes
     assert fitted.evaluate(recordings[0], chain=True).valid_share > 0
+
+
+def test_observer_refuses_a_state_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ort.UserError, match="no such file"):
+        ort.Observer(ort.Injector.load(), state=tmp_path / "other.state")

@@ -1,0 +1,77 @@
+"""Recordings as histories: looked over first, then evaluated apart or one after another, once or twice."""
+
+from collections.abc import Callable, Sequence
+
+from rich.console import Console
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import Bench
+from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all
+from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs
+from observer_rt.desk.evaluation.run import Progress
+from observer_rt.desk.evaluation.twice import SecondLook
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.service.learners import LearnerFactory, doubt_about_fit, make_learner
+from observer_rt.engine.signal_survey import doubts, refuse_dead
+from observer_rt.files.replay.framing import bench_for, clamped_in
+from observer_rt.files.signals.stream import SignalStream
+from observer_rt.foundation.console import say
+
+EvaluateRun = Callable[
+    [Sequence[SignalStream], Knowledge | None, Progress, LearnerFactory],
+    tuple[Sequence[Evaluation], Knowledge],
+]
+"""Evaluates the sources of one run: from what was learned before, with a learner made so."""
+
+
+def look_over(bench: Bench, sources: Sequence[SignalStream], console: Console) -> None:
+    """Warn of what is odd about recordings, and about the model's fit, before the first of them is evaluated.
+
+    Raises `UserError` for a recording that does not go with the bench, or has a dead signal.
+    """
+    benches = [bench_for(bench, source) for source in sources]
+    for doubt in dict.fromkeys(doubt_about_fit(own.injector) for own in benches):
+        if doubt is not None:
+            say(console, f"warning: {doubt.text}\n  remedy: {doubt.remedy}")
+    for source in sources:
+        is_log = isinstance(source, LoggedSignals)
+        if not is_log:
+            refuse_dead(source.path, source.survey, source.names)
+        for odd in doubts(source.survey, bench.injector.parameters.baseline, source.names):
+            say(console, odd.as_text(source.path))
+        for warning in () if is_log else clamped_in(source.survey, map_bus(bench)):
+            say(console, f"warning: {source.path}, {warning}")
+
+
+def run_by_run(
+    bench: Bench,
+    sources: Sequence[SignalStream],
+    knowledge: Knowledge | None,
+    chain: bool,
+    twice: bool,
+    progress: Progress,
+    evaluate_run: EvaluateRun,
+) -> tuple[list[Evaluation], Knowledge]:
+    """Evaluate every source by itself, or all of them as one history, in which knowledge goes on from run to run.
+
+    twice: look at every injection of a run again; progress: takes the samples done of all. Gives the knowledge at the
+    end of the last run, too. Raises `UserError` for sources of one history that are not sampled alike.
+    """
+    runs = in_runs(sources) if chain else [[source] for source in sources]
+    if chain:
+        bench_for_all(bench, sources)
+    evaluations: list[Evaluation] = []
+    known, done = knowledge, 0
+    for run in runs:
+
+        def report(samples: int, before: int = done) -> None:
+            progress(before + samples)
+
+        look = SecondLook()
+        learner_of = look.learner if twice else make_learner
+        found, known = evaluate_run(run, known if chain else knowledge, report, learner_of)
+        look.revise(found)
+        evaluations += found
+        done += sum(source.samples for source in run)
+    assert known is not None  # there is a run
+    return evaluations, known

@@ -104,6 +104,17 @@ def _variability(variable: FmuVariable) -> str:
     return "continuous" if variable.unit else "discrete"
 
 
+def _described(one: FmuVariable, reference: int) -> dict[str, str]:
+    """Attributes of a variable, the same in both versions."""
+    return {
+        "name": one.name,
+        "valueReference": str(reference),
+        "causality": one.causality,
+        "variability": _variability(one),
+        "description": one.meaning,
+    }
+
+
 def _version_2(frozen: Frozen, content: str, token: str, compiled: Sequence[str]) -> Element:
     root = _root(frozen, content, "2.0", token)
     kind = SubElement(
@@ -116,20 +127,11 @@ def _version_2(frozen: Frozen, content: str, token: str, compiled: Sequence[str]
     variables, structure = SubElement(root, "ModelVariables"), SubElement(root, "ModelStructure")
     outputs, unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
     for reference, one in enumerate(CONTENTS[content], 1):
-        entry = SubElement(
-            variables,
-            "ScalarVariable",
-            name=one.name,
-            valueReference=str(reference),
-            causality=one.causality,
-            variability=_variability(one),
-            description=one.meaning,
-        )
-        is_output = one.causality == "output"
+        entry = SubElement(variables, "ScalarVariable", _described(one, reference))
         value = SubElement(entry, "Real", unit=one.unit) if one.unit else SubElement(entry, "Boolean")
-        if not is_output:
+        if one.causality != "output":
             value.set("start", _start(one, frozen))
-        if is_output:
+        else:
             SubElement(outputs, "Unknown", index=str(reference))
             SubElement(unknowns, "Unknown", index=str(reference))
     return root
@@ -149,15 +151,7 @@ def _version_3(frozen: Frozen, content: str, token: str) -> Element:
     time = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous"}
     SubElement(variables, "Float64", time, unit="s")
     for reference, one in enumerate(CONTENTS[content], 1):
-        entry = SubElement(
-            variables,
-            "Float64" if one.unit else "Boolean",
-            name=one.name,
-            valueReference=str(reference),
-            causality=one.causality,
-            variability=_variability(one),
-            description=one.meaning,
-        )
+        entry = SubElement(variables, "Float64" if one.unit else "Boolean", _described(one, reference))
         if one.unit:
             entry.set("unit", one.unit)
         if one.causality != "output":

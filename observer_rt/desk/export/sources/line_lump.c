@@ -9,18 +9,11 @@ void inj_line_at_rest(real_t x[], real_t pressure)
     x[Q_LINE] = R(0.0);
 }
 
-void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss)
+void inj_change_waves(Line *line, real_t stiffer, real_t lighter)
 {
-    const real_t stiffer = R(1.0) + stiffness;
-    const real_t lighter = R(1.0) + (R(1.0) / (R(1.0) + inertance) - R(1.0));
-    line->a1 *= stiffer;
-    line->a2_nozzle *= stiffer;
-    line->a2_seat *= stiffer;
-    line->leak *= stiffer;
-    line->a3 *= lighter;
-    line->a4 *= lighter;
-    line->outflow = outflow;
-    line->loss = loss;
+    (void)line;
+    (void)stiffer;
+    (void)lighter;
 }
 
 /* x' = f(x, u) + phi(x, u) of (25)-(26) [1/s]. */

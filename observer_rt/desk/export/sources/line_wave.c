@@ -33,22 +33,12 @@ void inj_line_at_rest(real_t x[], real_t pressure)
     }
 }
 
-void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss)
+void inj_change_waves(Line *line, real_t stiffer, real_t lighter)
 {
-    const real_t stiffer = R(1.0) + stiffness;
-    const real_t lighter = R(1.0) + (R(1.0) / (R(1.0) + inertance) - R(1.0));
-    line->a1 *= stiffer;
-    line->a2_nozzle *= stiffer;
-    line->a2_seat *= stiffer;
     line->b *= stiffer;
     line->b_near *= stiffer;
-    line->leak *= stiffer;
-    line->a3 *= lighter;
     line->a3_near *= lighter;
-    line->a4 *= lighter;
     line->a4_inlet *= lighter;
-    line->outflow = outflow;
-    line->loss = loss;
 }
 
 /* Inertia of a face or compliance of a cell, of which a share is on the rail's side of the joint of two parts. */

@@ -163,6 +163,21 @@ real_t inj_softened(real_t pressure, const Line *line)
     return fuel;
 }
 
+void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss)
+{
+    const real_t stiffer = R(1.0) + stiffness;
+    const real_t lighter = R(1.0) + (R(1.0) / (R(1.0) + inertance) - R(1.0));
+    line->a1 *= stiffer;
+    line->a2_nozzle *= stiffer;
+    line->a2_seat *= stiffer;
+    line->leak *= stiffer;
+    line->a3 *= lighter;
+    line->a4 *= lighter;
+    line->outflow = outflow;
+    line->loss = loss;
+    inj_change_waves(line, stiffer, lighter);
+}
+
 void inj_empty_if_drained(real_t x[], const Interval *interval)
 {
     const bool is_shut = (interval->start.area <= R(0.0)) && (interval->end.area <= R(0.0));

@@ -39,6 +39,7 @@ real_t inj_nozzle_slope(real_t p_sac, real_t area, const real_t learned[2]);
 real_t inj_seat_law(real_t difference, real_t area);
 real_t inj_seat_slope(real_t difference, real_t area);
 real_t inj_neuron(const real_t x[], Inputs u, uint32_t number);
+void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss);
 void inj_empty_if_drained(real_t x[], const Interval *interval);
 
 /* Of the line in use. */
@@ -46,6 +47,6 @@ void inj_line_at_rest(real_t x[], real_t pressure);
 void inj_advance(real_t x[], const Interval *interval, const Model *m);
 /* Pressure and flow as laws see them: of a lump in the middle of an interval with u there, along a pipe the mean flow. */
 void inj_line_under_laws(const real_t x[], Inputs u, const Model *m, real_t *pressure, real_t *flow);
-void inj_change_line(Line *line, real_t stiffness, real_t inertance, real_t outflow, real_t loss);
+void inj_change_waves(Line *line, real_t stiffer, real_t lighter); /* what only a pipe has */
 
 #endif

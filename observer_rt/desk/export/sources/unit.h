@@ -17,7 +17,8 @@ extern const char *const INJ_UNIT_TOKEN;
 extern const uint32_t INJ_UNIT_VALUES;
 
 bool inj_is_input(uint32_t reference); /* or a parameter */
-void inj_unit_reset(Unit *unit);       /* start values */
+void inj_unit_reset(Unit *unit);       /* start values, 0 but for those of inj_unit_start */
+void inj_unit_start(Unit *unit);
 void inj_unit_begin(Unit *unit);       /* initialized */
 void inj_unit_sample(Unit *unit);      /* one sample on */
 bool inj_unit_step(Unit *unit, double from, double duration); /* false where that is no whole number of samples */

@@ -13,11 +13,8 @@ bool inj_is_input(uint32_t reference)
     return (reference >= (uint32_t)RAIL) && (reference <= (uint32_t)LIFT);
 }
 
-void inj_unit_reset(Unit *unit)
+void inj_unit_start(Unit *unit)
 {
-    for (uint32_t i = 0U; i < MOST_VALUES; ++i) {
-        unit->values[i] = 0.0;
-    }
     unit->values[RAIL] = (double)CHAMBER_PRESSURE;
 }
 

@@ -20,11 +20,8 @@ static void show(double *values, const InjectorState *state)
     values[2] = (double)state->sac_pressure;
 }
 
-void inj_unit_reset(Unit *unit)
+void inj_unit_start(Unit *unit)
 {
-    for (uint32_t i = 0U; i < MOST_VALUES; ++i) {
-        unit->values[i] = 0.0;
-    }
     unit->values[RAIL] = (double)CHAMBER_PRESSURE;
     unit->values[LINE] = (double)CHAMBER_PRESSURE;
     unit->values[ZERO] = (double)LIFT_ZERO;

@@ -3,6 +3,14 @@
 
 #define TOLERANCE 1e-3 /* of a sample, by which a step may miss the grid of samples */
 
+void inj_unit_reset(Unit *unit)
+{
+    for (uint32_t i = 0U; i < MOST_VALUES; ++i) {
+        unit->values[i] = 0.0;
+    }
+    inj_unit_start(unit);
+}
+
 bool inj_unit_step(Unit *unit, double from, double duration)
 {
     const double wanted = duration / (double)SAMPLE_INTERVAL;

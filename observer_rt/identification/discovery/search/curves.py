@@ -7,6 +7,7 @@ that variable would gain.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 from itertools import product
 
@@ -25,7 +26,17 @@ from observer_rt.model.terms.term import TermEquation
 Floats = NDArray[np.float64]
 
 MOST_LAWS = 4  # made at once
-MOST_OF_CURVE = 2  # over one variable
+MOST_OF_CURVE = 3  # over one variable, each of another shape
+
+
+class Shape(Enum):
+    """What a simple law looks like: of those of one shape, knots hardly tell one from another."""
+
+    POWER = "power"
+    KINK = "kink"
+    STEP = "step"
+    BUMP = "bump"
+    RINGING = "ringing"
 
 
 @dataclass(frozen=True)
@@ -51,12 +62,12 @@ class Axis:
         places = tuple(FormNumber(start + 0.1 * tenth * span, start, self.knots[-1]) for tenth in range(11))
         widths = tuple(FormNumber(w * span, 0.2 * w * span, 4.0 * w * span) for w in (0.02, 0.08, 0.2, 0.35))
         return (
-            Form("max(u - A, 0)", (places[1:-1],)),
-            Form("max(A - u, 0)", (places[1:-1],)),
-            Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3])),
-            Form("tanh((u - A)/W)", (places[:-1], widths[1:3])),
+            Form("max(u - A, 0)", (places[1:-1],), Shape.KINK),
+            Form("max(A - u, 0)", (places[1:-1],), Shape.KINK),
+            Form("(1 + tanh((u - A)/W))/2", (places[1:-1], widths[:3]), Shape.STEP),
+            Form("tanh((u - A)/W)", (places[:-1], widths[1:3]), Shape.STEP),
             *(
-                [] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]))]
+                [] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]), Shape.BUMP)]
             ),  # few are tried
             *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
             *(self._even_and_odd(places, widths) if self.knots[0] < 0.0 else ()),
@@ -70,9 +81,9 @@ class Axis:
         right = tuple(one for one in places[:-1] if one.value > 0.0)
         return (
             Form("abs(u)"),
-            Form("max(abs(u) - A, 0)", (right,)),
-            Form("max(u - A, 0) + min(u + A, 0)", (right,)),
-            Form("tanh(u/A)", (widths,)),
+            Form("max(abs(u) - A, 0)", (right,), Shape.KINK),
+            Form("max(u - A, 0) + min(u + A, 0)", (right,), Shape.KINK),
+            Form("tanh(u/A)", (widths,), Shape.STEP),
         )
 
     def hats(self, equation: TermEquation, factor: str = "") -> list[Effect]:
@@ -144,6 +155,7 @@ class Form:
 
     law: str
     numbers: tuple[tuple[FormNumber, ...], ...] = ()
+    shape: "Shape" = Shape.POWER
 
     def values(self, numbers: Sequence[FormNumber], knots: Floats) -> Floats:
         """At knots (k,)."""
@@ -160,6 +172,7 @@ RINGING = Form(
         tuple(FormNumber(0.5 + 0.2 * step, 0.3 + 0.2 * step, 0.7 + 0.2 * step) for step in range(16)),  # kHz
         tuple(FormNumber(0.25 * eighth * math.pi, -4.0, 8.0) for eighth in range(4)),
     ),
+    Shape.RINGING,
 )
 """Laws that ring after every opening."""
 
@@ -230,9 +243,9 @@ def made_to_measure(
 
 
 def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
-    """The best forms of a curve, and what each would gain."""
+    """The best form of every shape of a curve, and what each would gain."""
     equation, axis, part, knots = curve.equation, curve.axis, curve.scores, curve.knots
-    found: list[tuple[float, Effect]] = []
+    found: dict[Shape, tuple[float, Effect]] = {}
     for form in axis.forms:
         tried = list(product(*form.numbers))
         values = np.array([form.values(numbers, knots) for numbers in tried])
@@ -243,5 +256,6 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
         gains = 2.0 * sizes * slopes - sizes**2 * weights
         best = int(np.argmax(gains))
         law = form.law.replace("u", f"({axis.over})")
-        found.append((float(gains[best]), term_effect(equation, curve.factor + law, tried[best])))
-    return sorted(found, key=lambda item: -item[0])[:MOST_OF_CURVE]
+        if form.shape not in found or gains[best] > found[form.shape][0]:
+            found[form.shape] = (float(gains[best]), term_effect(equation, curve.factor + law, tried[best]))
+    return sorted(found.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]

@@ -29,7 +29,7 @@ from observer_rt.engine.learning.disturbances.colour import (
 from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
-from observer_rt.engine.learning.fallback import Freezer, Mistrust
+from observer_rt.engine.learning.fallback import Freezer, Mistrust, Relapses
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_range import EventPoint
@@ -93,6 +93,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         held_rail=HeldRail(0.95, 1),
         freezer=Freezer(bad=seed),
         mistrust=Mistrust(2, 0, 1, Objection(Reason.MODEL_INADEQUATE, Phase.OPEN)),
+        relapses=Relapses(2, 1),
         slowed=SlowedSensor(2e-5),
         lift_lag=LiftLagSearch(3, 2.0, 1e3),
         energizing=Energizing(

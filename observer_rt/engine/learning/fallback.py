@@ -21,6 +21,8 @@ from observer_rt.engine.stream.state import Reason
 FREEZE_AFTER = 2  # events
 SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3
+RELAPSES = 3
+RECOVERED = 4  # events in a row that passed, after which relapses no longer count
 CHANGES = 5  # sudden ones, with no two events in a row that passed between, that an injector may have
 UNEXPLAINED = (
     Reason.MODEL_INADEQUATE,
@@ -77,6 +79,32 @@ class Mistrust:
             return tuple(found)
         inadequate = Objection(Reason.MODEL_INADEQUATE)
         return tuple(inadequate if each.reason is Reason.SUDDEN_CHANGE else each for each in found)
+
+
+@dataclass(frozen=True)
+class Relapses:
+    """Count of the times that events contradicted the model anew, after some had passed.
+
+    A fault passes. A model contradicted again and again is wrong, at the operating points that pass as well. passed:
+    events in a row, RECOVERED at most.
+    """
+
+    count: int = 0
+    passed: int = 0
+
+    @property
+    def last(self) -> bool:
+        """Whether no event is believed."""
+        return self.count >= RELAPSES
+
+    def after(self, found: Collection[Objection]) -> "Relapses":
+        """Adds an event's objections."""
+        if any(objection.reason is Reason.MODEL_INADEQUATE for objection in found):
+            return Relapses(self.count + (self.passed > 0), 0)
+        if found:
+            return self
+        passed = min(self.passed + 1, RECOVERED)
+        return Relapses(0 if passed == RECOVERED else self.count, passed)
 
 
 @dataclass(frozen=True)

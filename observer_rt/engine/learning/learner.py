@@ -310,9 +310,11 @@ def _outcome_read(read: _Read, event: ClosedEvent, given: Given) -> Outcome:
     adoption = Adoption.ADOPTED if better or believed.again else Adoption.REJECTED
     against = _because(_objections(state, found.window, reasons, given), is_ending, is_disturbed)
     lift_lag, against = state.lift_lag.after(against, lambda lag: _lift_lag_in(state, read, lag, given))
-    mistrust = state.mistrust.after(against)
+    relapses, mistrust = state.relapses.after(against), state.mistrust.after(against)
     against = mistrust.reported(against)
-    state = replace(state, lift_lag=lift_lag, mistrust=mistrust)
+    if relapses.last:
+        against = against or (Objection(Reason.MODEL_INADEQUATE),)
+    state = replace(state, lift_lag=lift_lag, mistrust=mistrust, relapses=relapses)
     because = mistrust.objection
     if because is not None:
         carried_on = _carried_after(because, state, rehearsed)

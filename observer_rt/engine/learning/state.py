@@ -20,7 +20,7 @@ from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise
 from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
-from observer_rt.engine.learning.fallback import Freezer, Mistrust, Rehearsed
+from observer_rt.engine.learning.fallback import Freezer, Mistrust, Rehearsed, Relapses
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.engine.learning.lift_lag import LiftLagSearch
@@ -112,6 +112,7 @@ class LearningState:
     held_rail: HeldRail = field(default_factory=HeldRail)
     freezer: Freezer = field(default_factory=Freezer)
     mistrust: Mistrust = field(default_factory=Mistrust)
+    relapses: Relapses = field(default_factory=Relapses)
     slowed: SlowedSensor = field(default_factory=SlowedSensor)
     lift_lag: LiftLagSearch = field(default_factory=LiftLagSearch)
     energizing: Energizing = field(default_factory=Energizing)

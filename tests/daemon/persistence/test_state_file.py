@@ -21,6 +21,7 @@ from observer_rt.daemon.persistence.state_file import Restored, load_knowledge, 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.disturbances.colour import RestingNoise
+from observer_rt.engine.learning.fallback import Relapses
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.learning.memory import plain
 from observer_rt.engine.learning.state import Checkpoint
@@ -215,6 +216,10 @@ def without_checkpoint(known: Knowledge) -> Knowledge:
     return replace(known, state=replace(known.state, checkpoint=Checkpoint()))
 
 
+def without_relapses(known: Knowledge) -> Knowledge:
+    return replace(known, state=replace(known.state, relapses=Relapses()))
+
+
 LOST: dict[str, tuple[Change, Callable[[Knowledge], Knowledge]]] = {
     # the cases above do not fail for being rewritten
     "no change": (put("package_version", value="0.0.1"), lambda known: known),
@@ -222,6 +227,7 @@ LOST: dict[str, tuple[Change, Callable[[Knowledge], Knowledge]]] = {
     "a lift": (remove("lift"), lambda known: replace(known, lift=RestingLift())),
     "a checkpoint": (remove("state", "checkpoint"), without_checkpoint),
     "its width": (put("state", "checkpoint", "learned", "theta", value=[0.0]), without_checkpoint),
+    "relapses": (remove("state", "relapses"), without_relapses),
     "a name in it": (remove("state", "checkpoint", "learned", "theta"), without_checkpoint),
 }
 
@@ -264,6 +270,7 @@ NAMES = {
     "held_rail": ("value", "events"),
     "freezer": ("bad", "good", "frozen"),
     "mistrust": ("events", "passed", "changes", "because.reason", "because.phase"),
+    "relapses": ("count", "passed"),
     "slowed": ("before",),
     "lift_lag": ("asked", "events", "samples", "without", "left", "lags", "missed"),
     "energizing.edges": ("products", "squares", "whole"),
@@ -334,12 +341,12 @@ def as_of_4(document: dict[str, Any]) -> None:
 
 
 def test_a_file_of_the_version_before_is_restored_by_the_names_it_had(state: StateFile) -> None:
-    """Where the last event was explained it did not tell, nor the noise at the checkpoint."""
+    """Where the last event was explained it did not tell, nor the noise at the checkpoint, nor relapses."""
     saved = state.save()
     known = with_learned(saved, theta=saved.in_force)
     state.rewrite(as_of_4)
     checkpoint = replace(known.state.checkpoint, at_rest=RestingNoise())
-    assert state.holds(replace(known, state=replace(known.state, checkpoint=checkpoint)))
+    assert state.holds(replace(known, state=replace(known.state, checkpoint=checkpoint, relapses=Relapses())))
 
 
 def test_parameters_are_known_by_name(state: StateFile) -> None:

@@ -11,7 +11,7 @@ from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.learning.adequacy import SETTLED, Objection
 from observer_rt.engine.learning.disturbances.colour import RestingNoise
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
-from observer_rt.engine.learning.fallback import CHANGES, Freezer, Mistrust
+from observer_rt.engine.learning.fallback import CHANGES, RECOVERED, RELAPSES, Freezer, Mistrust, Relapses
 from observer_rt.engine.learning.state import Checkpoint, LearnedInjector
 from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.test_adequacy import statistics_of
@@ -67,6 +67,28 @@ def test_changes_that_do_not_end_are_a_model_that_does_not_fit() -> None:
 
 def test_a_scale_that_is_not_known_is_doubted_at_once() -> None:
     assert doubts(Reason.AMBIGUOUS_SCALE) == [Reason.AMBIGUOUS_SCALE]
+
+
+def relapsed(*reasons: Reason | None) -> list[bool]:
+    """Whether the model is wrong after each of the events; None as a reason: it passed."""
+    relapses, found = Relapses(), list[bool]()
+    for reason in reasons:
+        relapses = relapses.after([] if reason is None else [Objection(reason)])
+        found.append(relapses.last)
+    return found
+
+
+def test_a_model_contradicted_again_and_again_is_wrong_where_it_passes_too() -> None:
+    """Until it passes for long: the operating points that contradict it may be seldom."""
+    found = relapsed(*[None, BAD] * RELAPSES, *[None] * RECOVERED)
+    assert found == [False] * (2 * RELAPSES - 1) + [True] * RECOVERED + [False]
+
+
+def test_a_fault_that_passes_is_no_relapse() -> None:
+    """Neither one that lasts, nor several far apart, nor what is named."""
+    assert not any(relapsed(*[BAD] * 20, None, None))
+    assert not any(relapsed(*[*[BAD] * 3, *[None] * RECOVERED] * 2 * RELAPSES))
+    assert not any(relapsed(*[None, OFFSET] * 2 * RELAPSES))
 
 
 def checkpoint_after(passed: list[bool]) -> Checkpoint:

@@ -111,9 +111,11 @@ def test_a_format_that_will_not_do_names_its_distribution(
 
 
 def test_the_page_lists_the_formats_of_the_registry() -> None:
-    row = re.compile(r"\| `(\.[\w.]+)` \| (.+?) \| (yes|no\b[^|]*)? ?\|")
+    row = re.compile(r"^\| (`\.[^|]+`) \| ([^|]+) \|(?: (yes|no) \|)?$", re.MULTILINE)
     told = {
-        (match[1], match[2], match[3] == "yes") for match in row.finditer(PAGE.read_text(encoding="utf-8"))
+        (suffix, match[2], match[3] == "yes")
+        for match in row.finditer(PAGE.read_text(encoding="utf-8"))
+        for suffix in re.findall(r"`(\.[\w.]+)`", match[1])
     }
     assert told == {
         (suffix, each.description, isinstance(each, LogFormat) and each.recorder is not None)

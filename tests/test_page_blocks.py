@@ -20,7 +20,7 @@ LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that ha
     ("docs/export.md", "c"): (1, "tests/desk/cli/test_export.py"),
     ("docs/export.md", "python"): (1, "tests/desk/cli/test_export.py"),
     ("docs/library.md", "python"): (
-        7,
+        6,
         "tests/desk/cli/test_pages.py, tests/identification/ode/test_find_terms.py",
     ),
     ("docs/measurement-tools.md", "python"): (2, "tests/files/test_foreign_readers.py"),

@@ -145,7 +145,7 @@ from tools.lib.word_tables import DATABASES, PAGE, database_with_words, page_wit
 _, reason = state_of_service(None, Surroundings(is_hot=True))
 print(json.dumps({
     "named": named(reason),
-    "page": "| `FUEL_HOT` | 30 | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),
+    "page": "| `FUEL_HOT` | the fuel is too hot | cool it |" in page_with_words(PAGE.read_text()),
     "databases": [database_with_words(each.read_text()).count('30 "FUEL_HOT') for each in DATABASES],
 }))
 """

@@ -42,11 +42,9 @@ class Topic(StrEnum):
 STATES: Mapping[State, Words] = {
     State.STARTING: Words(
         "no sample was observed yet",
-        "wait a second; if it stays, the log says which input is missing",
+        "wait a second; else the log says which input is missing",
     ),
-    State.WAITING_FOR_DATA: Words(
-        "no input comes in", "switch the measuring devices on; see the reason and the interface"
-    ),
+    State.WAITING_FOR_DATA: Words("no input comes in", "see the reason"),
     State.RUNNING_NOMINAL: Words("observing with the model as given, nothing was learned yet"),
     State.ADAPTED: Words("observing with what was learned"),
     State.DEGRADED: Words("observing, but nothing is valid", "see the reason"),
@@ -58,44 +56,42 @@ REASONS: Mapping[Reason, Words] = {
     Reason.JUMPED: Words("the source paused, the observer settles again", "nothing, if it sends windows"),
     Reason.SAMPLES_LOST: Words(
         "input samples are missing",
-        "see DroppedFrames (this computer is too slow), CrcErrors (the bus is disturbed), the input and value lines "
-        "of the log (sensor), bus load (`check`)",
+        "DroppedFrames: this computer is too slow; CrcErrors: a disturbed bus; else a sensor: the log",
     ),
     Reason.DEVICE_RESTARTED: Words(
-        "a measuring device was restarted", "nothing, if that was meant; else its power supply"
+        "a measuring device was restarted", "nothing, if meant; else its power supply"
     ),
     Reason.NUMERICAL: Words(
         "the model ran out of bounds and began anew", "check units and injector file; report it with a log"
     ),
     Reason.NEEDLE_STUCK: Words(
         "the needle was open longer than any injection",
-        "check the needle-lift sensor, its unit, offset and sign",
+        "check its sensor, unit, offset and sign",
     ),
     Reason.TOO_FEW_EVENTS: Words(
         "too few injections were judged yet",
-        "wait: two injections; one with a restored state",
+        "wait: two injections, one with a restored state",
     ),
     Reason.INPUT_TIMEOUT: Words(
-        "no frame of any input comes", "switch the measuring devices on; check cable and bit rate"
+        "no frame of any input comes", "switch the devices on; check cable and bit rate"
     ),
     Reason.MODEL_INADEQUATE: Words(
         "the injector does not behave as its model",
-        "check injector file and units; `observer-rt fit` calibrates it to healthy recordings, "
-        "`observer-rt discover` finds what it lacks",
+        "check injector file and units; `observer-rt fit` calibrates it, `observer-rt discover` finds what it lacks",
     ),
     Reason.PRESSURE_OFFSET: Words(
-        "line and rail pressure differ at standstill", "calibrate the two sensors; check their units"
+        "line and rail pressure differ at standstill", "calibrate both sensors; check their units"
     ),
     Reason.SENSOR_LAG: Words(
         "the line-pressure sensor is implausibly slow",
-        "check its filter and amplifier, and the mounting; state a lag that is meant, lag_us",
+        "check its filter, amplifier and mounting; state a lag that is meant: lag_us",
     ),
     Reason.NOT_LEARNED: Words(
         "the event could not be learned from",
-        "nothing, if seldom; see whether samples are lost or events too long",
+        "nothing, if seldom; else see whether samples are lost or events too long",
     ),
     Reason.SUDDEN_CHANGE: Words(
-        "the event contradicts what was learned before it", "wait: the next events learn it, if it stays"
+        "the event contradicts what was learned before it", "wait: if it stays, it is learned"
     ),
     Reason.AMBIGUOUS_SCALE: Words(
         "a changed line and a changed nozzle look alike here",
@@ -106,57 +102,56 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.TIME_BASE: Words(
         "when samples were taken is in doubt",
-        "see docs/time.md: use one time base or an index; is a channel late?",
+        "use one time base or an index; is a channel late? docs/time.md",
     ),
     Reason.REVISED: Words("learning from it changed its mass by more than 2 %", "take the next ones"),
     Reason.INPUT_STALE: Words(
-        "one of the inputs stays away", "the log names its message and identifier: sensor, device, cable"
+        "one of the inputs stays away", "the log names its message: sensor, device, cable"
     ),
     Reason.NOT_JUDGED: Words(
         "the event could not be tested, so nothing is known of it",
-        "look for what broke the samples: lost frames, a needle that stays open; the next whole event is tested",
+        "look for lost frames or a needle that stays open; the next whole event is tested",
     ),
     Reason.CONTRADICTED: Words(
         "the line pressure has left what the model can do",
-        "check sensors, units and cables; after a sudden change of the injector it passes with the next events",
+        "check sensors, units and cables; after a sudden change of the injector it passes",
     ),
     Reason.SECOND_SENDER: Words(
         "another node sends what only this observer should",
-        "stop the other daemon or replay, or give one of them other [outputs]",
+        "stop the other daemon or replay, or change its [outputs]",
     ),
     Reason.NO_STANDSTILL: Words(
         "the needle is not shut long enough between injections",
-        "leave 3 ms of shut needle between injections, now and then at least",
+        "leave 3 ms of shut needle, at least now and then",
     ),
     Reason.LIFT_ZERO: Words(
         "the lift of the shut needle is more than 40 um from zero",
-        "calibrate the needle-lift sensor; see to its mounting and temperature",
+        "calibrate its sensor; check mounting and temperature",
     ),
     Reason.INPUT_FROZEN: Words(
         "an input kept its value for longer than can be bridged",
-        "check sensor, amplifier and the device that samples it; sampling.bridge_ms says how long is bridged",
+        "check sensor, amplifier and device; sampling.bridge_ms says how long is bridged",
     ),
     Reason.INPUT_CLIPPED: Words(
         "an input stays at the end of its range",
-        "check the range of sensor and amplifier against the pressures and the lift of the bench",
+        "check the range of sensor and amplifier",
     ),
     Reason.LIFT_SENSOR_LAG: Words(
         "the needle lift seems to be recorded late",
-        "run `observer-rt discover`: a changed nozzle can look alike; if it names needle_lift_sensor_lag, state "
-        "lag_us of [signals.needle_lift] (docs/time.md)",
+        "run `observer-rt discover`: a changed nozzle looks alike; if it names needle_lift_sensor_lag, state lag_us "
+        "(docs/time.md)",
     ),
     Reason.INPUT_PROTECTION: Words(
         "the end-to-end protection of an input is INVALID, it is not taken",
-        "the log names the message: another sender, a disturbed bus, or E2EProfile and E2EDataId of another message",
+        "the log names the message: a second sender, a disturbed bus, or a wrong E2EProfile or E2EDataId",
     ),
     Reason.OUTSIDE_LEARNED_RANGE: Words(
         "what was learned does not reach such an injection",
-        "wait: it is learned from, mostly the next one like it is valid; the log says how far what was learned "
-        "reaches, and which recording would help",
+        "wait: the next one like it is mostly valid; the log says what is known, and which recording would help",
     ),
     Reason.LIFT_DEAD: Words(
         "the line pressure shows injections, the needle lift none",
-        "check the needle-lift sensor, its amplifier and cable; is it of this injector?",
+        "check the sensor, its amplifier and cable; is it of this injector?",
     ),
 }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -31,9 +30,9 @@ def page_with_words(text: str) -> str:
     signals = dict(zip(StatusValues._fields, signals_of(StatusValues), strict=True))
     tables: dict[str, Iterable[tuple[str, ...]]] = {
         "States": ((s.name, w.what, w.remedy) for s, w in STATES.items()),
-        "Reasons": ((r.name, str(int(r)), w.what, w.remedy) for r, w in REASONS.items()),
+        "Reasons": ((r.name, w.what, w.remedy) for r, w in REASONS.items()),
         "Counters": ((signals[name], w.what, w.remedy) for name, w in COUNTERS.items()),
-        "The log": ((str(t), logging.getLevelName(w.level), w.what, w.remedy) for t, w in TOPICS.items()),
+        "The log": ((str(t), w.what, w.remedy) for t, w in TOPICS.items()),
     }
     for heading, rows in tables.items():
         lines = "".join(f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in rows)

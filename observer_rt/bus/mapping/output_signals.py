@@ -146,7 +146,7 @@ class StatusValues(NamedTuple):
     dropped_frames: Annotated[int, OutputSignal("daemon.dropped", 16, 416, 11, 16,
         says="Frames dropped by kernel or driver before the observer could read them.",
         counts="frames lost by interface or kernel before they were read",
-        remedy="give the process a processor (taskset) and real-time priority (chrt)")]
+        remedy="real-time priority, a processor of its own")]
     link_troubles: Annotated[int, OutputSignal("daemon.troubles", 8, 104, 6, 48,
         says="How often a CAN interface went down or away, and its controller error-passive or bus-off.",
         counts="how often an interface was down, error-passive or bus-off",
@@ -178,7 +178,7 @@ class StatusValues(NamedTuple):
     failed_writes: Annotated[int, OutputSignal("daemon.failed_writes", 16, 336, 9, 32,
         says="Failed writes of the learned state or the journal, and log lines given up.",
         counts="failed writes of state or journal, and log lines given up",
-        remedy="room and rights on the disk; the log says which: `kept`, `stream`")]
+        remedy="room and rights on the disk; see the log")]
     latency_p999: Annotated[float, OutputSignal("daemon.latency.p999", 16, 304, 10, 32, LATENCY,
         says="From the stamp of an input frame until the rates it caused are sent: what 99.9 % stay within; 65533: "
         "longer, 65535: none were sent yet.")]
@@ -190,7 +190,7 @@ class StatusValues(NamedTuple):
         counts="injections without a command", remedy="a command message that is lost; a leak")]
     spikes: Annotated[int, OutputSignal("observer.outliers.spikes",
         counts="values that stood out among their neighbours and were replaced",
-        remedy="shielding and earth of the sensor's cable, if many")]
+        remedy="shielding and earth of the cable, if many")]
     bridged_samples: Annotated[int, OutputSignal("observer.outliers.bridged",
         counts="values of a frozen, clipped or missing input that did not count", remedy="as INPUT_FROZEN, if many")]
     refused_frames: Annotated[int, OutputSignal("supervised.refused",

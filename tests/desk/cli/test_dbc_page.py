@@ -9,12 +9,14 @@ from tests.daemon.foreign_frames import classic_frames, fd_frames, multiplexed_f
 from tests.desk.cli.conftest import Command
 from tests.device import simulated
 from tests.files.canlog.log_cases import sent_log, write_log
-from tests.pages import ROOT, Page, without_learned
+from tests.pages import ROOT, Page
 
 PAGE = Page("docs/dbc.md")
 DATABASES = ROOT / "tests" / "bus" / "databases"
 EXAMPLES = ("testbed_classic", "fast_daq_fd", "adc_multiplexed")
-CHECKED = [*((PAGE, name) for name in EXAMPLES), (Page("docs/buses.md"), "three_buses")]
+BUSES = (Page("docs/buses.md"), "three_buses")
+CHECKED = [(PAGE, "testbed_classic"), BUSES]
+QUOTED = [*((PAGE, name) for name in EXAMPLES), BUSES]
 DEVICES = {
     "testbed_classic": (classic_frames, 10e3, 3),  # frames, samples a second, frames a sample
     "fast_daq_fd": (fd_frames, 50e3, 2 / 12),
@@ -50,32 +52,26 @@ def with_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_what_evaluate_prints(name: str, command: Command, with_logs: Path) -> None:
-    shown = PAGE.shown(f"observer-rt evaluate {name}.log --bench {name}.toml")
-    outcome = command.done("evaluate", f"{name}.log", "--bench", f"{name}.toml")
-    assert [without_learned(line) for line in shown] == [
-        without_learned(f"    {line}".rstrip()) for line in outcome.out.splitlines()
-    ]
-    assert sum(without_learned(line) != line for line in shown) == 3
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_what_replay_prints(name: str, command: Command, with_logs: Path) -> None:
+def test_a_log_of_the_bus_is_evaluated_and_replayed(name: str, command: Command, with_logs: Path) -> None:
+    """Three injections of a nozzle that is 20 % too wide, of which the third is valid."""
+    bench = ("--bench", f"{name}.toml")
+    evaluated = command.done("evaluate", f"{name}.log", *bench).out
+    assert "0 lost; 3 corrections adopted, 0 rejected" in words(evaluated)
+    rows = re.findall(r"^ +\d .*? ([+-]\d+\.\d)% .*(yes|no)$", evaluated, re.MULTILINE)
+    assert [float(nozzle) for nozzle, _ in rows] == [pytest.approx(20.0, abs=1.0)] * 3
+    assert [valid for _, valid in rows] == ["no", "no", "yes"]
     on_bus = ("--interface", "virtual", "--channel", "try", "--speed", "0")
-    shown = PAGE.shown(f"observer-rt replay {name}.log --bench {name}.toml {' '.join(on_bus)}")
-    outcome = command.done("replay", f"{name}.log", "--bench", f"{name}.toml", *on_bus)
-    duration = re.compile(r"\d+\.\d{3} s")
-    assert [duration.sub("a while", line.strip()) for line in shown] == [
-        duration.sub("a while", line) for line in outcome.out.splitlines()
-    ]
+    frames = len(Path(f"{name}.log").read_text().splitlines())
+    assert command.done("replay", f"{name}.log", *bench, *on_bus).out.startswith(f"{frames} frames in ")
 
 
-@pytest.mark.parametrize(("page", "name"), CHECKED)
+@pytest.mark.parametrize(("page", "name"), QUOTED)
 def test_the_files_say_what_the_page_quotes(page: Page, name: str) -> None:
     files = [DATABASES / f"{name}.toml", DATABASES / f"{name}.dbc"]
     text = "".join(path.read_text() for path in files if path.exists())
-    section = page.text[: page.text.index(f"check --bench {name}.toml")].rsplit("\n### ", 1)[-1]
-    quoted = [line.strip() for line in section.splitlines() if line.startswith("    ") and "$" not in line]
+    before, _, after = page.text.partition(f"{name}.toml")
+    section = before.rsplit("\n### ", 1)[-1] + after.split("\n#", 1)[0].split("    $ ", 1)[0]
+    quoted = [line.strip() for line in section.splitlines() if line.startswith("    ")]
     assert len(quoted) > 5
     assert [line for line in quoted if line not in text] == []
 

@@ -56,7 +56,7 @@ REASONS: Mapping[Reason, Words] = {
     Reason.JUMPED: Words("the source paused, the observer settles again", "nothing, if it sends windows"),
     Reason.SAMPLES_LOST: Words(
         "input samples are missing",
-        "DroppedFrames: this computer is too slow; CrcErrors: a disturbed bus; else a sensor: the log",
+        "see DroppedFrames (slow computer), CrcErrors (disturbed bus), else the log (sensor)",
     ),
     Reason.DEVICE_RESTARTED: Words(
         "a measuring device was restarted", "nothing, if meant; else its power supply"
@@ -88,7 +88,7 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.NOT_LEARNED: Words(
         "the event could not be learned from",
-        "nothing, if seldom; else see whether samples are lost or events too long",
+        "nothing, if seldom; else samples are lost, or events too long",
     ),
     Reason.SUDDEN_CHANGE: Words(
         "the event contradicts what was learned before it", "wait: if it stays, it is learned"
@@ -110,7 +110,7 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.NOT_JUDGED: Words(
         "the event could not be tested, so nothing is known of it",
-        "look for lost frames or a needle that stays open; the next whole event is tested",
+        "look for lost frames or a needle that stays open",
     ),
     Reason.CONTRADICTED: Words(
         "the line pressure has left what the model can do",
@@ -118,7 +118,7 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.SECOND_SENDER: Words(
         "another node sends what only this observer should",
-        "stop the other daemon or replay, or change its [outputs]",
+        "stop it, or change its [outputs]",
     ),
     Reason.NO_STANDSTILL: Words(
         "the needle is not shut long enough between injections",
@@ -130,7 +130,7 @@ REASONS: Mapping[Reason, Words] = {
     ),
     Reason.INPUT_FROZEN: Words(
         "an input kept its value for longer than can be bridged",
-        "check sensor, amplifier and device; sampling.bridge_ms says how long is bridged",
+        "check sensor, amplifier and device",
     ),
     Reason.INPUT_CLIPPED: Words(
         "an input stays at the end of its range",
@@ -183,7 +183,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
     ),
     Topic.VALUE: TopicWords(
         "a signal says `not available`, is at the range's end, frozen or off",
-        "the sensor, its cable and amplifier; unit and range in the database",
+        "sensor, cable, amplifier; unit and range in the database",
         logging.WARNING,
     ),
     Topic.SENDER: TopicWords("another node sends our identifiers", "as SECOND_SENDER", logging.WARNING),
@@ -192,16 +192,14 @@ TOPICS: Mapping[Topic, TopicWords] = {
         "as the line says",
         logging.WARNING,
     ),
-    Topic.KEPT: TopicWords(
-        "what is kept on disk: restored, set aside, saved, or not", "as the line says: room and rights"
-    ),
+    Topic.KEPT: TopicWords("what is kept on disk: restored, set aside, saved, or not", "room and rights"),
     Topic.LEARNING: TopicWords(
-        "an event that was only examined, not learned from; learning that hangs",
+        "an event that was only examined; learning that hangs",
         "as the line says",
         logging.WARNING,
     ),
     Topic.STREAM: TopicWords(
-        "nobody reads the JSON lines or the log any more, or too slowly",
+        "nobody reads the JSON lines or the log, or too slowly",
         "start the reader again",
         logging.WARNING,
     ),

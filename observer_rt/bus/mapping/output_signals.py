@@ -128,7 +128,7 @@ class StatusValues(NamedTuple):
         remedy="as SAMPLES_LOST")]
     interpolated_samples: Annotated[int, OutputSignal("observer.positions.interpolated", 32, 256, 6, 16,
         says="Input samples put in between their neighbours, where at most two were missing.",
-        counts="samples put in between their neighbours, two at the most", remedy="as SAMPLES_LOST, if many")]
+        counts="samples interpolated, two at the most", remedy="as SAMPLES_LOST, if many")]
     crc_errors: Annotated[int, OutputSignal("receiver.crc_errors", 16, 288, 7, 16,
         counts="frames whose end-to-end protection is wrong",
         remedy="check E2EProfile and E2EDataId; cable and termination")]
@@ -145,7 +145,7 @@ class StatusValues(NamedTuple):
         counts="frames that came too late", remedy="a bus or gateway lags by more than 4096 samples")]
     dropped_frames: Annotated[int, OutputSignal("daemon.dropped", 16, 416, 11, 16,
         says="Frames dropped by kernel or driver before the observer could read them.",
-        counts="frames lost by interface or kernel before they were read",
+        counts="frames lost before they were read",
         remedy="real-time priority, a processor of its own")]
     link_troubles: Annotated[int, OutputSignal("daemon.troubles", 8, 104, 6, 48,
         says="How often a CAN interface went down or away, and its controller error-passive or bus-off.",
@@ -164,7 +164,7 @@ class StatusValues(NamedTuple):
         counts="corrections learned and refused", remedy="nothing, if seldom; else as MODEL_INADEQUATE")]
     late_adoptions: Annotated[int, OutputSignal("judging.late", 16, 496, 5, 48,
         says="Learned corrections that were ready too late for their injection and took force with a later one.",
-        counts="corrections late for their injection, in force with a later one",
+        counts="corrections in force with a later injection",
         remedy="a faster computer, or a longer learning_delay_ms")]
     foreign_frames: Annotated[int, OutputSignal("daemon.arrivals.foreign_frames", 8, 408, 8, 56,
         says="Frames of another node under the identifiers of this observer.",
@@ -177,7 +177,7 @@ class StatusValues(NamedTuple):
         says="Time since the last frame with line pressure; 255: none came yet.")]
     failed_writes: Annotated[int, OutputSignal("daemon.failed_writes", 16, 336, 9, 32,
         says="Failed writes of the learned state or the journal, and log lines given up.",
-        counts="failed writes of state or journal, and log lines given up",
+        counts="failed writes of state, journal or log",
         remedy="room and rights on the disk; see the log")]
     latency_p999: Annotated[float, OutputSignal("daemon.latency.p999", 16, 304, 10, 32, LATENCY,
         says="From the stamp of an input frame until the rates it caused are sent: what 99.9 % stay within; 65533: "
@@ -189,12 +189,12 @@ class StatusValues(NamedTuple):
     uncommanded_injections: Annotated[int, OutputSignal("energizing.uncommanded",
         counts="injections without a command", remedy="a command message that is lost; a leak")]
     spikes: Annotated[int, OutputSignal("observer.outliers.spikes",
-        counts="values that stood out among their neighbours and were replaced",
+        counts="values that stood out and were replaced",
         remedy="shielding and earth of the cable, if many")]
     bridged_samples: Annotated[int, OutputSignal("observer.outliers.bridged",
-        counts="values of a frozen, clipped or missing input that did not count", remedy="as INPUT_FROZEN, if many")]
+        counts="values of a frozen or clipped input, bridged", remedy="as INPUT_FROZEN, if many")]
     refused_frames: Annotated[int, OutputSignal("supervised.refused",
-        counts="good frames of a message whose end-to-end protection is INVALID", remedy="as INPUT_PROTECTION")]
+        counts="good frames of a message that is INVALID", remedy="as INPUT_PROTECTION")]
     evidence_kept: Annotated[int, OutputSignal("daemon.evidence_kept",
         counts="events whose inputs were kept as evidence", remedy="`observer-rt discover --from-evidence`, if many")]
 # fmt: on

@@ -38,6 +38,21 @@ def test_what_check_prints(page: Page, name: str, command: Command, monkeypatch:
     assert [line for line in shown if line not in printed] == []
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("fast_daq_fd", "needle_lift: FD_Needle 0x18FEF002, 12 samples a frame in mm, -1000 to 1000 um"),
+        ("adc_multiplexed", "needle_lift: ADC_Data 0x500, 6 samples in 6 frames that take turns, in mm"),
+    ],
+)
+def test_check_says_how_samples_come(
+    name: str, said: str, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.chdir(DATABASES)
+    assert said in words(command("check", "--bench", f"{name}.toml").out)
+
+
 @pytest.fixture
 def with_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder the user is in: databases, bench files, and a log of each bus."""

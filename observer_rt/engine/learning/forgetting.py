@@ -35,6 +35,7 @@ class Forgotten(Enum):
     STATISTICS = "statistics"  # of the innovations of recent events
     STATISTICS_OF_INJECTIONS = "statistics but of standstill"
     MISTRUST = "mistrust"  # after events that were not explained
+    RELAPSES = "relapses"  # how often events contradicted the model anew
     FREEZING = "freezer"  # that learning is frozen, and what led to it
     SLOWED = "slowed"  # that the line-pressure sensor became slower all at once
     COLOUR = "at_rest"  # of the noise, and the statistics of it
@@ -44,15 +45,18 @@ class Forgotten(Enum):
 
 
 FORGOTTEN: Mapping[Cause, frozenset[Forgotten]] = {
-    Cause.OTHER_NOISE: frozenset({Forgotten.STATISTICS}),
-    Cause.STEEP_NOISE: frozenset({Forgotten.STATISTICS, Forgotten.MISTRUST}),
+    Cause.OTHER_NOISE: frozenset({Forgotten.STATISTICS, Forgotten.RELAPSES}),
+    Cause.STEEP_NOISE: frozenset({Forgotten.STATISTICS, Forgotten.MISTRUST, Forgotten.RELAPSES}),
     Cause.COLOUR: frozenset({Forgotten.TREND}),
-    Cause.RANGE_ENDS: frozenset({Forgotten.STATISTICS_OF_INJECTIONS, Forgotten.MISTRUST, Forgotten.COLOUR}),
+    Cause.RANGE_ENDS: frozenset(
+        {Forgotten.STATISTICS_OF_INJECTIONS, Forgotten.MISTRUST, Forgotten.RELAPSES, Forgotten.COLOUR}
+    ),
     Cause.COIL: frozenset(
         {
             Forgotten.CERTAINTY,
             Forgotten.STATISTICS,
             Forgotten.MISTRUST,
+            Forgotten.RELAPSES,
             Forgotten.COLOUR,
             Forgotten.TREND,
             Forgotten.CHECKPOINT,

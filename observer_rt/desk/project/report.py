@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from observer_rt import __version__
 from observer_rt.desk.project.project import Project
-from observer_rt.foundation.files import file_errors, file_hash, templates_of
+from observer_rt.foundation.files import file_errors, templates_of
 
 FIT, FIT_FIGURE = "fit.json", "fit.png"
 INJECTIONS, BUDGET, EVALUATION_FIGURE = "injections.csv", "budget.csv", "evaluation.png"
@@ -41,7 +41,7 @@ def write_page(project: Project) -> Path:
             answer=answer,
             page=f"{DISCOVERY}/{REPORT}",
             has_amended=(results / DISCOVERY / "amended.toml").exists(),
-            files=[(path, file_hash(path)[:12]) for path in _files(project)],
+            files=[(path, project.hash_of(path)[:12]) for path in _files(project)],
             made=datetime.now(),
             version=__version__,
         )

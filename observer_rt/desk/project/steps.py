@@ -1,4 +1,4 @@
-"""Steps of a project: fit, evaluate, discover, report; each does first what it rests on, and nothing twice."""
+"""Steps of a project: fit, evaluate, discover, report; fit comes before each, and nothing is done twice."""
 
 import json
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from observer_rt.desk.project.report import (
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 
-FITTED = "fitted.toml"
+FIT_STEP, FITTED = "fit", "fitted.toml"
 _DPI = 110
 Say = Callable[[str], None]
 
@@ -36,7 +36,7 @@ def fit(project: Project, say: Say) -> Path:
         return project.model
     fitted = project.results / FITTED
     state = project.state_of([project.model, project.bench, project.masses, *healthy])
-    if project.is_done("fit", state, fitted):
+    if project.is_done(FIT_STEP, state, fitted):
         say(f"fit: {fitted} is up to date")
         return fitted
     injector = Injector.load(project.model, project.bench).fit(list(healthy), masses=project.masses)
@@ -46,14 +46,14 @@ def fit(project: Project, say: Say) -> Path:
         injector.save(fitted)
         (project.results / FIT).write_text(json.dumps(result.document.as_json(), indent=2), encoding="utf-8")
         result.plot().savefig(project.results / FIT_FIGURE, dpi=_DPI)
-    project.set_done("fit", state)
+    project.set_done(FIT_STEP, state)
     say(f"fit: {fitted}: {result.verdict}")
     return fitted
 
 
-def evaluate(project: Project, say: Say) -> Path:
+def evaluate(project: Project, model: Path, say: Say) -> Path:
     """Evaluate the recordings with the fitted model, looked at twice; the table of injections."""
-    model, recordings = fit(project, say), project.recordings
+    recordings = project.recordings
     table = project.results / INJECTIONS
     state = project.state_of([model, project.bench, *recordings])
     if project.is_done("evaluate", state, table):
@@ -70,9 +70,9 @@ def evaluate(project: Project, say: Say) -> Path:
     return table
 
 
-def discover(project: Project, say: Say) -> Path:
+def discover(project: Project, model: Path, say: Say) -> Path:
     """Search the recordings for what the fitted model is missing; the page of the answer."""
-    model, recordings = fit(project, say), project.recordings
+    recordings = project.recordings
     page = project.results / DISCOVERY / REPORT
     state = project.state_of([model, project.bench, *recordings])
     if project.is_done("discover", state, page):
@@ -87,20 +87,21 @@ def discover(project: Project, say: Say) -> Path:
     return page
 
 
-def report(project: Project, say: Say) -> Path:
-    """Do all that is not up to date, and write the page."""
-    for step in (evaluate, discover):
-        step(project, say)
+def report(project: Project, model: Path, say: Say) -> Path:
+    """Evaluate and search with the fitted model, and write the page."""
+    evaluate(project, model, say)
+    discover(project, model, say)
     page = write_page(project)
     say(f"report: {page}")
     return page
 
 
-STEPS = {"fit": fit, "evaluate": evaluate, "discover": discover, "report": report}
+WITH_MODEL = {"evaluate": evaluate, "discover": discover, "report": report}
 
 
 def do(step: str, project: Project, say: Say) -> Path:
-    """Do a step by its name. Raises `UserError` for a name that is none."""
-    if step not in STEPS:
-        raise UserError(step, "is no step", f"give one of {', '.join(STEPS)}")
-    return STEPS[step](project, say)
+    """Do a step by its name, after the fit. Raises `UserError` for a name that is none."""
+    if step != FIT_STEP and step not in WITH_MODEL:
+        raise UserError(step, "is no step", f"give one of {', '.join((FIT_STEP, *WITH_MODEL))}")
+    model = fit(project, say)
+    return model if step == FIT_STEP else WITH_MODEL[step](project, model, say)

@@ -7,9 +7,11 @@ import pandas as pd
 import pytest
 
 import observer_rt as ort
+from observer_rt.desk.project import project as module
 from observer_rt.desk.project.project import Project
 from observer_rt.desk.project.steps import do
 from observer_rt.files.formats import write_recording
+from observer_rt.foundation.files import file_hash
 
 
 def made(folder: Path, step: str) -> list[str]:
@@ -65,6 +67,28 @@ def test_without_healthy_recordings_the_model_is_used_as_it_is(tmp_path: Path) -
     assert "8 injections" in made(tmp_path, "evaluate")[-1]
 
 
+def test_a_file_is_hashed_once_for_all_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Project.new(tmp_path, None)
+    read: list[str] = []
+
+    def counted(path: Path) -> str:
+        read.append(path.name)
+        return file_hash(path)
+
+    monkeypatch.setattr(module, "file_hash", counted)
+    project, path = Project.read(tmp_path), tmp_path / "recordings" / "a.csv"
+    path.write_text("one")
+    first = project.state_of([path, project.model])
+    assert project.state_of([path, project.model]) == first
+    assert project.hash_of(path) == file_hash(path)
+    assert read == ["a.csv", "injector.toml"]
+    path.write_text("another")
+    assert project.state_of([path, project.model]) != first
+    assert read == ["a.csv", "injector.toml", "a.csv"]
+    with pytest.raises(ort.UserError, match="no such file"):
+        project.hash_of(tmp_path / "none.csv")
+
+
 @pytest.mark.slow
 def test_report_does_all_and_again_only_what_changed(tmp_path: Path) -> None:
     Project.new(tmp_path, None)
@@ -72,7 +96,7 @@ def test_report_does_all_and_again_only_what_changed(tmp_path: Path) -> None:
         record(tmp_path / "healthy" / f"{seed}.parquet", seed=seed)
     record(tmp_path / "recordings" / "worn.parquet", worn=0.25, seed=3)
     said = made(tmp_path, "report")
-    assert [line.split(":")[0] for line in said] == ["fit", "evaluate", "fit", "discover", "report"]
+    assert [line.split(":")[0] for line in said] == ["fit", "evaluate", "discover", "report"]
     page = (tmp_path / "results" / "report.html").read_text(encoding="utf-8")
     assert "orifice_area" in page
     assert "What makes a mass uncertain" in page

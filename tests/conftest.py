@@ -26,7 +26,7 @@ INTERFACE = "vcan0"
 CAN_FD_MTU = 72
 FLAG_UP = 1
 OPENED = "opened a SocketCAN socket on"  # property of a test's report
-# Names a file for `passed failed opened`: tests passed, tests failed, tests that opened a socket on vcan0.
+# Names a file for `passed failed skipped opened`: tests that did, and tests that opened a socket on vcan0.
 COUNTS_VARIABLE = "OBSERVER_RT_TEST_COUNTS"
 
 
@@ -104,11 +104,12 @@ class SocketCounter:
             )
         if COUNTS_VARIABLE in os.environ:
             stats = terminalreporter.stats
-            passed, failed = (
-                len(stats.get("passed", [])),
-                len(stats.get("failed", [])) + len(stats.get("error", [])),
+            passed, failed, errors, skipped = (
+                len(stats.get(name, [])) for name in ("passed", "failed", "error", "skipped")
             )
-            Path(os.environ[COUNTS_VARIABLE]).write_text(f"{passed} {failed} {len(self.tests)}\n")
+            Path(os.environ[COUNTS_VARIABLE]).write_text(
+                f"{passed} {failed + errors} {skipped} {len(self.tests)}\n"
+            )
 
 
 def pytest_configure(config: pytest.Config) -> None:

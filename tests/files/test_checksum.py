@@ -11,6 +11,7 @@ import pytest
 from asammdf import MDF
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pyarrow import parquet
 
 from observer_rt.files.checksum import BLANK, refuse_damaged, seal
 from observer_rt.files.formats import open_log, open_recording, read_recording, write_recording
@@ -113,7 +114,6 @@ def test_a_file_of_others_has_none(tmp_path: Path) -> None:
 
 
 def test_a_page_of_parquet_that_another_program_wrote_is_checked(tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet")
     ours, theirs = tmp_path / "recording.parquet", tmp_path / "theirs.parquet"
     ours.write_bytes(whole(ours.name))
     table = parquet.read_table(ours)

@@ -146,6 +146,17 @@ ensure_venv() { # extras ("" or "[dev]"); several at once take turns
     export PATH="$venv/bin:$PATH"
 }
 
+# For the tests of what `observer-rt export` writes: where this machine has no `cc`, and no rights to install one, that of
+# ziglang, under the same name in the environment.
+ensure_compiler() {
+    if command -v cc >/dev/null || { may_install && install_packages gcc libc6-dev; }; then return; fi
+    say "no C compiler on this machine: fetching ziglang, which is one, into $venv"
+    "$venv/bin/python" -m pip install --disable-pip-version-check --no-input -q ziglang >&2 ||
+        fail "there is no C compiler, and pip could not install ziglang" "$bare_system"
+    printf '#!/bin/sh\nexec "%s" -m ziglang cc "$@"\n' "$venv/bin/python" >"$venv/bin/cc"
+    chmod +x "$venv/bin/cc"
+}
+
 # Works on Debian and Ubuntu, whose own `chromium` is a snap.
 obtain_browser="$venv/bin/playwright install --with-deps chromium-headless-shell"
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.export.c_code import c_sources
@@ -27,7 +25,6 @@ from tests.desk.cli.injector_files import injector
 from tests.device import simulated
 
 STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror")
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
 
 
 def effect(effect_id: str, **values: tuple[float, str]) -> str:
@@ -132,7 +129,7 @@ def write_c(folder: Path, it: Exported, single: bool = False) -> Mapping[str, st
 def built(folder: Path, *flags: str) -> Path:
     """The program that replays, from the sources of a folder; not a warning is allowed."""
     found = compiler()
-    assert found is not None
+    assert found is not None, "there is no C compiler: tools/test sets one up"
     program = folder / "replay"
     sources = [str(path) for path in sorted(folder.glob("*.c"))]
     done = subprocess.run(

@@ -7,16 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy import validation
 
 from observer_rt.desk.export import fmu as module
 from observer_rt.desk.export.fmu import write_fmu
 from observer_rt.desk.export.model_description import CONTENTS
-from tests.desk.export.exported import Exported, exported, learned, needs_compiler
+from tests.desk.export.exported import Exported, exported, learned
 
-fmpy = pytest.importorskip("fmpy")
-validation = pytest.importorskip("fmpy.validation")
 UNITS = re.compile(r"_(Pa|m|m3_per_s)$")
 OF_MODEL_EXCHANGE = {  # which an FMU of 2.0 for co-simulation need not have
     *("fmi2EnterEventMode", "fmi2NewDiscreteStates", "fmi2EnterContinuousTimeMode", "fmi2SetTime"),
@@ -61,7 +61,6 @@ def furthest(found: Any, it: Exported, content: str) -> float:
     return worst
 
 
-@needs_compiler
 @BOTH
 @EACH
 def test_runs_in_fmpy(tmp_path: Path, effects: Exported, content: str, version: int) -> None:
@@ -72,7 +71,6 @@ def test_runs_in_fmpy(tmp_path: Path, effects: Exported, content: str, version: 
     assert furthest(simulated(path, effects, content), effects, content) < 1e-6
 
 
-@needs_compiler
 @BOTH
 def test_another_number_is_seen(tmp_path: Path, effects: Exported, version: int) -> None:
     """As is another start value of a parameter."""
@@ -105,7 +103,6 @@ def test_sources_alone_where_there_is_no_compiler(
     assert validation.validate_fmu(path) == []
 
 
-@needs_compiler
 def test_the_same_export_gives_the_same_token(tmp_path: Path, effects: Exported) -> None:
     first, second, other = (tmp_path / f"{name}.fmu" for name in ("first", "second", "other"))
     write_fmu(first, effects.frozen, "injector", 3)
@@ -115,7 +112,6 @@ def test_the_same_export_gives_the_same_token(tmp_path: Path, effects: Exported)
     assert tokens[0] == tokens[1] != tokens[2]
 
 
-@needs_compiler
 @BOTH
 def test_every_function_of_the_standard_is_there(tmp_path: Path, effects: Exported, version: int) -> None:
     write_fmu(tmp_path / "it.fmu", effects.frozen, "observer", version)
@@ -131,7 +127,6 @@ def test_every_function_of_the_standard_is_there(tmp_path: Path, effects: Export
     assert [name for name in names if not hasattr(library, name)] == []
 
 
-@needs_compiler
 @BOTH
 def test_steps_off_the_grid_and_other_tokens_are_refused(
     tmp_path: Path, effects: Exported, version: int

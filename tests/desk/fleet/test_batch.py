@@ -76,7 +76,6 @@ def test_an_interrupted_batch_goes_on(recordings: Path, tmp_path: Path) -> None:
 
 
 def test_a_database_is_filled_and_not_filled_again(recordings: Path, tmp_path: Path) -> None:
-    pytest.importorskip("duckdb")
     out = tmp_path / "made" / "results.duckdb"
     said = ended(started(recordings, "--out", out))
     assert (said["done"], said["skipped"], said["failed"]) == (6, 1, 1)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import duckdb
 import pytest
 
 from observer_rt.desk.fleet.database import Database, read_injections, results_at
@@ -11,7 +12,6 @@ from observer_rt.desk.fleet.job import SCHEMA, FailedFile
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import rows
 
-duckdb = pytest.importorskip("duckdb")
 SETTINGS = {"bench": "a", "learning": True}
 
 

@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 from fnmatch import fnmatch
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,13 @@ def test_the_container_starts_what_was_installed_with_options_that_there_are() -
     folders = shlex.split(made.split("mkdir -p ")[1])[:2]
     assert {str(Path(argument).parent) for argument in arguments if argument.startswith("/")} == set(folders)
     assert set(yaml.safe_load(found["VOLUME"][0])) == set(folders)
+
+
+def test_the_page_keeps_both_folders_of_the_container_beyond_it() -> None:
+    page = (ROOT / "docs" / "operating.md").read_text()
+    command = shlex.split(page.split("podman run ")[1].split("\n\n")[0])
+    mounted = [after for option, after in pairwise(command) if option == "-v"]
+    assert [each.split(":")[1] for each in mounted] == yaml.safe_load(instructions()["VOLUME"][0])
 
 
 def test_the_container_takes_the_wheel_that_a_release_makes() -> None:

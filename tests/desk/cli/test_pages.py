@@ -64,10 +64,10 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "sudo mkdir -p /etc/observer-rt && sudo cp bench.toml injector.toml /etc/observer-rt/": (
         "tests/tools/test_systemd_unit.py: the unit starts with these files"
     ),
-    "podman build -f tools/container/Containerfile -t observer-rt .": "tests/tools/test_release.py",
+    "sudo podman build -f tools/container/Containerfile -t observer-rt .": "tests/tools/test_release.py",
     (
-        "podman run --network host --cap-add NET_ADMIN --ulimit rtprio=99 --ulimit memlock=-1 "
-        "-v /etc/observer-rt:/etc/observer-rt observer-rt"
+        "sudo podman run --network host --cap-add NET_ADMIN --ulimit rtprio=99 --ulimit memlock=-1 "
+        "-v /etc/observer-rt:/etc/observer-rt -v observer-rt:/var/lib/observer-rt observer-rt"
     ): "tests/tools/test_release.py: the container starts what there is",
     "sudo systemctl enable --now observer-rt": "it needs systemd as the first process",
     "journalctl -u observer-rt -f": "it needs systemd as the first process",

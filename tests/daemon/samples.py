@@ -137,6 +137,8 @@ def some_report(number: int = 1, **changes: Any) -> InjectionReport:
         "state": State.ADAPTED,
         "phi_version": number,
         "indicators": {shown.effect: Estimate(0.3, 0.01) for _, shown in SCALARS.shown()},
+        "middle_x": np.array([1.2, 0.8, 0.9]),
+        "middle_u": np.array([1.2, 1.0]),
         "density": 830.0,
         "fuel_temperature": 313.15,
         "commanded": CommandedOpening(number, 320e-6, 1.1e-3),

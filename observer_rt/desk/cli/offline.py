@@ -129,7 +129,8 @@ def evaluate(
         bool,
         option(
             "--twice",
-            "Look at every injection again with what all of them taught: the first are as good as the last.",
+            "Look at every injection again with what all of them taught: rates, masses and wear of the first are "
+            "as good as those of the last.",
         ),
     ] = False,
     chain: Annotated[

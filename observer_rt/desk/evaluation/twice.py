@@ -19,6 +19,7 @@ from observer_rt.engine.estimation.gating import Belief, GatedBelief, best_subse
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.fallback import Rehearsed
+from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.interval import (
     Resimulated,
     VolumeBudget,
@@ -57,7 +58,8 @@ class _Event:
     """An event that was learned from, as it is run again.
 
     taught: beliefs about it; start: position of its first sample; systematic: share of a volume that the model gets
-    wrong, but for places far from all learned at; passed: without objections.
+    wrong, but for places far from all learned at; unseen: variances (m,) as of `LearningState`; passed: without
+    objections.
     """
 
     taught: TaughtEvent
@@ -67,7 +69,17 @@ class _Event:
     noise: NoiseLevels
     by_coil: Matrix | float
     systematic: float
+    unseen: Theta
     passed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Again:
+    """An event run again with theta (m,), which has an error of this covariance (m, m)."""
+
+    event: Resimulated
+    theta: Theta
+    covariance: Matrix
 
 
 class SecondLook:
@@ -110,13 +122,14 @@ class SecondLook:
                 state.noise,
                 0.0 if by_coil is None else by_coil,
                 math.sqrt(max(again.systematic**2 - far**2, 0.0)),
+                state.unseen_variance,
                 not outcome.objections,
             )
         )
         self._active = state.learned.active
 
     def revise(self, evaluations: Sequence[Evaluation]) -> None:
-        """Give every injection of the evaluations the rate and mass that all events together teach."""
+        """Give every injection of the evaluations the rate, mass and indicators that all events together teach."""
         if sum(event.passed for event in self._events) <= EVENTS_REQUIRED:
             return
         beliefs = smoothed([event.taught for event in self._events])
@@ -146,16 +159,18 @@ class SecondLook:
             return result, curves
         return _by_event(result, curves, again, window, self._events[number].passed)
 
-    def _again(self, number: int, belief: Belief, learned_at: Sequence[EventPoint]) -> Resimulated:
+    def _again(self, number: int, belief: Belief, learned_at: Sequence[EventPoint]) -> _Again:
         """An event run with what all events teach of it."""
         event, rehearsed = self._events[number], self._rehearsed[number]
         theta, active = best_subset(
             belief.information, belief.information @ belief.mean, SCALARS.gate, self._active
         )
-        covariance = GatedBelief(belief, SCALARS.gate, active).carried(theta) + event.by_coil
-        again = resimulated(rehearsed.window, rehearsed.setting, event.noise, theta, covariance, covariance)
+        gated = GatedBelief(belief, SCALARS.gate, active)
+        carried = gated.carried(theta) + event.by_coil
+        again = resimulated(rehearsed.window, rehearsed.setting, event.noise, theta, carried, carried)
         far = UNSEEN * extrapolation_sigma(event.point, learned_at)
-        return replace(again, systematic=math.hypot(event.systematic, far))
+        again = replace(again, systematic=math.hypot(event.systematic, far))
+        return _Again(again, theta, gated.covariance + np.diag(event.unseen))
 
 
 class _Listened:
@@ -184,11 +199,11 @@ class _Listened:
 
 
 def _by_event(
-    result: InjectionResult, curves: RateCurves, again: Resimulated, window: slice, passed: bool
+    result: InjectionResult, curves: RateCurves, again: _Again, window: slice, passed: bool
 ) -> tuple[InjectionResult, RateCurves]:
     """An injection, and its curves, by an event run again, in a window of that; passed: the event."""
-    rate, sigma = again.run.rate[window], rate_sigma(again, window)
-    budget = volume_budget(again, window)
+    rate, sigma = again.event.run.rate[window], rate_sigma(again.event, window)
+    budget = volume_budget(again.event, window)
     report = _report_by(
         result.report, again, window, passed and set(result.report.reasons) <= _LIFTED, budget
     )
@@ -203,17 +218,18 @@ def _by_event(
 
 
 def _report_by(
-    report: InjectionReport, again: Resimulated, window: slice, is_judged: bool, budget: VolumeBudget
+    report: InjectionReport, again: _Again, window: slice, is_judged: bool, budget: VolumeBudget
 ) -> InjectionReport:
     """A report by an event run again; is_judged: it only lacked knowledge, and is valid by what is known now."""
-    volume = volume_in(again, window)
-    low, high = volume_interval(again, window, math.nan)
+    volume = volume_in(again.event, window)
+    low, high = volume_interval(again.event, window, math.nan)
     report = replace(
         report,
         volume=volume,
         mass=volume * report.density,
         mass_ci95=(low * report.density, high * report.density),
-        peak_rate=float(again.run.rate[window].max()),
+        peak_rate=float(again.event.run.rate[window].max()),
+        indicators=indicators_of(again.theta, again.covariance, report.middle_x, report.middle_u),
     )
     if not is_judged:
         return report

@@ -162,7 +162,8 @@ class Injector:
             Whether they are learned from.
         twice : bool
             Whether every injection is looked at again with what all of them taught, so that the first are as good
-            as the last; False: as the daemon would have it live.
+            as the last: rate, mass, peak rate, validity, wear and all else that is learned, with their intervals.
+            `phi_version` stays that of the live run. False: all is as the daemon would have it live.
 
         Returns
         -------

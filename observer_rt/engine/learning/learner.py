@@ -447,9 +447,7 @@ def _outcome(
         schedule=schedule,
         objections=against,
         estimate=state.learned.theta,
-        covariance=gated.covariance
-        + np.diag(state.gains.wear_variance(state.learned.theta.size))
-        + np.diag(state.lag_doubt.variance),
+        covariance=gated.covariance + np.diag(state.unseen_variance),
     )
 
 

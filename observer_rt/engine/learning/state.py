@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.gating import Belief, prior_belief
@@ -118,6 +119,11 @@ class LearningState:
     energizing: Energizing = field(default_factory=Energizing)
     standstill: Standstill | None = field(default=None, metadata=NOT_KEPT)
     last_event: Rehearsed | None = field(default=None, metadata=NOT_KEPT)
+
+    @property
+    def unseen_variance(self) -> NDArray[np.float64]:
+        """Variances (m,) of theta beside those of the belief: by what gains and lag of the sensors may be."""
+        return self.gains.wear_variance(self.learned.theta.size) + self.lag_doubt.variance
 
     def begun(self, in_force: Theta, interval: float, overdispersion: float) -> "LearningState":
         """State to go on with, in a run that carries `in_force` (m,) and has samples of an interval [s].

@@ -52,7 +52,8 @@ class InjectionReport:
 
     number: counted by the observer, from 1; start, end are positions in the stream of samples, start_index, end_index
     the sample indices of the device; valid: whether rate and mass are to be used; phi_version: number of the learned
-    correction in force; indicators: learned parameters, normalised. `volume` [m3], `mass`
+    correction in force; indicators: learned parameters, normalised, at middle_x (3,), middle_u (2,), x^ and inputs in
+    the middle of the injection. `volume` [m3], `mass`
     [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
     known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
     rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
@@ -77,6 +78,8 @@ class InjectionReport:
     state: State
     phi_version: int
     indicators: Indicators
+    middle_x: NDArray[np.float64]
+    middle_u: NDArray[np.float64]
     density: float
     fuel_temperature: float | None
     commanded: CommandedOpening | None
@@ -159,6 +162,8 @@ def report_of(
         reason=reasons[0],
         state=state,
         indicators=indicators,
+        middle_x=middle[0].copy(),
+        middle_u=middle[1].copy(),
         density=c.density,
         fuel_temperature=judged.fuel.temperature,
         commanded=commanded,

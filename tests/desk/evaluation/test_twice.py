@@ -1,5 +1,6 @@
 """Injections looked at twice, against the truth of simulated worn injectors and against one look."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,8 @@ from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.twice import SecondLook
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
+from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
+from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
 from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effective import Coefficients
@@ -20,10 +23,10 @@ C: Coefficients = effective_model(BENCH.injector.parameters).coefficients
 
 
 @cache
-def made(v_h: float, injections: int = 6, seed: int = 11) -> Simulation:
+def made(v_h: float, injections: int = 6, seed: int = 11, v_s: float = -0.15) -> Simulation:
     """Injections at three pressures and two durations, with a measured rate."""
     schedule = make_schedule([60e6, 100e6, 140e6], injections, 0.05, [1.9e-3, 1.0e-3])
-    worn = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=-0.15))
+    worn = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
     return simulate(BENCH.injector.parameters, schedule, 100e3, worn, SimulatedNoise(), True, seed)
 
 
@@ -33,11 +36,15 @@ def looked(twice: bool, v_h: float = 0.25) -> Evaluation:
 
 
 def evaluated(recording: Recording, twice: bool) -> Evaluation:
+    return history([recording], twice)[0]
+
+
+def history(recordings: Sequence[Recording], twice: bool) -> Sequence[Evaluation]:
     look = SecondLook()
-    found = evaluate(BENCH, [recording], learner_of=look.learner, curves_of=C)
+    found = evaluate(BENCH, recordings, learner_of=look.learner, curves_of=C)
     if twice:
         look.revise(found.evaluations)
-    return found.evaluations[0]
+    return found.evaluations
 
 
 def true_mass(simulation: Simulation, start: int, end: int) -> float:
@@ -77,6 +84,29 @@ def test_curves_trace_and_errors_are_those_of_the_second_look() -> None:
     for report in again.reports:
         shut[report.start_index : report.end_index + 1] = False
     np.testing.assert_array_equal(again.trace.injection_rate[shut], once.trace.injection_rate[shut])
+
+
+def test_wear_of_the_first_is_that_of_the_last() -> None:
+    """A healthy injector, and one whose nozzle is worn from the first injection on: that one is a sudden change."""
+    recordings = [made(v_h, seed=seed, v_s=0.0).recording for v_h, seed in ((0.0, 3), (0.1, 5))]
+    once, again = (history(recordings, twice)[1].reports[1:] for twice in (False, True))
+    for effect in (NOZZLE, SEAT):
+        last = again[-1].indicators[effect].value
+        for report in again:
+            interval = report.indicators[effect].ci95
+            assert interval is not None
+            assert interval[0] <= last <= interval[1]
+    assert farthest(again, SEAT, again[-1]) < 0.2 * farthest(once, SEAT, once[-1])
+    assert farthest(again, NOZZLE, again[-1]) < 0.7 * farthest(once, NOZZLE, once[-1])
+    wide, narrow = (reports[0].indicators[NOZZLE].sigma for reports in (once, again))
+    assert wide is not None
+    assert narrow is not None
+    assert narrow < 0.75 * wide
+
+
+def farthest(reports: Sequence[InjectionReport], effect: str, last: InjectionReport) -> float:
+    """Largest distance of a wear from that of the last injection."""
+    return max(abs(report.indicators[effect].value - last.indicators[effect].value) for report in reports)
 
 
 def test_one_event_alone_stays_as_it_was() -> None:

@@ -215,8 +215,31 @@ def test_a_bus_that_is_read_slowly_is_not_left_behind(four: Path, monkeypatch: p
         return receive(link, timeout_s)
 
     monkeypatch.setattr(TroubledLink, "receive", slowly)
-    frames = frames_of(four, worn_recording())
     daemon, links = on_links(four)
+    observes_all(daemon, links, frames_of(four, worn_recording()))
+
+
+@pytest.mark.parametrize("first", [0, 100])
+def test_a_bus_that_cannot_be_read_for_a_while_is_waited_for(
+    four: Path, monkeypatch: pytest.MonkeyPatch, first: int
+) -> None:
+    """As by a machine that has no time for its thread: meanwhile the others could come to their end."""
+    receive, taken = TroubledLink.receive, [0]
+
+    def late(link: TroubledLink, timeout_s: float) -> Frame | None:
+        if link is links[1]:
+            if taken[0] == first:
+                time.sleep(0.2)
+            taken[0] += 1
+        return receive(link, timeout_s)
+
+    monkeypatch.setattr(TroubledLink, "receive", late)
+    daemon, links = on_links(four)
+    observes_all(daemon, links, frames_of(four, worn_recording()))
+
+
+def observes_all(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[TimedFrame]) -> None:
+    """Nothing is lost of frames that all wait in the drivers."""
     for bus, link in enumerate(links):
         link.deliver([frame for frame in frames if frame.bus == bus])
     with serving(daemon):

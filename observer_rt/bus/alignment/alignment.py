@@ -77,6 +77,17 @@ def progress(alignment: Alignment) -> list[int]:
     ]
 
 
+def begun_at(alignment: Alignment) -> list[int]:
+    """The index on the grid at which each stream began; -1: it has not."""
+    count = int(alignment.memory[0]["stream_count"])
+    return [
+        int(stream["first_index"] if stream["seen"] else -1)
+        if stream["on_grid"]
+        else int(follower["first_index"] if follower["begun"] else -1)
+        for stream, follower in zip(alignment.streams[:count], alignment.followers[:count], strict=True)
+    ]
+
+
 def is_stale(alignment: Alignment) -> bool:
     """Whether a message stays away while others come."""
     memory = alignment.memory[0]

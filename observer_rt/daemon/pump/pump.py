@@ -28,7 +28,8 @@ from observer_rt.engine.service.messages import OutputFrame, output_frame
 ROOM = 1 << 14  # bytes: some twenty frames; more wait in the driver
 RESULTS_ROOM = 1 << 17  # bytes: some 170; rates of more wait in the loop, which gives up the oldest
 FAR = SLOTS // 4  # samples, of those that may wait for another message
-PAUSE = 0.05  # s without a new sample, after which nothing waits for a message any more
+PAUSE = 0.5  # s without a new sample, after which nothing waits for a message any more, whatever else its bus brings
+NOT_LOOKED_AT = -2  # instead of a sample index
 _STAMPED = struct.Struct("=IBB2x64sq")  # struct canfd_frame, its stamp behind it [ns]
 _TIMEVAL = struct.Struct("@ll")
 
@@ -36,11 +37,15 @@ _TIMEVAL = struct.Struct("@ll")
 class Pace:
     """Keeps fed buses abreast: stamps by arrival do not tell the order of frames that waited in several drivers."""
 
-    def __init__(self, core: Core, bus: BusMap) -> None:
+    def __init__(self, core: Core, bus: BusMap, is_silent: Callable[[int], bool]) -> None:
+        """is_silent: whether no frame of a bus is on its way; for that one none waits."""
         self._core = core
         self._buses = [layout_of(bus, stream).bus for stream in range(len(bus.inputs.streams))]
         self._are_several = len(set(self._buses)) > 1
-        self._reached = [(-1, 0.0)] * len(self._buses)  # by stream: sample index, and since when [s]
+        self._is_silent = is_silent
+        self._reached = [(NOT_LOOKED_AT, 0.0)] * len(
+            self._buses
+        )  # by stream: sample index, and since when [s]
 
     def is_ahead(self, bus: int) -> bool:
         """Whether a bus is so far ahead of another that its next frame is to wait."""
@@ -51,9 +56,14 @@ class Pace:
             if index != self._reached[stream][0]:
                 self._reached[stream] = index, now
         streams = list(zip(self._buses, self._reached, strict=True))
+        start = -1  # of what has not begun, as far as the others tell
+        if any(index < 0 for _, (index, _) in streams):
+            start = min((index for index in self._core.begun_at if index >= 0), default=-1)
         own = max((index for of, (index, _) in streams if of == bus), default=-1)
         return any(
-            FAR < own - index < SLOTS and now - since < PAUSE for of, (index, since) in streams if of != bus
+            FAR < own - max(index, start) < SLOTS and now - since < PAUSE and not self._is_silent(of)
+            for of, (index, since) in streams
+            if of != bus
         )
 
 
@@ -76,6 +86,7 @@ class Feeder(DescriptorLink):
         self._error: Exception | None = None
         self._unsent: list[OutputFrame] = []
         self._has_answered = False
+        self._is_empty = False
         self._ended = threading.Event()
         self._threads = [threading.Thread(target=each, daemon=True) for each in (self._bring, self._send_on)]
         for thread in self._threads:
@@ -89,6 +100,11 @@ class Feeder(DescriptorLink):
         """Whether the link has come back from receiving since the last call, or need not any more."""
         answered, self._has_answered = self._has_answered, self._ended.is_set()
         return answered
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether no frame is on its way: the link had none when it was asked last, however long ago that is."""
+        return self._is_empty or self.is_ended
 
     @property
     def is_ended(self) -> bool:
@@ -114,7 +130,7 @@ class Feeder(DescriptorLink):
         try:
             while not self._ended.is_set():
                 frame = self._link.receive(LONGEST_WAIT)
-                self._has_answered = True
+                self._has_answered, self._is_empty = True, frame is None
                 if frame is None:
                     continue
                 while self._is_ahead() and not self._ended.is_set():
@@ -171,7 +187,7 @@ class FramePump:
         self._ends: dict[int, SocketCanLink] = {}  # what the loop reads and writes, by bus
         self._core = core
         self._fed = _to_be_fed(links, bus)
-        self._pace = Pace(core, bus)
+        self._pace = Pace(core, bus, self._is_silent)
         self._arrivals = arrivals
         self._on_unsent = on_unsent
         self._on_thread = on_thread
@@ -289,6 +305,11 @@ class FramePump:
     @property
     def _feeders(self) -> list[Feeder]:
         return [end for end in self._ends.values() if isinstance(end, Feeder)]
+
+    def _is_silent(self, bus: int) -> bool:
+        """Whether a fed bus has no frame on its way; one that is not served yet may have."""
+        end = self._ends.get(bus)
+        return isinstance(end, Feeder) and end.is_silent
 
     def _loop(self) -> None:
         """Runs the compiled loop in its thread."""

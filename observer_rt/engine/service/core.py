@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt import __version__
-from observer_rt.bus.alignment.alignment import is_stale, make_alignment, progress
+from observer_rt.bus.alignment.alignment import begun_at, is_stale, make_alignment, progress
 from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
 from observer_rt.bus.database.e2e import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
@@ -246,6 +246,11 @@ class Core:
     def progress(self) -> list[int]:
         """The sample index up to which each input stream came; -1: nothing yet."""
         return progress(self.compiled.pipeline.alignment)
+
+    @property
+    def begun_at(self) -> list[int]:
+        """Of each of our input messages the sample index at which it began; -1: it has not."""
+        return begun_at(self.compiled.pipeline.alignment)
 
     @property
     def state(self) -> tuple[State, Reason]:

@@ -1,5 +1,6 @@
 """The site of docs/: what is generated is complete, every page has its place, and a link into nothing is found."""
 
+import json
 import os
 import re
 import subprocess
@@ -10,6 +11,7 @@ import pytest
 
 from tests.pages import ROOT, Page
 from tools.lib.docs_site.links import objections
+from tools.lib.docs_site.notebooks import notebook_page
 from tools.lib.docs_site.pages import api, bench_file, options, places, section_of, words_of_example
 
 CONFIGURATION = ROOT / "tools/lib/docs_site/mkdocs.yml"
@@ -34,6 +36,8 @@ def test_the_site_is_built_without_a_warning_and_every_link_leads_somewhere(tmp_
     assert list(objections(tmp_path)) == []
     pages = {path.name for path in tmp_path.glob("*.html")}
     assert {"index.html", "tutorial.html", "bench-file.html", "api.html", "commands.html"} <= pages
+    assert 'src="wear_1.png"' in (tmp_path / "notebooks" / "wear.html").read_text(encoding="utf-8")
+    assert 'href="notebooks/wear.html"' in (tmp_path / "library.html").read_text(encoding="utf-8")
     assert 'id="observer_rt.config.bench.load_bench"' in (tmp_path / "api.html").read_text(encoding="utf-8")
 
 
@@ -68,6 +72,46 @@ def test_the_library_is_listed_as_its_page_has_it() -> None:
     rows = Page("docs/library.md").text.count("| `observer_rt")
     assert api().count("\n## ") == rows > 0
     assert "::: observer_rt.desk.evaluation.evaluate.evaluate\n" in api()
+
+
+NOTEBOOK = {
+    "cells": [
+        {"cell_type": "markdown", "source": ["# A heading\n", "\n", "Words, [more](../fit.md)."]},
+        {
+            "cell_type": "code",
+            "source": ["print(1)\n", "figure"],
+            "outputs": [
+                {"output_type": "stream", "name": "stdout", "text": ["1\n"]},
+                {"output_type": "display_data", "data": {"image/png": "AAEC", "text/plain": ["<Figure>"]}},
+                {
+                    "output_type": "execute_result",
+                    "data": {
+                        "text/html": [
+                            "<div>\n<style scoped>\n.x {}\n</style>\n",
+                            '<table border="1">\n</table></div>',
+                        ]
+                    },
+                },
+            ],
+        },
+    ]
+}
+
+
+def test_a_notebook_is_a_page_with_what_it_showed(tmp_path: Path) -> None:
+    path = tmp_path / "some.ipynb"
+    path.write_text(json.dumps(NOTEBOOK))
+    page = notebook_page(path)
+    assert page.pictures == {"some_1.png": b"\x00\x01\x02"}
+    lines = [line for line in page.markdown.splitlines() if line]
+    assert lines[0] == "# A heading"
+    assert "(some.ipynb)" in lines[1]
+    assert lines[2:] == [
+        "Words, [more](../fit.md).",
+        *("```python", "print(1)", "figure", "```", "```text", "1", "```"),
+        "![What the program draws](some_1.png)",
+        *("<div>", "<table>", "</table></div>"),
+    ]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,12 @@
-"""The notebooks of docs/notebooks, run in an empty folder."""
+"""The notebooks of docs/notebooks, run in an empty folder, and the outputs that they are kept with.
 
+`python -m tests.desk.library.test_notebooks` runs them and keeps what they show: after a change of either.
+"""
+
+import re
+from collections.abc import Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import nbformat
@@ -8,20 +14,47 @@ import pytest
 from nbclient import NotebookClient
 
 FOLDER = Path(__file__).parents[3] / "docs" / "notebooks"
+NOTEBOOKS = sorted(path.name for path in FOLDER.glob("*.ipynb"))
+LARGEST = 1_500_000  # bytes of a file
+OF_THIS_RUN = re.compile(
+    r"(?<![\w<.])/\w[\w.-]*/|\b[A-Z]:\\|\b0x[0-9a-f]{6,}"
+)  # absolute paths, and addresses
 
 
-def run(name: str, folder: Path) -> list[Any]:
-    """Outputs of a notebook's cells, in order. Raises CellExecutionError for a cell that fails."""
-    notebook = nbformat.read(FOLDER / name, nbformat.NO_CONVERT)
-    NotebookClient(notebook, timeout=900, resources={"metadata": {"path": folder}}).execute()
+def kept(name: str) -> Any:
+    return nbformat.read(FOLDER / name, nbformat.NO_CONVERT)
+
+
+def run(name: str, folder: Path) -> Any:
+    """A notebook with what its cells show. Raises CellExecutionError for a cell that fails."""
+    notebook = kept(name)
+    NotebookClient(
+        notebook, timeout=900, record_timing=False, resources={"metadata": {"path": folder}}
+    ).execute()
+    return notebook
+
+
+def outputs_of(notebook: Any) -> list[Any]:
+    """Outputs of its cells, in order."""
     return [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
 
 
-def texts(outputs: list[Any]) -> str:
+def kinds_of(notebook: Any) -> list[list[list[str]]]:
+    """By code cell and output: its forms."""
+    return [
+        [sorted(output.get("data", {output.output_type: None})) for output in cell.outputs]
+        for cell in notebook.cells
+        if cell.cell_type == "code"
+    ]
+
+
+def texts(outputs: Iterable[Any]) -> str:
     """What a reader sees of outputs, but for pictures."""
-    return "\n".join(
-        str(output.get("text") or output.get("data", {}).get("text/plain", "")) for output in outputs
+    shown = (
+        [output.get("text"), *(text for form, text in output.get("data", {}).items() if form[:5] == "text/")]
+        for output in outputs
     )
+    return "\n".join(str(text) for each in shown for text in each if text)
 
 
 @pytest.mark.slow
@@ -35,12 +68,39 @@ def texts(outputs: list[Any]) -> str:
     ],
 )
 def test_a_notebook_shows_what_it_is_about(name: str, shown: str, tmp_path: Path) -> None:
-    outputs = run(name, tmp_path)
-    assert shown in texts(outputs)
-    assert any("image/png" in output.get("data", {}) for output in outputs)
-    assert not [output for output in outputs if output.get("name") == "stderr"]
+    fresh, before = run(name, tmp_path), kept(name)
+    assert kinds_of(fresh) == kinds_of(before)
+    for notebook in (fresh, before):
+        outputs = outputs_of(notebook)
+        assert shown in texts(outputs)
+        assert any("image/png" in output.get("data", {}) for output in outputs)
+        assert not [output for output in outputs if output.get("name") == "stderr"]
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_what_is_kept_is_of_one_run_and_of_no_machine(name: str) -> None:
+    notebook = kept(name)
+    numbers = [cell.execution_count for cell in notebook.cells if cell.cell_type == "code"]
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert not [output for output in outputs_of(notebook) if output.output_type == "error"]
+    assert OF_THIS_RUN.findall(texts(outputs_of(notebook))) == []
+    assert (FOLDER / name).stat().st_size < LARGEST
 
 
 def test_every_notebook_is_run() -> None:
     named = test_a_notebook_shows_what_it_is_about.pytestmark[0].args[1]  # type: ignore[attr-defined]
-    assert {name for name, _ in named} == {path.name for path in FOLDER.glob("*.ipynb")}
+    assert sorted(name for name, _ in named) == NOTEBOOKS
+
+
+def main() -> None:
+    """Run all notebooks, and write them with what they show."""
+    for name in NOTEBOOKS:
+        stated = kept(name).metadata  # not the Python that happens to be here
+        with TemporaryDirectory() as folder:
+            notebook = run(name, Path(folder))
+        notebook.metadata = stated
+        nbformat.write(notebook, FOLDER / name)
+
+
+if __name__ == "__main__":
+    main()

@@ -18,21 +18,31 @@ MOST_TABLES = 2  # made at once
 LEAST_KNOTS, MOST_KNOTS = 5, 12
 LEAST_PARTS = 4  # of the data, from which on one can be left out
 RIDGE = 1e-3  # of its information, that holds a knot that little depends on
+MOST_TURNS = 0.7  # of the inner knots: a curve that turns at more of them joins operating points, and says nothing between
 LARGEST = 2.0  # times its first largest value, that a table may have elsewhere
 
 
 @dataclass(frozen=True)
 class Symmetry:
-    """A symmetry of curves: its table of u, the sign of the curve at -u, and from which u on knots are its own."""
+    """A symmetry of curves: its table of u, the sign of the curve at -u, and from which u on knots are its own.
+
+    most: knots.
+    """
 
     form: str
     sign: float
     first: float
+    most: int = MOST_KNOTS
 
 
 NONE = Symmetry("table({u}, {pairs})", 0.0, -np.inf)
 EVEN = Symmetry("table(abs({u}), {pairs})", 1.0, 0.0)
-ODD = Symmetry("(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0, {pairs}))", -1.0, 1e-9)
+ODD = Symmetry(
+    "(table(max({u}, 0), 0, 0, {pairs}) - table(max(-({u}), 0), 0, 0, {pairs}))",
+    -1.0,
+    1e-9,
+    MOST_KNOTS // 2,  # each stands twice in the law, which may not be longer
+)
 
 
 def tables(
@@ -48,7 +58,8 @@ def tables(
     known = (one for one in curves if one.axis is not SINCE)
     coarse = sorted(known, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
-    return [_simplest(one, _price(one)) for one in free_curves(finer, about_here, here, each)]
+    made = (_simplest(one, _price(one)) for one in free_curves(finer, about_here, here, each))
+    return [one for one in made if one is not None]
 
 
 def _price(curve: FreeCurve) -> float:
@@ -74,21 +85,38 @@ def _values(information: Floats, gradient: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(held, gradient, rcond=1e-12)[0])
 
 
-def _simplest(curve: FreeCurve, price: float) -> Effect:
-    """The table of the symmetry and knots that explain most of what is left out, each knot at its price."""
+def _simplest(curve: FreeCurve, price: float) -> Effect | None:
+    """The table of the symmetry and knots that explain most of what is left out, each knot at its price.
+
+    None where all go up and down.
+    """
     knots = curve.knots
     found: list[tuple[float, Symmetry, list[int]]] = []
     for symmetry in (NONE, EVEN, ODD) if (knots < 0.0).any() else (NONE,):
         kept = [number for number, knot in enumerate(knots.tolist()) if knot >= symmetry.first]
         while len(kept) >= min(LEAST_KNOTS, knots.size):
-            if len(kept) <= MOST_KNOTS:
+            if len(kept) <= symmetry.most and _is_smooth(_best_values(curve, symmetry, kept)):
                 found.append((_validated(curve, symmetry, kept) - price * len(kept), symmetry, list(kept)))
             rest = [[one for one in kept if one != left] for left in kept]
             if len(kept) < 2:
                 break
             kept = max(rest, key=lambda some: _explained(curve, symmetry, some))
+    if not found:
+        return None
     _, symmetry, kept = max(found, key=lambda item: item[0])
     return _table(curve, symmetry, kept)
+
+
+def _is_smooth(values: Floats) -> bool:
+    """Whether a curve turns at few of its knots."""
+    steps = np.diff(values)
+    return bool(np.count_nonzero(steps[1:] * steps[:-1] < 0.0) <= MOST_TURNS * max(values.size - 2, 1))
+
+
+def _best_values(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
+    """Values at the knots kept that explain most."""
+    shapes = _shapes(curve.knots, symmetry, kept)
+    return _values(shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient)
 
 
 def _shapes(knots: Floats, symmetry: Symmetry, kept: Sequence[int]) -> Floats:
@@ -124,8 +152,7 @@ def _validated(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> flo
 
 def _table(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
     """A curve as a term: its largest value is the coefficient, the others are numbers of its law."""
-    shapes = _shapes(curve.knots, symmetry, kept)
-    values = _values(shapes.T @ curve.scores.information @ shapes, shapes.T @ curve.scores.gradient)
+    values = _best_values(curve, symmetry, kept)
     largest = int(np.argmax(np.abs(values)))
     letters = iter(LETTERS)
     numbers, pairs = [], []
@@ -133,7 +160,7 @@ def _table(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> Effect:
         if number == largest:
             pairs.append(f"{knot:g}, 1")
             continue
-        numbers.append(FormNumber(float(values[number] / values[largest]), -LARGEST, LARGEST))
+        numbers.append(FormNumber(round(float(values[number] / values[largest]), 4), -LARGEST, LARGEST))
         pairs.append(f"{knot:g}, {next(letters)}")
     law = symmetry.form.format(u=curve.axis.over, pairs=", ".join(pairs))
     return term_effect(curve.equation, curve.factor + law, tuple(numbers))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.identification.discovery.search.curves import CURVES, free_curves
-from observer_rt.identification.discovery.search.tables import LEAST_KNOTS, MOST_KNOTS, tables
+from observer_rt.identification.discovery.search.tables import LEAST_KNOTS, MOST_KNOTS, MOST_TURNS, tables
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw
 from observer_rt.model.terms.term import TermEquation
@@ -35,6 +35,7 @@ def best_table(law: str) -> TermLaw:
     ("law", "variable", "form"),
     [
         (f"2 * sin(6 * {FLOW} + 1)", "line_flow", "table(line_flow/60, "),
+        (f"2 * sin(6 * {FLOW})", "line_flow", "table(line_flow/60, "),  # odd, and too long as such
         (f"2 * cos(8 * {SPEED})", "lift_rate", "table(abs(lift_rate), "),
         (f"2 * sin(8 * {SPEED})", "lift_rate", "(table(max(lift_rate, 0), 0, 0, "),
     ],
@@ -57,6 +58,16 @@ def test_a_table_has_no_more_knots_than_the_recordings_ask_for() -> None:
     few, many = (best_table(f"{size} * sin(6 * {FLOW} + 1)") for size in (0.05, 2.0))
     assert LEAST_KNOTS <= knots_of(few) < knots_of(many) <= MOST_KNOTS
     assert COUNT > MOST_KNOTS
+
+
+@pytest.mark.parametrize("turns", [20, 25, 40])
+def test_no_table_goes_up_and_down_from_knot_to_knot(turns: int) -> None:
+    """It would join operating points, and say nothing between them."""
+    found = best_table(f"2 * sin({turns} * {FLOW})")
+    values = found.law.at({"line_flow": np.linspace(-18.0, 60.0, 2000)}, 1.0)
+    steps = np.sign(np.diff(values))
+    steps = steps[steps != 0.0]
+    assert np.count_nonzero(np.diff(steps)) <= MOST_TURNS * knots_of(found)
 
 
 def test_no_table_is_over_time() -> None:

@@ -27,6 +27,7 @@ WEAR = {NOZZLE: ("nozzle flow, v_H", "#d62728", "-"), SEAT: ("seat flow, v_S", "
 """Learned quantities of an injector: name, colour and line where one recording is drawn."""
 PERCENT = 100.0
 DPI = 130
+LEAST_SHOWN = 0.1  # % of a mass: what differs less is drawn as equal
 COLUMNS = 4  # of curves side by side
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
@@ -70,6 +71,8 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
             _draw_points(axes, table, colour, nominal)
     axes.set(xlabel="injection", ylabel=label)
     axes.margins(y=0.12)
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, -LEAST_SHOWN), max(high, LEAST_SHOWN))
     axes.xaxis.set_major_locator(MaxNLocator(ANNOTATED, integer=True, min_n_ticks=1))
     axes.grid(axis="y", alpha=0.3)
     if not rows:

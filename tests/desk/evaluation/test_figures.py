@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from observer_rt.desk.evaluation.curves import RateCurves
-from observer_rt.desk.evaluation.figures import MassRow, Picture, draw_masses, injections_figure
+from observer_rt.desk.evaluation.figures import LEAST_SHOWN, MassRow, Picture, draw_masses, injections_figure
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 TIME = np.linspace(0.0, 2.0, 50) * MILLISECOND
@@ -41,6 +41,13 @@ def test_a_percent_of_a_mass_can_be_seen_whatever_the_masses_are() -> None:
     assert estimated == pytest.approx([1.0, 1.0])
     assert {text.get_text() for text in axes.texts} == {"50.50", "101.00"}
     assert "numbers: mg" in axes.get_title(loc="right")
+
+
+def test_rounding_is_no_difference_of_masses() -> None:
+    mass = 50.0 * MILLIGRAM
+    axes = Figure().add_subplot()
+    draw_masses(axes, [Picture("one", {}, [MassRow(1, mass * (1.0 + 1e-15), mass, None, True)])], "measured")
+    assert axes.get_ylim() == pytest.approx((-LEAST_SHOWN, LEAST_SHOWN), rel=0.2)
 
 
 def test_errors_are_those_of_the_reference_where_there_is_one() -> None:

@@ -191,5 +191,5 @@ def figures(results: Results, tier: str) -> list[Figure]:
     slowest = max((r.answer.added_core_seconds for r in results), default=None)
     return [
         *found,
-        Figure("added_core_seconds_max", slowest, "of processors, after the vocabulary's search", (10.0, 25.0)[place]),
+        Figure("added_core_seconds_max", slowest, "after the vocabulary's search", (10.0, 25.0)[place]),
     ]

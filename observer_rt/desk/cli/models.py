@@ -153,6 +153,15 @@ def discover(
             min=0,
         ),
     ] = 0,
+    instead: Annotated[
+        str,
+        option(
+            "--instead",
+            "With --accept-term: the law of this equation, which line pressure cannot tell from the proposal's.",
+            "EQUATION",
+            show_default=False,
+        ),
+    ] = "",
     in_part: Annotated[
         bool,
         option(
@@ -207,6 +216,8 @@ def discover(
 
     if in_part and not accept_term:
         raise UserError("--in-part", "says nothing of which proposal", "add --accept-term N")
+    if instead and not accept_term:
+        raise UserError("--instead", "says nothing of which proposal", "add --accept-term N")
     begin = time.monotonic()
     if (from_evidence is None) == (not recordings):
         raise UserError(
@@ -227,7 +238,14 @@ def discover(
     amendable = InjectorFile.read(asked.model)
     observed = observer_remainder if in_part else None
     task = DiscoveryTask(
-        load_injector(asked.model), asked.measured, asked.healthy, asked.hashes, chosen, accept_term, observed
+        load_injector(asked.model),
+        asked.measured,
+        asked.healthy,
+        asked.hashes,
+        chosen,
+        accept_term,
+        instead,
+        observed,
     )
     refuse_incomparable(task, str(asked.model))
     make_folder(out)

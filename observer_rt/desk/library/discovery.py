@@ -143,6 +143,7 @@ class Wanted:
 
     choose: str = ""
     accept_term: int = 0
+    instead: str = ""
     in_part: bool = False
 
 
@@ -159,6 +160,8 @@ def discovered(
     """Search for what the model of a bench's injector is missing in measurements; load: as of `DiscoveryResult`."""
     if wanted.in_part and not wanted.accept_term:
         raise UserError("in_part", "says nothing of which proposal", "give accept_term, too")
+    if wanted.instead and not wanted.accept_term:
+        raise UserError("instead", "says nothing of which proposal", "give accept_term, too")
     task = DiscoveryTask(
         bench.injector.parameters,
         tuple(measured),
@@ -166,6 +169,7 @@ def discovered(
         digests,
         effects_named("choose", wanted.choose),
         wanted.accept_term,
+        wanted.instead,
         observer_remainder if wanted.in_part else None,
     )
     refuse_incomparable(task, file.name)

@@ -37,7 +37,7 @@ from observer_rt.identification.discovery.findings import (
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.in_part import variance_by_phase, with_parts
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
-from observer_rt.identification.discovery.pairs import with_alternatives
+from observer_rt.identification.discovery.pairs import exchanged, with_alternatives
 from observer_rt.identification.discovery.report.data import remove_data, write_data
 from observer_rt.identification.discovery.report.document import FINDINGS, document_of
 from observer_rt.identification.discovery.report.page import report
@@ -50,6 +50,7 @@ from observer_rt.identification.discovery.search.results import (
     Cell,
     Discovery,
     Part,
+    Proposal,
     Verdict,
 )
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
@@ -112,7 +113,8 @@ class DiscoveryTask:
 
     healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
     user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
-    proposal whose terms the amended model is to have, 0: none; in_part: what measures the remainder of one that
+    proposal whose terms the amended model is to have, 0: none; instead: equation of a law that it is to have in their
+    place, one that line pressure cannot tell from them, empty: none; in_part: what measures the remainder of one that
     leaves something, None: only one that explains all is accepted.
     """
 
@@ -122,6 +124,7 @@ class DiscoveryTask:
     hashes: Mapping[str, str]
     chosen: tuple[str, ...] = ()
     accepted: int = 0
+    instead: str = ""
     in_part: ObserverRemainder | None = None
 
 
@@ -166,7 +169,7 @@ def answer(
     )
     found = name_effects(nominal, measured, options)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
-    proposals = with_alternatives(found.proposals, likelihood, nominal)
+    proposals = _as_wanted(with_alternatives(found.proposals, likelihood, nominal), task, nominal)
     found = replace(found, proposals=with_parts(proposals, likelihood, nominal))
     shown = shown_of(found, task.accepted if task.accepted <= len(found.proposals) else 0)
     gaps = gaps_of(shown, measured, nominal, baseline.shape)
@@ -224,6 +227,19 @@ def answer(
         held_out=tuple(names[i] for i in gaps.held_out),
         healthy=None if baseline.shape is None else baseline,
     )
+
+
+def _as_wanted(
+    proposals: Sequence[Proposal], task: DiscoveryTask, nominal: EffectiveModel
+) -> Sequence[Proposal]:
+    """Proposals, that to be accepted with the law of another equation where the task says so."""
+    if not task.instead or task.accepted > len(proposals):
+        return proposals
+    numbered = enumerate(proposals, 1)
+    return [
+        exchanged(one, number, task.instead, nominal) if number == task.accepted else one
+        for number, one in numbered
+    ]
 
 
 def _left_of_masses(found: Discovery, shown: Candidate) -> float:

@@ -1,11 +1,14 @@
 """Laws of another equation that line pressure cannot tell from a proposal: fitted beside it, with their masses."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
+from observer_rt.identification.discovery.search.proposals import unsound
 from observer_rt.identification.discovery.search.results import Alternative, Candidate, Proposal
 from observer_rt.identification.discovery.search.search import INTERVAL_MARGIN
 from observer_rt.identification.discovery.search.term_search import TIE
@@ -44,6 +47,33 @@ def with_alternatives(
     proposed = {term.equation for one in proposals for term in one.terms}
     return tuple(
         replace(one, alternatives=_alternatives(one, proposed, likelihood, nominal)) for one in proposals
+    )
+
+
+def exchanged(one: Proposal, number: int, equation: str, nominal: EffectiveModel) -> Proposal:
+    """A proposal with the law of another equation, which line pressure cannot tell from it, in its place.
+
+    number: of the proposal. Raises `UserError` for an equation of which there is no such law.
+    """
+    by_equation = {str(other.found.terms[0].equation): other for other in one.alternatives}
+    if equation not in by_equation:
+        there = f"there are laws of {', '.join(by_equation)}" if by_equation else "there is no other law"
+        raise UserError(
+            f"--instead {equation}",
+            f"line pressure tells that from proposal {number}: {there}",
+            "leave it out, or see the report",
+        )
+    other = by_equation.pop(equation)
+    return replace(
+        one,
+        found=other.found,
+        gain=one.gain + one.found.statistic - other.found.statistic,
+        unsound=unsound(other.found.model(nominal), nominal),
+        held_out=(math.nan, math.nan),
+        moves=other.moves,
+        curves=(),
+        lost=(),
+        alternatives=(Alternative(one.found, one.moves), *by_equation.values()),
     )
 
 

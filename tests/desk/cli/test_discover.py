@@ -50,8 +50,9 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     assert not (found / "amended.toml").exists()  # that of another question
 
 
-def test_what_is_accepted_in_part_is_named(command: Command, worn: Path, tmp_path: Path) -> None:
-    said = command.refused("discover", "--out", tmp_path / "found", "--in-part", worn)
+@pytest.mark.parametrize("how", [["--in-part"], ["--instead", "rail_pressure"]])
+def test_what_is_accepted_is_named(command: Command, worn: Path, tmp_path: Path, how: list[str]) -> None:
+    said = command.refused("discover", "--out", tmp_path / "found", *how, worn)
     assert "--accept-term N" in said
 
 

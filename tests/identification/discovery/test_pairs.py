@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.pairs import with_alternatives
+from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.pairs import exchanged, with_alternatives
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import alternative_words, as_text
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
@@ -71,6 +72,19 @@ def test_both_stand_in_the_answer(worn: Worn) -> None:
     findings = replace(worn.findings, discovery=found, amended_model=None)
     for told in (as_text(findings).splitlines()[0], report(findings, SOURCES)):
         assert re.search(r"as if the seat let .* less through .*, or as if the needle stood", told)
+
+
+def test_who_knows_better_takes_the_other_one() -> None:
+    law = parse("-0.35*exp(-((needle_lift/max_lift - 0.466)/0.13)^2)")
+    one = _answered(Term(TermEquation.SEAT_FLOW, law), TermEquation.SEAT_FLOW, DIP, NUMBERS)
+    other = exchanged(one, 1, "needle_lift", MODEL)
+    assert [term.equation for term in other.terms] == [TermEquation.NEEDLE_LIFT]
+    assert other.gain == pytest.approx(one.gain, abs=100.0)
+    assert {each.found.terms[0].equation for each in other.alternatives} >= {TermEquation.SEAT_FLOW}
+    back = exchanged(other, 1, "seat_flow", MODEL)
+    assert (back.found, back.moves) == (one.found, one.moves)
+    with pytest.raises(UserError, match=r"there are laws of .*needle_lift"):
+        exchanged(one, 1, "stiffness", MODEL)
 
 
 def test_what_line_pressure_tells_apart_is_no_alternative() -> None:

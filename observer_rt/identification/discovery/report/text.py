@@ -142,7 +142,10 @@ def _millimetres(lift: float | None) -> float | None:
 def alternative_words(one: Alternative, largest_lift: float | None) -> str:
     """Describes what line pressure cannot tell from a proposal, with its mass. largest_lift: of the needle [m]."""
     moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
-    return f"{_law_words(one, largest_lift)}, {moved}: line pressure cannot tell the two apart, a measured rate may"
+    return (
+        f"{_law_words(one, largest_lift)}, {moved}: line pressure cannot tell the two apart, a measured rate may "
+        f"(--instead {one.found.terms[0].equation})"
+    )
 
 
 def _law_words(one: Alternative, largest_lift: float | None) -> str:

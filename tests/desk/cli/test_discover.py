@@ -68,6 +68,20 @@ def test_the_model_is_never_overwritten(
     assert model.read_bytes() == NOMINAL_INJECTOR.read_bytes()
 
 
+@pytest.mark.slow
+def test_an_effect_of_two_sizes_is_named_with_both(command: Command, tmp_path: Path) -> None:
+    recording, found = tmp_path / "chamber.csv", tmp_path / "found"
+    effect = "chamber_pressure_rise"
+    command(
+        *("simulate", "--rail-pressure", "60,100,140", "--energizing-time", "0.6,1.9", "--injections", "12"),
+        *("--effect", f"{effect}:dp=8", "--effect", f"{effect}:s=0.5", "--output", recording),
+    )
+    said = json.loads(command.done("discover", "--out", found, "--json", recording).out)
+    assert [one["id"] for one in said["effects"]] == [effect]
+    assert said["effects"][0]["parameters"].keys() == {"dp", "s"}
+    assert (found / "amended.toml").exists()
+
+
 def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_path: Path) -> None:
     recording, found = tmp_path / "seat.csv", tmp_path / "found"
     command(

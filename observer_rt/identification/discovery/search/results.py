@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import islice, zip_longest
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -114,12 +114,18 @@ class Candidate:
     @property
     def terms(self) -> tuple[Term, ...]:
         """Terms among the effects, with 95 % intervals of their coefficients where these are known."""
-        sizes = zip_longest(self.hypothesis.effects, self.sizes, self.half)
-        return tuple(
-            term if half is None else replace(term, interval=(size - half, size + half))
-            for effect, size, half in sizes
-            if (term := term_of(effect, size)) is not None
-        )
+        halves = self.hypothesis.split(np.array(self.half))
+        found = []
+        for effect, size, half in zip(
+            self.hypothesis.effects, self.hypothesis.split(self.theta), halves, strict=True
+        ):
+            term = (
+                term_of(effect, float(size[0])) if size.size == 1 else None
+            )  # a coefficient is its only one
+            if term is not None:
+                low, high = term.coefficient - half, term.coefficient + half
+                found.append(replace(term, interval=(float(low[0]), float(high[0]))) if half.size else term)
+        return tuple(found)
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The nominal model with these effects."""

@@ -1,0 +1,31 @@
+"""What a combination of effects says of itself."""
+
+import pytest
+
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis
+from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.model.effect import Effect
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.term_effect import term_effect
+from observer_rt.model.terms.term import TermEquation
+
+RISE = VOCABULARY["chamber_pressure_rise"]  # of two sizes
+LAW = term_effect(TermEquation.NOZZLE_FLOW, "needle_lift/max_lift")
+
+
+@pytest.mark.parametrize(
+    ("effects", "sizes", "half"),
+    [((RISE, LAW), (8e6, 0.5, -0.2), (1e5, 0.1, 0.05)), ((LAW, RISE), (-0.2, 8e6, 0.5), (0.05, 1e5, 0.1))],
+)
+def test_a_law_has_its_own_size_beside_an_effect_of_two(
+    effects: tuple[Effect, ...], sizes: tuple[float, ...], half: tuple[float, ...]
+) -> None:
+    (term,) = Candidate(Hypothesis(effects), sizes, 0.0, half).terms
+    assert (term.equation, term.coefficient) == (TermEquation.NOZZLE_FLOW, -0.2)
+    assert term.interval == pytest.approx((-0.25, -0.15))
+    (term,) = Candidate(Hypothesis(effects), sizes, 0.0).terms
+    assert term.interval is None
+
+
+def test_an_effect_of_two_sizes_is_no_law() -> None:
+    assert Candidate(Hypothesis((RISE,)), (8e6, 0.5), 0.0).terms == ()

@@ -3,7 +3,7 @@
 import inspect
 import os
 import sys
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
@@ -77,6 +77,7 @@ def main() -> None:
         try:
             exit_code = app(standalone_mode=False)
         finally:
+            _flush_messages()
             sys.stdout.flush()  # so that what cannot be written shows here
         sys.exit(exit_code)
     except _UsageError as error:
@@ -87,12 +88,12 @@ def main() -> None:
     except ObserverError as error:
         _fail(str(error), error.exit_code)
     except BrokenPipeError:
-        _abandon_stdout()
+        _abandon(sys.stdout)
         sys.exit(1)
     except MemoryError:
         _fail("not enough memory\n  remedy: cut the recording, or sample it slower", 1)
     except OSError as error:
-        _abandon_stdout()
+        _abandon(sys.stdout)
         _fail(f"{error.filename or 'output'}: {error.strerror or error}", 1)
 
 
@@ -106,9 +107,17 @@ def _worded(error: Any) -> UserError:
     )
 
 
-def _abandon_stdout() -> None:
-    """Let the interpreter's own last flush succeed: what could not be written has been reported."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _flush_messages() -> None:
+    """Write what messages still wait, but on a terminal that hung up: nobody is there to read them."""
+    try:
+        sys.stderr.flush()
+    except OSError:
+        _abandon(sys.stderr)
+
+
+def _abandon(stream: TextIO) -> None:
+    """Let the interpreter's own last flush succeed: what cannot be written has been reported, or has no reader."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _fail(message: str, exit_code: int) -> NoReturn:

@@ -257,7 +257,10 @@ def test_a_terminal_that_hangs_up_ends_it_in_order(bench: Path, tmp_path: Path) 
         "run",
         *(str(word) for pair in files.items() for word in pair),
     ]
-    process = subprocess.Popen(words, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
+    buffered = os.environ | {"PYTHONUNBUFFERED": ""}  # so that something is left to be written at the end
+    process = subprocess.Popen(
+        words, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True, env=buffered
+    )
     os.close(theirs)
     until(lambda: said_in(log, "start: ready"))
     os.close(ours)

@@ -167,7 +167,7 @@ def test_every_figure_has_a_bar_that_can_be_missed() -> None:
         proposing(HEALTHY, GOOD),
         proposing(LEFT_OUT),
         asked(Asked.OUTSIDE, "root_leakage", verdict="named", claims=("guide_leakage",)),
-        replace(RIGHT, answer=replace(ANSWER, seconds=17.1)),
+        replace(RIGHT, answer=replace(ANSWER, added_core_seconds=17.1)),
     ]
     found = figures([*good, *bad], "A")
     assert not any(figure.is_met for figure in found)

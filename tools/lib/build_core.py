@@ -17,6 +17,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 CORE = REPOSITORY / "observer_rt" / "core"
 BUILD = REPOSITORY / "build"
 STATE = BUILD / "core-state"  # which sources, of which build, the modules beside them were made of
+SPLIT_HEADERS = BUILD / "split-headers"
 UNPACKED_HEADERS = BUILD / "python-headers" / "usr" / "include"
 SUFFIX = ".abi3.so"
 ZIG = f"{sys.executable} -m ziglang cc"
@@ -157,8 +158,9 @@ def _machine_file(kind: Kind) -> str:
     lines = ["[binaries]", f"cython = ['{sys.executable}', '-m', 'cython']"]
     if kind.target:
         processor = kind.target.partition("-")[0]
+        command = [sys.executable, "-m", "ziglang", "cc", "-target", kind.target, *_split_headers(processor)]
         lines += [
-            f"c = ['{sys.executable}', '-m', 'ziglang', 'cc', '-target', '{kind.target}']",
+            f"c = {command}",
             "[host_machine]",
             "system = 'linux'",
             f"cpu_family = '{processor}'",
@@ -181,6 +183,22 @@ def _headers() -> list[Path]:
     raise CoreBuildError(
         f"Python's headers are missing: no Python.h in {own}. On Debian and Ubuntu: sudo apt-get install python3-dev"
     )
+
+
+def _split_headers(processor: str) -> list[str]:
+    """Options for the part of Python's headers that Debian keeps by processor, where ziglang does not look.
+
+    Of the machine that builds: those of two processors of 64 bits are alike in what the stable interface needs.
+    """
+    own = Path(sysconfig.get_path("include"))
+    part = own.parent / str(sysconfig.get_config_var("MULTIARCH")) / own.name
+    if not part.is_dir():
+        return []
+    link = SPLIT_HEADERS / f"{processor}-linux-gnu" / own.name
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.unlink(missing_ok=True)
+    link.symlink_to(part)
+    return [f"-I{SPLIT_HEADERS}"]
 
 
 def _path() -> str:

@@ -93,7 +93,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         held_rail=HeldRail(0.95, 1),
         freezer=Freezer(bad=seed),
         mistrust=Mistrust(2, 0, 1, Objection(Reason.MODEL_INADEQUATE, Phase.OPEN)),
-        relapses=Relapses(2, 1, is_tried=True),
+        relapses=Relapses(2, 1),
         slowed=SlowedSensor(2e-5),
         lift_lag=LiftLagSearch(3, 2.0, 1e3),
         energizing=Energizing(

@@ -23,7 +23,6 @@ SET_ASIDE_AFTER = 2  # events
 RELEASE_AFTER = 3
 RELAPSES = 3
 RECOVERED = 4  # events in a row that passed, after which relapses no longer count
-TRIED = 6  # events in a row that passed, after which one that does not may be a fault
 CHANGES = 5  # sudden ones, with no two events in a row that passed between, that an injector may have
 UNEXPLAINED = (
     Reason.MODEL_INADEQUATE,
@@ -86,29 +85,26 @@ class Mistrust:
 class Relapses:
     """Count of the times that events contradicted the model anew, after some had passed.
 
-    A fault passes. A model contradicted again and again is wrong, at the operating points that pass as well; one that
-    never passed for long may be, until two events in a row pass. passed: events in a row, TRIED at most; is_tried: so
-    many ever did.
+    A fault passes. A model contradicted again and again is wrong, at the operating points that pass as well. passed:
+    events in a row, RECOVERED at most.
     """
 
     count: int = 0
     passed: int = 0
-    is_tried: bool = False
 
     @property
     def last(self) -> bool:
         """Whether no event is believed."""
-        doubted = self.count > 0 and not self.is_tried and self.passed < BELIEVED_AFTER
-        return doubted or self.count >= RELAPSES
+        return self.count >= RELAPSES
 
     def after(self, found: Collection[Objection]) -> "Relapses":
         """Adds an event's objections."""
         if any(objection.reason is Reason.MODEL_INADEQUATE for objection in found):
-            return replace(self, count=self.count + (self.passed > 0), passed=0)
+            return Relapses(self.count + (self.passed > 0), 0)
         if found:
             return self
-        passed = min(self.passed + 1, TRIED)
-        return Relapses(0 if passed >= RECOVERED else self.count, passed, self.is_tried or passed == TRIED)
+        passed = min(self.passed + 1, RECOVERED)
+        return Relapses(0 if passed == RECOVERED else self.count, passed)
 
 
 @dataclass(frozen=True)

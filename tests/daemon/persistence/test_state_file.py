@@ -270,7 +270,7 @@ NAMES = {
     "held_rail": ("value", "events"),
     "freezer": ("bad", "good", "frozen"),
     "mistrust": ("events", "passed", "changes", "because.reason", "because.phase"),
-    "relapses": ("count", "passed", "is_tried"),
+    "relapses": ("count", "passed"),
     "slowed": ("before",),
     "lift_lag": ("asked", "events", "samples", "without", "left", "lags", "missed"),
     "energizing.edges": ("products", "squares", "whole"),

@@ -43,9 +43,8 @@ class Pace:
         self._buses = [layout_of(bus, stream).bus for stream in range(len(bus.inputs.streams))]
         self._are_several = len(set(self._buses)) > 1
         self._is_silent = is_silent
-        self._reached = [(NOT_LOOKED_AT, 0.0)] * len(
-            self._buses
-        )  # by stream: sample index, and since when [s]
+        # by stream: sample index, and since when [s]
+        self._reached = [(NOT_LOOKED_AT, 0.0)] * len(self._buses)
 
     def is_ahead(self, bus: int) -> bool:
         """Whether a bus is so far ahead of another that its next frame is to wait."""

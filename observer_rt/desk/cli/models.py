@@ -214,10 +214,9 @@ def discover(
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
 
-    if in_part and not accept_term:
-        raise UserError("--in-part", "says nothing of which proposal", "add --accept-term N")
-    if instead and not accept_term:
-        raise UserError("--instead", "says nothing of which proposal", "add --accept-term N")
+    for name, wanted in (("--in-part", in_part), ("--instead", instead)):
+        if wanted and not accept_term:
+            raise UserError(name, "says nothing of which proposal", "add --accept-term N")
     begin = time.monotonic()
     if (from_evidence is None) == (not recordings):
         raise UserError(

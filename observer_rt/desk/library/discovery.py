@@ -158,10 +158,9 @@ def discovered(
     load: "Callable[[Path], Injector]",
 ) -> DiscoveryResult:
     """Search for what the model of a bench's injector is missing in measurements; load: as of `DiscoveryResult`."""
-    if wanted.in_part and not wanted.accept_term:
-        raise UserError("in_part", "says nothing of which proposal", "give accept_term, too")
-    if wanted.instead and not wanted.accept_term:
-        raise UserError("instead", "says nothing of which proposal", "give accept_term, too")
+    for name, of_one in (("in_part", wanted.in_part), ("instead", wanted.instead)):
+        if of_one and not wanted.accept_term:
+            raise UserError(name, "says nothing of which proposal", "give accept_term, too")
     task = DiscoveryTask(
         bench.injector.parameters,
         tuple(measured),

@@ -53,12 +53,12 @@ class InjectionReport:
     number: counted by the observer, from 1; start, end are positions in the stream of samples, start_index, end_index
     the sample indices of the device; valid: whether rate and mass are to be used; phi_version: number of the learned
     correction in force; indicators: learned parameters, normalised, at middle_x (3,), middle_u (2,), x^ and inputs in
-    the middle of the injection. `volume` [m3], `mass`
-    [kg] and `peak_rate` [m3/s] are nan when some sample had no rate; `mass_ci95` [kg] is
-    known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard deviation of the published
-    rate at the n samples from start to end; `rail_pressure` [Pa] at the opening; `density` [kg/m3] and
-    `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is None where it is not
-    known. reason: the most severe, further: others. known_rails [Pa]: at which the flow was known when it opened.
+    the middle of the injection. `volume` [m3], `mass` [kg] and `peak_rate` [m3/s] are nan when some sample had no
+    rate; `mass_ci95` [kg] is known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard
+    deviation of the published rate at the n samples from start to end; `rail_pressure` [Pa] at the opening;
+    `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is
+    None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which the flow
+    was known when it opened.
     """
 
     number: int

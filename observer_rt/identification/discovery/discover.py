@@ -235,10 +235,9 @@ def _as_wanted(
     """Proposals, that to be accepted with the law of another equation where the task says so."""
     if not task.instead or task.accepted > len(proposals):
         return proposals
-    numbered = enumerate(proposals, 1)
     return [
         exchanged(one, number, task.instead, nominal) if number == task.accepted else one
-        for number, one in numbered
+        for number, one in enumerate(proposals, 1)
     ]
 
 

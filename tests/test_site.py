@@ -1,4 +1,4 @@
-"""The site of docs/: what is generated is complete, every page has its place, and a link into nothing is found."""
+"""The site of docs/: built without a warning, complete in its generated pages, fetching nothing from elsewhere."""
 
 import json
 import os
@@ -10,62 +10,51 @@ from pathlib import Path
 import pytest
 
 from tests.pages import ROOT, Page
-from tools.lib.docs_site.links import objections
-from tools.lib.docs_site.notebooks import notebook_page
-from tools.lib.docs_site.pages import api, bench_file, options, places, section_of, words_of_example
+from tools.lib.docs_site.hook import api, bench_file, command_help, notebook
 
 CONFIGURATION = ROOT / "tools/lib/docs_site/mkdocs.yml"
+FETCHED = re.compile(r"<(?:script|link|img|iframe|source)\b[^>]*\b(?:src|href)=\"?(?:https?:)?//[^>]*>")
+PICTURE = "iVBORw0KGgo="
 
 
-def built(into: Path) -> subprocess.CompletedProcess[str]:
-    """Build the site as tools/docs does."""
-    return subprocess.run(
-        [sys.executable, *["-m", "mkdocs", "build", "--strict", "-f"], str(CONFIGURATION), "-d", str(into)],
-        env=os.environ
-        | {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tools/lib'}", "NO_MKDOCS_2_WARNING": "1"},
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path: Path) -> None:
+    built = subprocess.run(  # --strict: a link into nothing is an error
+        [
+            sys.executable,
+            *["-m", "mkdocs", "build", "--strict", "-f"],
+            str(CONFIGURATION),
+            "-d",
+            str(tmp_path),
+        ],
+        env=os.environ | {"PYTHONPATH": f"{ROOT}", "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,
         check=False,
     )
+    assert built.returncode == 0, built.stderr
+    pages = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.rglob("*.html")}
+    assert {"index.html", "tutorial.html", "bench-file.html", "api.html", "commands.html"} <= set(pages)
+    fetched = [
+        tag for text in pages.values() for tag in FETCHED.findall(text) if 'rel="canonical"' not in tag
+    ]
+    assert fetched == []
+    assert re.search(r'src="wear_\d+_\d+\.png"', pages["wear.html"])
+    assert 'href="notebooks/wear.html"' in pages["library.html"]
+    assert 'id="observer_rt.config.bench.load_bench"' in pages["api.html"]
 
 
-@pytest.mark.slow
-def test_the_site_is_built_without_a_warning_and_every_link_leads_somewhere(tmp_path: Path) -> None:
-    done = built(tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert list(objections(tmp_path)) == []
-    pages = {path.name for path in tmp_path.glob("*.html")}
-    assert {"index.html", "tutorial.html", "bench-file.html", "api.html", "commands.html"} <= pages
-    assert 'src="wear_1.png"' in (tmp_path / "notebooks" / "wear.html").read_text(encoding="utf-8")
-    assert 'href="notebooks/wear.html"' in (tmp_path / "library.html").read_text(encoding="utf-8")
-    assert 'id="observer_rt.config.bench.load_bench"' in (tmp_path / "api.html").read_text(encoding="utf-8")
-
-
-def test_every_key_of_the_bench_file_is_listed_with_words() -> None:
-    words, page = words_of_example(), bench_file()
-    assert len(list(places())) > 20
-    for place in places():
-        for key, field in place.model.model_fields.items():
-            if section_of(field.annotation) is None:
-                assert f"`{place.written}`" in page
-                assert words.of(place.written.strip("[]"), key), f"{place.written} {key}"
-
-
-def test_a_key_has_its_limits_default_and_words() -> None:
-    (row,) = (line for line in bench_file().splitlines() if line.startswith("| `event_gap_ms`"))
-    assert row == (
-        "| `event_gap_ms` | a number from 2 to 50 ms | `10` "
-        "| needle openings within this are one event (pilot, main, post) |"
-    )
-
-
-def test_every_option_of_a_command_is_listed() -> None:
-    run = options().split("### observer-rt run\n")[1].split("\n### ")[0]
-    assert "| `--view` | Show the live terminal view. |" in run
-    assert "    observer-rt run --bench bench.toml --state learned.json" in run
-    assert set(re.findall(r"^### observer-rt ([\w-]+)", options(), re.MULTILINE)) == set(
+def test_every_command_has_its_help_and_its_row() -> None:
+    run = command_help().split("### observer-rt run\n")[1].split("\n### ")[0]
+    assert "--view" in run
+    assert "Example: observer-rt run --bench bench.toml" in run
+    assert set(re.findall(r"^### observer-rt ([\w-]+)", command_help(), re.MULTILINE)) == set(
         re.findall(r"^\| `observer-rt ([\w-]+)` \|", Page("docs/commands.md").text, re.MULTILINE)
     )
+
+
+def test_the_bench_file_page_is_the_example() -> None:
+    assert "event_gap_ms = 10" in bench_file()
 
 
 def test_the_library_is_listed_as_its_page_has_it() -> None:
@@ -74,63 +63,19 @@ def test_the_library_is_listed_as_its_page_has_it() -> None:
     assert "::: observer_rt.desk.evaluation.evaluate.evaluate\n" in api()
 
 
-NOTEBOOK = {
-    "cells": [
-        {"cell_type": "markdown", "source": ["# A heading\n", "\n", "Words, [more](../fit.md)."]},
-        {
-            "cell_type": "code",
-            "source": ["print(1)\n", "figure"],
-            "outputs": [
-                {"output_type": "stream", "name": "stdout", "text": ["1\n"]},
-                {"output_type": "display_data", "data": {"image/png": "AAEC", "text/plain": ["<Figure>"]}},
-                {
-                    "output_type": "execute_result",
-                    "data": {
-                        "text/html": [
-                            "<div>\n<style scoped>\n.x {}\n</style>\n",
-                            '<table border="1">\n</table></div>',
-                        ]
-                    },
-                },
-            ],
-        },
+def test_a_notebook_is_a_page_with_its_outputs(tmp_path: Path) -> None:
+    code = {"cell_type": "code", "metadata": {}, "execution_count": 1, "source": ["print(1)"]}
+    outputs = [
+        {"output_type": "stream", "name": "stdout", "text": ["1\n"]},
+        {"output_type": "display_data", "metadata": {}, "data": {"image/png": PICTURE}},
     ]
-}
-
-
-def test_a_notebook_is_a_page_with_what_it_showed(tmp_path: Path) -> None:
+    heading = {"cell_type": "markdown", "metadata": {}, "source": ["# A heading\n", "\n", "Words."]}
     path = tmp_path / "some.ipynb"
-    path.write_text(json.dumps(NOTEBOOK))
-    page = notebook_page(path)
-    assert page.pictures == {"some_1.png": b"\x00\x01\x02"}
-    lines = [line for line in page.markdown.splitlines() if line]
-    assert lines[0] == "# A heading"
-    assert "(some.ipynb)" in lines[1]
-    assert lines[2:] == [
-        "Words, [more](../fit.md).",
-        *("```python", "print(1)", "figure", "```", "```text", "1", "```"),
-        "![What the program draws](some_1.png)",
-        *("<div>", "<table>", "</table></div>"),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("target", "problem"),
-    [
-        ("other.html#there", ""),
-        ("other.html#elsewhere", "there is no such anchor"),
-        ("nowhere.html", "there is no such file"),
-        ("https://example.org/", ""),
-    ],
-)
-def test_a_link_into_nothing_is_found(target: str, problem: str, tmp_path: Path) -> None:
-    (tmp_path / "page.html").write_text(f'<a href="{target}">link</a>')
-    (tmp_path / "other.html").write_text('<h2 id="there">heading</h2>')
-    found = [each.rpartition(": ")[2] for each in objections(tmp_path)]
-    assert found == ([problem] if problem else [])
-
-
-def test_what_is_fetched_from_elsewhere_is_found(tmp_path: Path) -> None:
-    (tmp_path / "page.html").write_text('<script src="https://example.org/some.js"></script>')
-    (found,) = objections(tmp_path)
-    assert found.endswith("is fetched from elsewhere")
+    cells = [heading, code | {"outputs": outputs}]
+    path.write_text(json.dumps({"cells": cells, "metadata": {}, "nbformat": 4, "nbformat_minor": 2}))
+    markdown, pictures = notebook(path)
+    assert markdown.startswith("# A heading\n\n*Made of [some.ipynb]")
+    ((name, content),) = pictures.items()
+    assert content.startswith(b"\x89PNG")
+    assert f"]({name})" in markdown
+    assert "print(1)" in markdown

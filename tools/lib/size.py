@@ -20,9 +20,7 @@ def count_lines(folder: str) -> int:
         ["git", "ls-files", "-z", folder], cwd=REPOSITORY, capture_output=True, text=True, check=True
     ).stdout
     paths = [REPOSITORY / name for name in listed.split("\0") if name]
-    return sum(
-        path.read_bytes().count(b"\n") for path in paths if path.suffix in SOURCES and path.is_file()
-    )
+    return sum(path.read_bytes().count(b"\n") for path in paths if path.suffix in SOURCES and path.is_file())
 
 
 def main() -> int:

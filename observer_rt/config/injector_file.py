@@ -12,7 +12,8 @@ from tomlkit.items import AoT, InlineTable
 
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import file_hash
+from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.outputs import replacing
 from observer_rt.model.parameters import EffectInForce
 from observer_rt.model.terms.in_force import TermInForce
 
@@ -41,15 +42,16 @@ class InjectorFile:
     def changed(self, path: Path) -> Iterator[tomlkit.TOMLDocument]:
         """The content to be changed, which is then written to another file, as a file that loads.
 
-        Raises `RunError` when it would not be taken back.
+        Raises `RunError` when it would not be taken back; what was there is then unchanged.
         """
         document = tomlkit.parse(self.text)
         yield document
-        path.write_text(tomlkit.dumps(document), encoding="utf-8")
-        try:
-            load_injector(path)
-        except UserError as error:
-            raise RunError(f"{path}: what was written would not load: {error.problem}") from None
+        with file_errors(path), replacing(path) as part:
+            part.write_text(tomlkit.dumps(document), encoding="utf-8")
+            try:
+                load_injector(part)
+            except UserError as error:
+                raise RunError(f"{path}: what was written would not load: {error.problem}") from None
 
 
 def inline(entry: Mapping[str, Any]) -> InlineTable:

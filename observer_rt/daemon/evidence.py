@@ -27,8 +27,7 @@ from observer_rt.engine.reports.injection_report import InjectionReport, injecti
 from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.state import Constants
-from observer_rt.foundation.console import check_folder
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MILLISECOND
 
 WRITER = "observer_rt.files.evidence"  # module that runs as the process
@@ -48,9 +47,7 @@ def evidence_keeper(fitted: BenchInjector, tell: Callable[[str], None]) -> Itera
     if folder is None:
         yield None
         return
-    with file_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    check_folder(fitted.place("evidence.folder"), folder)
+    make_folder(fitted.place("evidence.folder"), folder)
     with sole_writer(folder / OBSERVER):
         yield EvidenceKeeper(fitted, folder, tell)
 

@@ -44,10 +44,11 @@ from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.constants import bench_constants
 from observer_rt.engine.service.learners import doubt_about_fit
 from observer_rt.engine.words import Topic
-from observer_rt.foundation.console import SignalledEvent, StopRequest, check_destination, stop_on_signals
+from observer_rt.foundation.console import SignalledEvent, StopRequest, stop_on_signals
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.file_kinds import SERVICE_LOG
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import check_own_file
 from observer_rt.foundation.units import MICROSECOND
 
 _LOOK = 0.05  # s between two looks at what signals ask for
@@ -402,7 +403,7 @@ def serve(bench: Bench, options: RunOptions, console: Console, read_again: Calla
 def _log(options: RunOptions, console: Console, has_view: bool) -> ServiceLog:
     """The log of the options. Raises `UserError` for a file that cannot be written."""
     if options.log is not None:
-        check_destination("--log", options.log, kind=SERVICE_LOG)
+        check_own_file("--log", options.log, SERVICE_LOG)
         with file_errors(options.log):
             options.log.touch()
     return ServiceLog(console, options.log, sys.stdout if options.records else None, quiet=has_view)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
-from observer_rt.foundation.files import file_errors
 from observer_rt.identification.fit.calibrate import Calibrated, baseline_of, calibrate, write_fitted
 from observer_rt.identification.fit.cross_validation import MeasuredMasses
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -23,8 +22,7 @@ class FittedModel:
 
     def write(self, path: Path, start: InjectorFile) -> None:
         """Write the file that the fit started from, with its numbers. Raises `RunError` if it would not load."""
-        with file_errors(path):
-            write_fitted(path, start, self.done, self.baseline)
+        write_fitted(path, start, self.done, self.baseline)
 
 
 def fitted_model(

@@ -10,6 +10,7 @@ import signal
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,11 @@ import tomlkit
 from observer_rt.config.bench import Bench, load_bench, load_injector
 from observer_rt.daemon.evidence import OBSERVER
 from observer_rt.daemon.persistence.keeper import writer_of
+from observer_rt.daemon.persistence.state_file import learned_beside
 from observer_rt.desk.beforehand import learn_beforehand
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, replacing
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing, write_text
 
 HISTORY = ".taken_over.json"  # behind the name of the bench file
 
@@ -60,7 +63,8 @@ def take_over(bench: Bench, amended: Path) -> TakeOver:
     if injector.config.model.file is not None:
         beside = injector.parameters_path.parent
     stem = injector.parameters_path.stem.partition("_amended_")[0]
-    copy = beside / f"{stem}_amended_{len(before) + 1}.toml"
+    names = (beside / f"{stem}_amended_{number}.toml" for number in count(len(before) + 1))
+    copy = next(name for name in names if not (name.exists() or learned_beside(name).exists()))
     with file_errors(copy), replacing(copy) as part:
         shutil.copyfile(amended, part)
     after = os.path.relpath(copy, bench.path.parent)
@@ -122,9 +126,8 @@ def _state(path: Path, injector: str, file: str | None) -> None:
 
 def _note(path: Path, done: list[TakeOver]) -> None:
     history = path.with_name(path.name + HISTORY)
-    with file_errors(history):
-        if not done:
+    if not done:
+        with file_errors(history):
             history.unlink(missing_ok=True)
-            return
-        with replacing(history) as part:
-            part.write_text(json.dumps([asdict(step) for step in done], indent=2) + "\n", encoding="utf-8")
+        return
+    write_text(history, json.dumps([asdict(step) for step in done], indent=2) + "\n")

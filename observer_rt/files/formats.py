@@ -46,6 +46,7 @@ from observer_rt.files.signals.whole_file import WholeFile
 from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing
 
 Format = LogFormat | SignalFormat
 GROUP = "observer_rt.formats"
@@ -303,14 +304,14 @@ def read_recording(path: Path, injector: BenchInjector | None = None) -> Recordi
 
 
 def write_recording(path: Path, recording: Recording) -> None:
-    """Write a recording, replacing an existing file.
+    """Write a recording, replacing an existing file once it is complete.
 
     Raises `UserError` for an unknown suffix or a path that cannot be written, `RunError` when writing fails.
     """
     writer = _of(path, written(signal_formats())).writer
     assert writer is not None
-    with file_errors(path):
-        writer(path, recording)
+    with file_errors(path), replacing(path) as part:
+        writer(part, recording)
 
 
 @contextmanager

@@ -11,9 +11,9 @@ from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.receiver import EnduringReading
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
 from observer_rt.files.formats import open_recorder, recorded, suffixes_of
-from observer_rt.foundation.console import refuse_existing
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import begin_stream, check_folder, check_output
 
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
@@ -70,7 +70,7 @@ class RecordStatistics:
 def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
     """Raise `UserError` for a format that is not safe while recording, and for a file that is there already.
 
-    With `force` such logs will be replaced, those of a numbered series all together.
+    force: a log may be replaced; never a numbered series, for its rest would seem to belong to the new one.
     """
     suffixes = suffixes_of(recorded())
     if path.suffix.lower() not in suffixes:
@@ -79,8 +79,12 @@ def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
             f"'{path.suffix}' cannot be recorded into safely",
             f"record into {' or '.join(suffixes)}, then convert",
         )
-    existing = _series(path) if limits.rotates else [path]
-    refuse_existing("--out", existing, force)
+    if limits.rotates and (there := sorted(path.parent.glob(_numbered(path, "[0-9]" * NUMBER_DIGITS)))):
+        raise UserError(f"--out {there[0]}", "exists already", "name another series, or move this one away")
+    if limits.rotates:
+        check_folder("--out", path.parent)
+    else:
+        check_output("--out", path, force)
 
 
 def record(
@@ -91,10 +95,12 @@ def record(
     stop: threading.Event,
     report: Callable[[RecordStatistics], None] = lambda _: None,
     further: Sequence[tuple[Link, str]] = (),
+    force: bool = False,
 ) -> RecordStatistics:
     """Write every frame of a link until `stop` is set or a limit reached; a file begins with its first frame.
 
     `channel`: the link's name in the log. `further`: other links, with their names, for the same log.
+    `force`: a log that is there is replaced.
 
     An interface that goes away is waited for. `report` is called some times a second.
 
@@ -102,7 +108,7 @@ def record(
     """
     links = [link, *(other for other, _ in further)]
     channels = [channel, *(name for _, name in further)]
-    files = _Files(path, limits)
+    files = _Files(path, limits, force)
     receiver = EnduringReading(links)
     statistics = RecordStatistics(files=files.paths)
     start = time.monotonic_ns()
@@ -141,10 +147,11 @@ def record(
 class _Files:
     """The file being written, and its successors."""
 
-    def __init__(self, path: Path, limits: RecordLimits) -> None:
+    def __init__(self, path: Path, limits: RecordLimits, force: bool) -> None:
         self.paths: list[Path] = []
         self._path = path
         self._limits = limits
+        self._force = force and not limits.rotates
         self._writer: LogRecorder | None = None
         self._begun = 0
         self.lost = 0
@@ -161,11 +168,9 @@ class _Files:
         ):
             self.close()
         if self._writer is None:
-            if limits.rotates and not self.paths:
-                for old in _series(self._path):  # or its rest would seem to belong to this one
-                    old.unlink()
             number = f"{len(self.paths) + 1:0{NUMBER_DIGITS}d}"
             path = self._path.with_name(_numbered(self._path, number)) if limits.rotates else self._path
+            begin_stream(path, self._force)
             self._writer = open_recorder(path, frame.stamp_ns)
             self._begun = now
             self.paths.append(path)
@@ -191,8 +196,3 @@ class _Files:
 
 def _numbered(path: Path, number: str) -> str:
     return f"{path.stem}_{number}{path.suffix}"
-
-
-def _series(path: Path) -> list[Path]:
-    """Numbered files that are there."""
-    return sorted(path.parent.glob(_numbered(path, "[0-9]" * NUMBER_DIGITS)))

@@ -1,4 +1,4 @@
-"""Screen and signals: results on stdout, progress and messages on stderr; bad destinations refused."""
+"""Screen and signals: results on stdout, progress and messages on stderr; suffixes of files."""
 
 import contextlib
 import io
@@ -6,7 +6,6 @@ import os
 import re
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from importlib.util import find_spec
@@ -19,7 +18,6 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_kinds import FileKind, refuse_other_kind
 
 _TRAILING = re.compile(r" +$", re.MULTILINE)
 
@@ -125,36 +123,6 @@ class _Piped(io.TextIOBase):
         self._out.flush()
 
 
-def check_destination(
-    option: str, path: Path, suffixes: Collection[str] = (), kind: FileKind | None = None
-) -> None:
-    """Check that a file can be written, or replaced, at `path`; `suffixes`: the kinds known, empty for any.
-
-    kind: of the file that may be there, by default what its suffix stands for; no other is ever touched.
-
-    Raises `UserError` that names the command line's option.
-    """
-    place = f"{option} {path}"
-    if suffixes:
-        check_suffix(place, path, suffixes)
-    if path.is_dir():
-        raise UserError(place, "is a folder", "name a file")
-    if path.exists() and not os.access(path, os.W_OK):
-        raise UserError(place, "must not be written", "check its rights, or name another file")
-    if not path.exists():
-        check_folder(option, path.parent)
-    elif suffixes or kind:
-        refuse_other_kind(option, path, kind)
-
-
-def refuse_existing(option: str, paths: Iterable[Path], force: bool, kind: FileKind | None = None) -> None:
-    """Raise `UserError` for a file that would be replaced without --force, or is of another kind."""
-    for path in paths:
-        refuse_other_kind(option, path, kind)
-        if path.exists() and not force:
-            raise UserError(f"{option} {path}", "exists already", "name another file, or add --force")
-
-
 def suffix_of(path: Path) -> str:
     """Suffix of a file in lower case: of a packed one with that of its content, as `.asc.gz`."""
     suffix = path.suffix.lower()
@@ -167,20 +135,6 @@ def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:
         raise UserError(
             place, f"unknown kind of file '{suffix_of(path)}'", f"known suffixes: {', '.join(suffixes)}"
         )
-
-
-def check_folder(option: str, folder: Path) -> None:
-    """Check that files can be made in an existing folder. Raises `UserError` that names the option."""
-    place = f"{option}: {folder}"
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except FileNotFoundError:
-        raise UserError(place, "no such folder", "create it first, or correct the path") from None
-    except OSError as error:
-        raise UserError(
-            place, f"no file can be made there: {error.strerror}", "check the folder, or name another"
-        ) from None
 
 
 class SignalledEvent(threading.Event):

@@ -10,6 +10,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing
 
 MEASURED, GIVEN, FOUND = "#1b1f24", "#c0392b", "#1f77b4"
 """Colours of what was measured, of the model as given, and of the one that was found."""
@@ -58,6 +59,6 @@ def svg_figure(
 
 
 def save_figure(figure: Figure, path: Path, dpi: int) -> None:
-    """Writes a figure; its kind is that of the suffix."""
-    with file_errors(path):
-        figure.savefig(path, dpi=dpi)
+    """Writes a figure; its kind is that of the suffix. Raises `UserError`, `RunError`."""
+    with file_errors(path), replacing(path) as part:
+        figure.savefig(part, dpi=dpi)

@@ -31,11 +31,10 @@ SERVICE_LOG = _kind("a log of `observer-rt run`", rb"^\d{4}-\d\d-\d\dT[\d:.]+[+-
 INJECTOR_FILE = _kind("an injector file", rb"^\[(fluid|line|seat|nozzle|chamber)\]")
 BENCH_FILE = _kind("a bench file", rb"^\[{1,2}(dbc|link|links|signals|outputs|recording|injectors)[].]")
 TABLE = _kind("a table of samples", rb"\A(\xef\xbb\xbf)?time_s,")
-FINDINGS = _kind("the findings of `discover`", rb'\A\{\s*"schema":')
+FINDINGS = _kind("the findings of `discover`", rb'\A\{\s*"schema":\s*\d')
 FITS = _kind("the fits of `discover`", rb'\A\{"format":')
 PLAN = _kind("the plan of `discover`", rb"\Astep,rail_pressure_MPa,")
 REPRODUCED = _kind("a table or report of `reproduce`", rb"\A(v_H,x3_mse_|\| v_H \||# The paper's Figs)")
-SAVED_INJECTION = _kind("an injection saved by `monitor`", rb'\A\{\s*"sample_index":')
 _BY_SUFFIX = {
     ".csv": TABLE,
     ".parquet": _kind("a Parquet file", rb"\APAR1"),

@@ -1,7 +1,6 @@
-"""Files: failures as those a user can meet, hashes, replacing one once complete, HTML pages from templates."""
+"""Files: failures as those a user can meet, hashes, HTML pages from templates."""
 
 import hashlib
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,28 +30,6 @@ def file_hash(path: Path) -> str:
     """SHA-256 of a file's content, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def to_disk(path: Path) -> None:
-    """Wait until a file, or the names in a folder, have reached the disk. Raises OSError."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-@contextmanager
-def replacing(target: Path) -> Iterator[Path]:
-    """A file beside the target that takes its place if all goes well, and else is gone."""
-    part = target.with_name(f".{target.stem}.part{target.suffix}")
-    try:
-        yield part
-        part.replace(target)
-    except UserError as error:
-        raise UserError(error.place.replace(str(part), str(target)), error.problem, error.remedy) from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def templates_of(package: str) -> "Environment":

@@ -80,3 +80,10 @@ def test_what_cannot_be_served_leaves_the_bench_as_it_is(bench: Path, tmp_path: 
 
 def test_no_daemon_is_told_where_none_runs(bench: Path) -> None:
     assert reload_daemon(load_bench(bench)) is None
+
+
+def test_the_copy_takes_the_place_of_no_file(bench: Path, tmp_path: Path) -> None:
+    mine = bench.parent / "crin3_nominal_amended_1.toml"
+    mine.write_text("mine")
+    assert take_over(load_bench(bench), amended(tmp_path, 0.1)).after == "crin3_nominal_amended_2.toml"
+    assert mine.read_text() == "mine"

@@ -57,6 +57,9 @@ class Source(FakeLink):
         raise AssertionError("a recorder sends nothing")
 
 
+NO_LIMITS, ROTATED = RecordLimits(), RecordLimits(file_size=10**6)
+
+
 def run(path: Path, source: Source, stop: threading.Event, limits: RecordLimits) -> RecordStatistics:
     return record(source, "can0", path, limits, stop)
 
@@ -199,13 +202,13 @@ def test_paths_that_are_refused(tmp_path: Path) -> None:
     for name in ("bus_0007.log", "bus_0012.log", "bus_last.log"):
         (tmp_path / name).touch()
     with pytest.raises(UserError, match=r"bus_0007\.log: exists already"):
-        check_recording_path(path, RecordLimits(file_size=1000), force=False)
-    check_recording_path(path, RecordLimits(file_size=1000), force=True)
+        check_recording_path(path, RecordLimits(file_size=1000), force=True)
 
 
-def test_a_series_replaces_the_whole_of_an_older_one(tmp_path: Path) -> None:
-    for name in ("bus_0001.log", "bus_0012.log", "bus_last.log", "bus.log"):
-        (tmp_path / name).touch()
+@pytest.mark.parametrize(("name", "limits"), [("bus.log", NO_LIMITS), ("bus_0001.log", ROTATED)])
+def test_a_log_that_came_meanwhile_is_not_replaced(tmp_path: Path, name: str, limits: RecordLimits) -> None:
+    (tmp_path / name).write_text("mine")
     stop = threading.Event()
-    run(tmp_path / "bus.log", Source(20, stop), stop, RecordLimits(file_size=10**6))
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["bus.log", "bus_0001.log", "bus_last.log"]
+    with pytest.raises(RunError, match=f"{name}: File exists"):
+        run(tmp_path / "bus.log", Source(20, stop), stop, limits)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]

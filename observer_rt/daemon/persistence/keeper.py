@@ -17,9 +17,9 @@ from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
 from observer_rt.engine.service.learners import refuse_state
-from observer_rt.foundation.console import check_destination, check_folder
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_kinds import JOURNAL, LEARNED_STATE
+from observer_rt.foundation.outputs import check_folder, check_own_file
 
 LONGEST_ID = 20  # digits of a process id
 IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
@@ -262,7 +262,7 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
         if other := taken.get(path.resolve()):
             raise UserError(option, f"{path} is {other} already", "name another file")
         taken[path.resolve()] = option
-        check_destination(option, path, kind=kind)
+        check_own_file(option, path, kind)
         check_folder(option, path.absolute().parent)
     if files.state is not None:
         refuse_state(fitted, options[0])

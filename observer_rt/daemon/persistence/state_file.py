@@ -29,7 +29,7 @@ from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
-from observer_rt.foundation.files import to_disk
+from observer_rt.foundation.outputs import replacing
 from observer_rt.model.parameters import InjectorParameters, Scaling
 
 VERSION = 5
@@ -224,7 +224,8 @@ def save_knowledge(
     )
     document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
-        _replace(Path(os.path.realpath(path)), _json(document, indent=1).encode() + b"\n")
+        with replacing(path) as part:
+            part.write_text(_json(document, indent=1) + "\n", encoding="ascii")
     except OSError as error:
         raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
 
@@ -302,20 +303,6 @@ def _is_finite(value: Any) -> bool:
 def _digest(content: object) -> str:
     canonical = _json(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
-
-
-def _replace(path: Path, data: bytes) -> None:
-    new = path.with_name(path.name + ".new")
-    try:
-        with new.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
-    except OSError:
-        new.unlink(missing_ok=True)
-        raise
-    to_disk(path.parent)  # the new name, too
 
 
 def _set_aside(path: Path) -> Path:

@@ -4,7 +4,6 @@ import json
 import math
 import os
 import random
-import shutil
 import signal
 import subprocess
 import time
@@ -35,7 +34,8 @@ from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.replay.player import play
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.figures import save_figure
+from observer_rt.foundation.outputs import make_folder, write_text
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.discover import AMENDED, REPORT
 from observer_rt.identification.discovery.report.document import FINDINGS
@@ -146,7 +146,7 @@ class LoopResult:
 
 @dataclass
 class EffectDemo:
-    """A bench in a folder of its own, an injector with a hidden effect, and the daemon that observes it."""
+    """A bench in an empty folder, an injector with a hidden effect, and the daemon that observes it."""
 
     folder: Path
     hidden: HiddenEffect
@@ -156,7 +156,6 @@ class EffectDemo:
 
     def run(self) -> LoopResult:
         """Serve the bench while the scene plays. Raises `RunError` where the daemon or the search fails."""
-        make_empty(self.folder)
         bench, failures = self._bench(), list[BaseException]()
         scenes = [self._recorded(BEFORE, self.seed), self._recorded(AFTER, self.seed + 1)]
 
@@ -190,8 +189,8 @@ class EffectDemo:
         document["learning"]["lockstep"] = True  # so that every demonstration is the same
         document["evidence"]["folder"] = "evidence"
         document["model"]["file"] = "injector.toml"
-        shutil.copyfile(NOMINAL_INJECTOR, self.folder / "injector.toml")
-        (self.folder / "bench.toml").write_text(tomlkit.dumps(document), encoding="utf-8")
+        write_text(self.folder / "injector.toml", NOMINAL_INJECTOR.read_text(encoding="utf-8"))
+        write_text(self.folder / "bench.toml", tomlkit.dumps(document))
         return self._read()
 
     def _recorded(self, injections: int, seed: int) -> Simulation:
@@ -266,15 +265,10 @@ class EffectDemo:
 
 
 def make_empty(folder: Path) -> None:
-    """Make a folder; one that is there must be of an earlier demonstration, which is removed.
-
-    Raises `UserError` for a folder that holds anything else.
-    """
-    if folder.exists() and not (folder / LOG).exists() and any(folder.iterdir()):
-        raise UserError(f"--out {folder}", "holds something else", "name another folder")
-    with file_errors(folder):
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
+    """Make a folder for a demonstration. Raises `UserError` for one that holds anything."""
+    make_folder("--out", folder)
+    if any(folder.iterdir()):
+        raise UserError(f"--out {folder}", "is not empty", "name another folder")
 
 
 def loop_table(result: LoopResult) -> Table:
@@ -330,5 +324,5 @@ def write_loop_figure(result: LoopResult, path: Path) -> None:
     gap.bar_label(bars, fmt="%.2f")
     gap.margins(y=0.1)
     gap.set(ylabel="line pressure, model against measured [MPa]", title="the gap")
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, 110)
     plt.close(figure)

@@ -7,9 +7,10 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.desk.cli import options
-from observer_rt.desk.cli.options import argument, file_option, messages, option
-from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, check_folder, results, say
+from observer_rt.desk.cli.options import Standing, Writes, argument, file_option, messages, option
+from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.outputs import check_output, make_folder
 
 
 def batch(
@@ -23,6 +24,11 @@ def batch(
             "Folder for the tables (Parquet), or a database NAME.duckdb; recordings that are in them are not "
             "evaluated again.",
             "DIR",
+        ),
+        Writes(
+            "tables; marker: `batch.json`",
+            Standing.MARKED,
+            ("batch.json", "done.jsonl", "errors.jsonl", "errors.parquet", "injections"),
         ),
     ],
     bench: options.BenchOption = EXAMPLE_BENCH,
@@ -108,9 +114,7 @@ def batch(
     paths = recordings_in(sources)
     if doubt := doubt_of_one(paths, injector_from, chosen):
         say(messages, doubt)
-    folder = out.parent if is_database else out
-    folder.mkdir(parents=True, exist_ok=True)
-    check_folder("--out", folder)
+    make_folder("--out", out.parent if is_database else out)
     learning = not no_learning
     settings = settings_of(chosen, state, learning, injector_from, own)
     columns = {"time_from": time_from, "age_from": age_from}
@@ -154,8 +158,12 @@ def trend(
     out: Annotated[
         Path | None,
         file_option("--out", "Page to write (default: trend.html in DIR, or beside it).", show_default=False),
+        Writes("page"),
     ] = None,
-    picture: Annotated[Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf).")] = None,
+    picture: Annotated[
+        Path | None, file_option("--plot", "Picture to write (.png, .svg, .pdf)."), Writes("picture")
+    ] = None,
+    force: options.ForceOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Show the wear of every injector over date and age, the most worn first, and when it reaches limits."""
@@ -167,9 +175,9 @@ def trend(
     from observer_rt.desk.fleet.trend_words import table_of
 
     page = out or (results_of / "trend.html" if results_of.is_dir() else results_of.with_suffix(".html"))
-    check_destination("--out", page, (".html",))
+    check_output("--out", page, force, suffixes=(".html",))
     if picture is not None:
-        check_destination("--plot", picture, FIGURE_SUFFIXES)
+        check_output("--plot", picture, force, suffixes=FIGURE_SUFFIXES)
     asked = [Limit.read(each) for each in limits or ()]
     found = trends(read_injections(results_of, NEEDED), asked, time_from, trust_file_times)
     write_page(page, found, results_of)

@@ -11,10 +11,10 @@ import typer
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, describes_files_only, load_bench
 from observer_rt.desk.cli import options
-from observer_rt.desk.cli.options import argument, file_option, messages, option
-from observer_rt.foundation.console import FIGURE_SUFFIXES, check_destination, results, say
+from observer_rt.desk.cli.options import Standing, Writes, argument, file_option, messages, option
+from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import check_output
 
 SHOWN = 10  # injections of a journal in a table
 LOOP_SPEED = 0.2  # of the demonstration of a missing effect, 1: real time
@@ -27,9 +27,9 @@ def demo(
     injections: Annotated[int, option("--injections", "Number of injections.", min=3, max=100)] = 12,
     speed: Annotated[float, option("--speed", "Replay speed, 1 = real time.", min=0.01, max=1.0)] = 0.05,
     seed: Annotated[int, option("--seed", "Seed of the measurement noise.", min=0)] = 1,
-    figure: Annotated[Path, option("--figure", "Where to write the picture (png, svg, pdf).", "FILE")] = Path(
-        "observer_rt_demo.png"
-    ),
+    figure: Annotated[
+        Path, file_option("--figure", "Where to write the picture (png, svg, pdf)."), Writes("picture")
+    ] = Path("observer_rt_demo.png"),
     missing_effect: Annotated[
         bool,
         option(
@@ -42,14 +42,17 @@ def demo(
         bool, option("--outside", "With --missing-effect: one that is in no vocabulary, but a law.")
     ] = False,
     out: Annotated[
-        Path, option("--out", "With --missing-effect: folder of bench, evidence and report.", "DIR")
+        Path,
+        option("--out", "With --missing-effect: folder of bench, evidence and report, new or empty.", "DIR"),
+        Writes("bench, injector, log, journal, evidence and report", Standing.EMPTY),
     ] = Path("observer_rt_demo"),
+    force: options.ForceOption = False,
 ) -> None:
     """Watch a worn injector being learned: simulated, sent as CAN FD frames, estimated by the daemon."""
     from observer_rt.daemon.view import draw
     from observer_rt.desk.cli.demo import Demo, mass_table, write_figure
 
-    check_destination("--figure", figure, FIGURE_SUFFIXES)
+    check_output("--figure", figure, force, suffixes=FIGURE_SUFFIXES)
     if missing_effect:
         _demo_of_loop(seed, outside, out, figure)
         return
@@ -61,20 +64,25 @@ def demo(
         "time; the observer knows the nominal injector only",
     )
     result = scene.run(speed, partial(draw, console=messages) if messages.is_terminal else None)
-    with file_errors(figure):
-        write_figure(result, wear, figure)
+    write_figure(result, wear, figure)
     results().print(mass_table(result))
     say(messages, f"picture: {figure}")
 
 
 def _demo_of_loop(seed: int, outside: bool, out: Path, figure: Path) -> None:
-    from observer_rt.desk.cli.effect_demo import EffectDemo, hidden_effect, loop_table, write_loop_figure
+    from observer_rt.desk.cli.effect_demo import (
+        EffectDemo,
+        hidden_effect,
+        loop_table,
+        make_empty,
+        write_loop_figure,
+    )
 
+    make_empty(out)
     hidden = hidden_effect(seed, outside)
     say(messages, f"hidden: {hidden.words}; the observer knows the nominal injector only")
     result = EffectDemo(out, hidden, seed, LOOP_SPEED, lambda text: say(messages, text)).run()
-    with file_errors(figure):
-        write_loop_figure(result, figure)
+    write_loop_figure(result, figure)
     results().print(loop_table(result))
     say(messages, f"picture: {figure}; what was found, and why: {result.report}")
 
@@ -90,6 +98,9 @@ def run(
             "File of the learned state: restored at the start, saved every few seconds "
             "([state] save_within_s, 5 s) and at the stop.",
         ),
+        Writes(
+            "learned state, one that does not fit set aside as `*.set-aside-N`", Standing.OWN, ("*.lock",)
+        ),
     ] = None,
     journal: Annotated[
         Path | None,
@@ -97,10 +108,15 @@ def run(
             "--journal",
             "SQLite file with one row per injection, saved as often as the state; see `observer-rt journal`.",
         ),
+        Writes("journal of injections", Standing.OWN),
     ] = None,
     view: Annotated[bool, option("--view", "Show the live terminal view.")] = False,
     as_json: Annotated[bool, option("--json", "Write every injection as a line of JSON to stdout.")] = False,
-    log: Annotated[Path | None, file_option("--log", "Also append the log to this file.")] = None,
+    log: Annotated[
+        Path | None,
+        file_option("--log", "Also append the log to this file."),
+        Writes("lines of the log", Standing.OWN),
+    ] = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     print_example_bench: Annotated[
@@ -196,9 +212,11 @@ def monitor(
             "Address to serve the page at. The default can be reached from this computer only.",
         ),
     ] = "127.0.0.1",
-    out: Annotated[Path, option("--out", "Folder that `Save` writes injections into.", "DIR")] = Path(
-        "injections"
-    ),
+    out: Annotated[
+        Path,
+        option("--out", "Folder that `Save` writes injections into.", "DIR"),
+        Writes("an injection at each `Save`: CSV and JSON", Standing.FREE),
+    ] = Path("injections"),
     lenient: options.LenientOption = False,
     effects: options.EffectsOption = None,
 ) -> None:
@@ -232,7 +250,11 @@ def take_over(
     amended: Annotated[
         Path | None, argument("Amended injector file that `discover` wrote.", "AMENDED")
     ] = None,
-    bench: Annotated[Path | None, file_option("--bench", "Bench file that is to name it.")] = None,
+    bench: Annotated[
+        Path | None,
+        file_option("--bench", "Bench file that is to name it."),
+        Writes("the name of a copy of AMENDED, which gets the next free name", Standing.KEY),
+    ] = None,
     undo: Annotated[
         bool, option("--undo", "Instead: have the bench file name what it named before the last step.")
     ] = False,

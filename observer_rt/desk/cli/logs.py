@@ -17,6 +17,7 @@ from observer_rt.desk.cli import options
 from observer_rt.desk.cli.options import (
     CLASSIC_ONLY,
     RECORDED,
+    Writes,
     argument,
     decoder_of,
     file_option,
@@ -24,7 +25,7 @@ from observer_rt.desk.cli.options import (
     messages,
     option,
 )
-from observer_rt.foundation.console import check_folder, progress_bar, say, stop_on_signals
+from observer_rt.foundation.console import progress_bar, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 
 if TYPE_CHECKING:
@@ -110,7 +111,11 @@ def replay(
 
 
 def record(
-    out: Annotated[Path, file_option("--out", f"Log to write ({RECORDED}).")],
+    out: Annotated[
+        Path,
+        file_option("--out", f"Log to write ({RECORDED})."),
+        Writes("log, begun at the first frame; with `--rotate-…` a series `*_0001`, …, which is always new"),
+    ],
     bench: options.BenchOption = EXAMPLE_BENCH,
     channel: ChannelOption = None,
     interface: InterfaceOption = None,
@@ -136,7 +141,6 @@ def record(
     )
     buses = _with_links(load_bench(bench), interface, channel).config.buses
     check_recording_path(out, limits, force)
-    check_folder("--out", out.absolute().parent)
     channels = [bus.config.channel for bus in buses]
     names = [
         bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
@@ -155,20 +159,22 @@ def record(
         ]
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
         further = list(zip(links[1:], names[1:], strict=True))
-        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live), further)
+        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live), further, force)
     print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
 
 
 def convert(
     recording: options.RecordingArgument,
     target: Annotated[
-        Path, argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT")
+        Path,
+        argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT"),
+        Writes("recording or log; of one in stretches a series `*_0001`, …"),
     ],
     bench: options.DecoderOption = None,
     from_channel: options.FromChannelOption = None,
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
-    force: Annotated[bool, option("--force", "Replace OUT if it exists.")] = False,
+    force: options.ForceOption = False,
     effects: options.EffectsOption = None,
 ) -> None:
     """Convert recordings and CAN logs to other formats; with a bench file, logs to recordings."""

@@ -12,16 +12,23 @@ from observer_rt.config.bench import load_injector
 from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.cli import options
-from observer_rt.desk.cli.options import argument, decoder_of, file_option, messages, option
+from observer_rt.desk.cli.options import (
+    Standing,
+    Writes,
+    argument,
+    decoder_of,
+    file_option,
+    messages,
+    option,
+)
 from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
-    check_destination,
     progress_bar,
-    refuse_existing,
     results,
     say,
 )
 from observer_rt.foundation.errors import InterruptionError, UserError
+from observer_rt.foundation.outputs import check_output, make_folder
 
 
 def fit(
@@ -32,7 +39,9 @@ def fit(
             "--model", "Injector file to start from: geometry right, the rest within a factor of two."
         ),
     ],
-    output: Annotated[Path, file_option("--output", "Fitted injector file to write.")],
+    output: Annotated[
+        Path, file_option("--output", "Fitted injector file to write."), Writes("injector file")
+    ],
     mass: Annotated[
         Path | None,
         file_option(
@@ -41,7 +50,9 @@ def fit(
         ),
     ] = None,
     plot: Annotated[
-        Path | None, file_option("--plot", "Figure (png, svg, pdf): line pressure and residuals by phase.")
+        Path | None,
+        file_option("--plot", "Figure (png, svg, pdf): line pressure and residuals by phase."),
+        Writes("figure"),
     ] = None,
     force: options.ForceOption = False,
     bench: options.DecoderOption = None,
@@ -77,8 +88,7 @@ def fit(
         )
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
-            check_destination(name, path, suffixes)
-            refuse_existing(name, [path], force)
+            check_output(name, path, force, suffixes=suffixes)
     paths = without_copies(without_truths(recordings, messages), messages)
     read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
     most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: masses go by the injection's number
@@ -109,7 +119,15 @@ def fit(
 
 
 def discover(
-    out: Annotated[Path, option("--out", "Folder for findings, amended model and report.", "DIR")],
+    out: Annotated[
+        Path,
+        option("--out", "Folder for findings, amended model and report.", "DIR"),
+        Writes(
+            "answer to a search that goes on where `fits.jsonl` ends",
+            Standing.ANSWER,
+            ("findings.json", "report.html", "amended.toml", "plan.csv", "data", "fits.jsonl"),
+        ),
+    ],
     recordings: options.OptionalRecordingsArgument = None,
     from_evidence: Annotated[
         Path | None,
@@ -169,7 +187,7 @@ def discover(
             "With --accept-term: also a proposal that closes two thirds of the gap; the rest widens all intervals.",
         ),
     ] = False,
-    force: Annotated[bool, option("--force", "Replace the report and the amended model in DIR.")] = False,
+    force: options.ForceOption = False,
     data: Annotated[
         bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
     ] = False,
@@ -202,11 +220,10 @@ def discover(
         REPORT,
         DiscoveryTask,
         answer,
+        check_answer_folder,
         fits_in,
-        make_folder,
         planned,
         refuse_incomparable,
-        refuse_replacing,
         write_findings,
     )
     from observer_rt.identification.discovery.report.document import FINDINGS
@@ -233,7 +250,7 @@ def discover(
         asked = asked_of_recordings(
             recordings or (), healthy or (), model, decoder, from_channel or (), messages
         )
-    refuse_replacing(out, asked.model, force)
+    check_answer_folder(out, asked.model, force)
     amendable = InjectorFile.read(asked.model)
     observed = observer_remainder if in_part else None
     task = DiscoveryTask(
@@ -247,7 +264,7 @@ def discover(
         observed,
     )
     refuse_incomparable(task, str(asked.model))
-    make_folder(out)
+    make_folder("--out", out)
     for one in (*asked.measured, *asked.healthy):
         say(messages, coverage(one))
     ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)

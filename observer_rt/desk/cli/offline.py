@@ -5,18 +5,16 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.cli import options
-from observer_rt.desk.cli.options import SIGNALS, file_option, messages, option
+from observer_rt.desk.cli.options import SIGNALS, Standing, Writes, file_option, messages, option
 from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
-    check_destination,
     progress_bar,
-    refuse_existing,
     results,
     say,
 )
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import REPRODUCED
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import check_output, make_folder, write_text
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.parameters import at_temperature, temperature_of
 
@@ -25,7 +23,11 @@ SampleRateOption = Annotated[float, option("--sample-rate", "Samples a second [H
 
 
 def simulate(
-    output: Annotated[Path, file_option("--output", f"Recording to write ({SIGNALS}).")],
+    output: Annotated[
+        Path,
+        file_option("--output", f"Recording to write ({SIGNALS})."),
+        Writes("recording, its truth", names=("*.truth.csv",)),
+    ],
     rail_pressure: Annotated[
         str, option("--rail-pressure", "Rail pressures [MPa], separated by commas; events take them in turn.")
     ] = "100",
@@ -81,9 +83,9 @@ def simulate(
 
     if noise not in ("on", "off"):
         raise UserError("--noise", f"is {noise!r}", "give on or off")
-    check_destination("--output", output, suffixes_of(written(signal_formats())))
     truth = truth_path(output)
-    refuse_existing("--output", [output, truth], force)
+    check_output("--output", output, force, suffixes=suffixes_of(written(signal_formats())))
+    check_output("--output", truth, force)
     spacing = period * MILLISECOND
     samples = injections * spacing * sample_rate
     if samples > MAX_SAMPLES:
@@ -123,7 +125,9 @@ def evaluate(
     bench: options.BenchOption = EXAMPLE_BENCH,
     model: options.ModelOption = None,
     state: options.StateOption = None,
-    save_state: Annotated[Path | None, file_option("--save-state", "File for what was learned.")] = None,
+    save_state: Annotated[
+        Path | None, file_option("--save-state", "File for what was learned."), Writes("learned state")
+    ] = None,
     no_learning: Annotated[bool, option("--no-learning", "Keep the model as it is at the start.")] = False,
     twice: Annotated[
         bool,
@@ -141,9 +145,12 @@ def evaluate(
         option(
             "--output", "Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"
         ),
+        Writes("trace; in a folder `RECORDING.trace.csv` for each"),
     ] = None,
     plot: Annotated[
-        Path | None, file_option("--plot", "Figure (png, svg, pdf): curves, masses, wear.")
+        Path | None,
+        file_option("--plot", "Figure (png, svg, pdf): curves, masses, wear."),
+        Writes("figure"),
     ] = None,
     injections: Annotated[
         str | None,
@@ -182,32 +189,37 @@ def evaluate(
 
 
 def reproduce(
-    out: Annotated[Path, option("--out", "Folder for figures, table and report.", "DIR")],
+    out: Annotated[
+        Path,
+        option("--out", "Folder for figures, table and report.", "DIR"),
+        Writes(
+            "figures, tables, report",
+            Standing.NAMES,
+            ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv", "table.md", "report.md"),
+        ),
+    ],
     sample_rate: SampleRateOption = 100e3,
+    force: options.ForceOption = False,
 ) -> None:
     """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table and a report."""
     from observer_rt.desk.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5, report
     from observer_rt.desk.paper.study import NOZZLE_WEAR, run_study
-    from observer_rt.desk.paper.table import markdown, screen_table, write_csv
+    from observer_rt.desk.paper.table import csv_table, markdown, screen_table
 
-    if out.exists() and not out.is_dir():
-        raise UserError(f"--out {out}", "is a file", "name a folder")
-    with file_errors(out):
-        out.mkdir(parents=True, exist_ok=True)
+    make_folder("--out", out)
     figures = [out / f"figure_{number}.png" for number in (3, 4, 5)]
     table, table_in_words, report_in_words = (out / name for name in ("table.csv", "table.md", "report.md"))
     for path in figures:
-        check_destination("--out", path, FIGURE_SUFFIXES)
+        check_output("--out", path, force, suffixes=FIGURE_SUFFIXES)
     for path in (table, table_in_words, report_in_words):
-        check_destination("--out", path, kind=REPRODUCED)
+        check_output("--out", path, force, REPRODUCED)
     with progress_bar(messages, "reproducing", 1.0) as progress:
         study = run_study(load_bench(), sample_rate, progress)
-    with file_errors(out):
-        draw_figure_3(figures[0], study)
-        draw_figure_4(figures[1], study.case(NOZZLE_WEAR))
-        draw_figure_5(figures[2], study)
-        write_csv(table, study)
-        table_in_words.write_text(markdown(study), encoding="utf-8")
-        report_in_words.write_text(report(study), encoding="utf-8")
+    draw_figure_3(figures[0], study)
+    draw_figure_4(figures[1], study.case(NOZZLE_WEAR))
+    draw_figure_5(figures[2], study)
+    write_text(table, csv_table(study))
+    write_text(table_in_words, markdown(study))
+    write_text(report_in_words, report(study))
     results().print(screen_table(study))
     say(messages, f"figures 3 to 5, table and report in {out}")

@@ -1,5 +1,7 @@
 """Options that several commands share."""
 
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -65,6 +67,41 @@ def file_option(name: str, purpose: str, **limits: Any) -> OptionInfo:
 def link_option(name: str, purpose: str) -> OptionInfo:
     """A repeatable option that says something of one bus of `[link]` or `[links]`."""
     return option(name, purpose, f"[LINK=]{name.rpartition('-')[2].upper()}")
+
+
+class Standing(Enum):
+    """What may be where a command writes: what it replaces, and what it refuses, as the page of commands says."""
+
+    FILE = "with `--force`, a file of the same kind", "any other file"
+    OWN = "nothing: goes on with its own file", "a file of another kind"
+    NAMES = "with `--force`, files of these names and kinds", "any other file of these names"
+    ANSWER = (
+        "with `--force`, an earlier answer: a folder with `findings.json`",
+        "any other file of these names",
+    )
+    MARKED = "its own, in a folder that its marker names as such", "these names in another folder"
+    EMPTY = "nothing", "a folder that holds anything"
+    FREE = "nothing: takes the next free name", "nothing"
+    KEY = "`[model] file` in it, which `--undo` takes back", "nothing"
+
+    @property
+    def replaces(self) -> str:
+        """What the command replaces."""
+        return self.value[0]
+
+    @property
+    def refuses(self) -> str:
+        """What the command refuses, exit code 2."""
+        return self.value[1]
+
+
+@dataclass(frozen=True)
+class Writes:
+    """Declares of an option what the command writes there. names: in a folder, or beside the file (`*`: its name)."""
+
+    what: str
+    standing: Standing = Standing.FILE
+    names: tuple[str, ...] = ()
 
 
 RecordingArgument = Annotated[Path, argument(f"Recording ({SIGNALS}) or CAN log ({LOGS}).", "RECORDING")]

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.desk.cli.options import argument, file_option, messages
+from observer_rt.desk.cli.options import Standing, Writes, argument, file_option, messages
 from observer_rt.foundation.console import results, say
 from observer_rt.foundation.errors import UserError
 
@@ -25,7 +25,15 @@ def project(
         ProjectStep,
         argument("new, or a step; each does first what it rests on.", "new|fit|evaluate|discover|report"),
     ],
-    folder: Annotated[Path, argument("Folder of the project.", "DIR")],
+    folder: Annotated[
+        Path,
+        argument("Folder of the project.", "DIR"),
+        Writes(
+            "`new`: `project.toml`; else `results`; markers: `project.toml`, `results/done.json`",
+            Standing.MARKED,
+            ("injector.toml", "results/fit.json"),
+        ),
+    ],
     model: Annotated[
         Path | None,
         file_option("--model", "With new: injector file to begin with (default: the nominal injector)."),

@@ -29,16 +29,13 @@ from observer_rt.files.formats import is_log
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
-    check_destination,
-    check_folder,
     progress_bar,
-    refuse_existing,
     results,
     say,
 )
 from observer_rt.foundation.errors import CombinedError, UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE
-from observer_rt.foundation.files import file_errors, replacing
+from observer_rt.foundation.outputs import check_output, make_folder, replacing
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import temperature_of
 
@@ -149,8 +146,7 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
 
         there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
         shown = numbers_shown(options.injections, there)
-        with file_errors(options.plot):
-            plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
+        plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
 
 
 def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
@@ -219,27 +215,21 @@ def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateO
 
 def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Refuse, before the long work, what could not be written after it, or would replace a file nobody named."""
-    if options.output is not None and options.has_folder:
-        with file_errors(options.output):
-            options.output.mkdir(parents=True, exist_ok=True)
-        check_folder("--output", options.output)
-    elif options.output is not None:
-        check_destination("--output", options.output, SUFFIXES)
-    if options.plot is not None:
-        check_destination("--plot", options.plot, FIGURE_SUFFIXES)
-    if options.save_state is not None:
-        check_destination("--save-state", options.save_state, kind=LEARNED_STATE)
-        check_folder("--save-state", options.save_state.absolute().parent)
-        with sole_writer(options.save_state):
-            pass  # no daemon keeps it
+    force = options.force
     inputs = {path.resolve() for path in paths}
     for option, path in options.written.items():
         if path.resolve() in inputs:
             raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
-        if option != "--save-state" or path != options.state:
-            files = options.traces(paths) if option == "--output" else [path]
-            kind = LEARNED_STATE if option == "--save-state" else None
-            refuse_existing(option, files, options.force, kind)
+    if options.output is not None and options.has_folder:
+        make_folder("--output", options.output)
+    for trace in options.traces(paths):
+        check_output("--output", trace, force, suffixes=SUFFIXES)
+    if options.plot is not None:
+        check_output("--plot", options.plot, force, suffixes=FIGURE_SUFFIXES)
+    if options.save_state is not None:
+        check_output("--save-state", options.save_state, force, LEARNED_STATE)
+        with sole_writer(options.save_state):
+            pass  # no daemon keeps it
 
 
 def _evaluated(

@@ -24,9 +24,10 @@ from observer_rt.files.formats import (
 )
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.replay.recording_frames import Device
-from observer_rt.foundation.console import check_destination, progress_bar, refuse_existing, say
+from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, replacing
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import check_output, replacing
 
 FIRST_FRAMES = 1000  # the earliest is among them: drivers swap frames, channels have their own time
 FRAMES_PER_STEP = 5000  # of the progress bar
@@ -47,13 +48,12 @@ def convert(
     as it was before.
     """
     holds_frames = is_log(source)
-    check_destination("OUT", target, suffixes_of(written(formats())))
     suffix = target.suffix.lower()
     takes_signals = suffix in suffixes_of(written(signal_formats()))
     takes_frames = suffix in suffixes_of(written(log_formats()))
     if target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
-    refuse_existing("OUT", [target], force)
+    check_output("OUT", target, force, suffixes=suffixes_of(written(formats())))
     if not holds_frames and not takes_signals:
         return _encoded(source, target, bench, console)
     if holds_frames and (not takes_signals or (bench is None and takes_frames)):
@@ -100,7 +100,8 @@ def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
     targets = [
         target.with_name(f"{target.stem}_{number:04d}{target.suffix}") for number in range(1, stretches + 1)
     ]
-    refuse_existing("OUT", targets, force)
+    for each in targets:
+        check_output("OUT", each, force)
     return targets
 
 

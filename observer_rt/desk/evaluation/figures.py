@@ -17,7 +17,7 @@ from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.foundation.figures import NotebookFigure
+from observer_rt.foundation.figures import NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
@@ -163,7 +163,7 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
 
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
     """Write the figure of `injections_figure`, format by suffix."""
-    injections_figure(recordings, reference).savefig(path, dpi=DPI)
+    save_figure(injections_figure(recordings, reference), path, DPI)
 
 
 def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:

@@ -26,9 +26,10 @@ from observer_rt.desk.export.reference import (
     reference_recording,
 )
 from observer_rt.engine.service.constants import injector_at
-from observer_rt.foundation.console import refuse_existing, say
+from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import check_output, make_folder
 from observer_rt.model.parameters import temperature_of
 
 TOLERANCE = {False: 1e-9, True: 2e-3}  # relative, of double and of single precision
@@ -73,9 +74,9 @@ def export_bench(bench: Bench, options: ExportOptions, console: Console) -> None
     fmus = {f"{name}_fmi{version}.fmu": (name, version) for name in CONTENTS for version in VERSIONS}
     for (option, folder), names in zip(folders.items(), (sources, fmus, functions), strict=True):
         if folder is not None:
-            refuse_existing(option, [folder / name for name in names], options.force)
-            with file_errors(folder):
-                folder.mkdir(parents=True, exist_ok=True)
+            make_folder(option, folder)
+            for name in names:
+                check_output(option, folder / name, options.force)
     if options.c is not None:
         made = reference_recording(bench)
         runs = {"observer": observer_reference(made, run), "injector": injector_reference(made, frozen)}

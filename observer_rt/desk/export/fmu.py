@@ -10,7 +10,7 @@ from observer_rt.desk.export.c_code import REPLAY, c_sources, source
 from observer_rt.desk.export.compiler import binary, compile_c, compiler
 from observer_rt.desk.export.frozen import Frozen
 from observer_rt.desk.export.model_description import build_description, model_description
-from observer_rt.foundation.files import replacing
+from observer_rt.foundation.outputs import replacing
 
 WRAPPERS = ("fmi.h", "unit.h", "unit_step.c")
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of files in an archive: the same export gives the same bytes

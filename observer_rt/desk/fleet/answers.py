@@ -16,7 +16,8 @@ from observer_rt.desk.fleet.job import FailedFile
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, replacing
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import write_text
 from observer_rt.identification.discovery.discover import AMENDED, REPORT
 from observer_rt.identification.discovery.report.document import FindingsDocument
 from observer_rt.identification.discovery.runs import DiscoveryRun, size_text
@@ -147,9 +148,8 @@ class Answers:
         place = self.place / group.folder
         with file_errors(place):
             place.mkdir(exist_ok=True)
-            with replacing(place / _GROUP) as part:
-                text = note.model_dump_json(indent=2, exclude={"left_out": {"__all__": {"injector"}}})
-                part.write_text(text, encoding="utf-8")
+            text = note.model_dump_json(indent=2, exclude={"left_out": {"__all__": {"injector"}}})
+            write_text(place / _GROUP, text)
 
     def table(self) -> tuple[DiscoveredRow, ...]:
         """Writes all there are as a table, and returns its rows."""

@@ -10,6 +10,7 @@ batch.json                                by which model and how: another one ne
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import quote
@@ -21,7 +22,8 @@ import pyarrow.parquet as pq
 
 from observer_rt.desk.fleet.job import OLD_NAMES, SCHEMA, FailedFile
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors, replacing
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing, write_text
 
 INJECTIONS = "injections"
 FAILED = pa.schema([(name, pa.string()) for name in ("file", "sha256", "injector", "problem")])
@@ -86,8 +88,9 @@ class Dataset(Results):
         """settings: what the rows depend on beside the files. Raises `UserError` for a folder with others."""
         super().__init__(folder, str(folder / _ERRORS))
         with file_errors(folder):
-            (folder / INJECTIONS).mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
             self._refuse_other({**settings, "columns": SCHEMA.names})
+            (folder / INJECTIONS).mkdir(exist_ok=True)
             self._done = self._read_done()
 
     def _write(self, path: Path, sha256: str, rows: pa.Table) -> None:
@@ -125,19 +128,24 @@ class Dataset(Results):
         text = path.read_text(encoding="utf-8")
         if not text.endswith("\n"):  # the power failed within the last line: that file is done again
             text = text[: text.rfind("\n") + 1]
-            path.write_text(text, encoding="utf-8")
+            write_text(path, text)
         return {str(json.loads(line)["sha256"]) for line in text.splitlines()}
 
     def _refuse_other(self, settings: dict[str, Any]) -> None:
         path = self.folder / _SETTINGS
         if not path.exists():
-            if there := [name for name in (_DONE, _ERRORS, _ERRORS_SO_FAR) if (self.folder / name).exists()]:
-                raise UserError(
-                    f"--out {self.folder}", f"holds {there[0]}, of no batch", "name another folder"
-                )
-            path.write_text(json.dumps(settings, indent=2), encoding="utf-8")
+            for name in (_DONE, _ERRORS, _ERRORS_SO_FAR, INJECTIONS):
+                if (self.folder / name).exists():
+                    raise UserError(
+                        f"--out {self.folder}", f"holds {name}, of no batch", "name another folder"
+                    )
+            write_text(path, json.dumps(settings, indent=2))
             return
-        refuse_other(self.folder, json.loads(path.read_text(encoding="utf-8")), settings)
+        with suppress(ValueError):
+            if isinstance(before := json.loads(path.read_text(encoding="utf-8")), dict):
+                refuse_other(self.folder, before, settings)
+                return
+        raise UserError(f"--out {self.folder}", f"holds {_SETTINGS}, of no batch", "name another folder")
 
 
 def refuse_other(out: Path, before: dict[str, Any], settings: dict[str, Any]) -> None:

@@ -28,13 +28,13 @@ from observer_rt.desk.second_opinion import second_opinion
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.outputs import make_folder
 from observer_rt.identification.discovery.discover import (
     AMENDED,
     REPORT,
     DiscoveryTask,
     answer,
     fits_in,
-    make_folder,
     refuse_incomparable,
     write_findings,
 )
@@ -112,7 +112,7 @@ def _look(inquiry: Inquiry, group: Group, left_out: list[FailedFile]) -> None:
     task = DiscoveryTask(injector.parameters, measured, healthy, hashes(list(taken)))
     refuse_incomparable(task, group.kind.file.name)
     folder = inquiry.out / group.folder
-    make_folder(folder)
+    make_folder("--out", folder)
     ask = partial(second_opinion, signals=injector.config.signals)
     with fits_in(folder, task, stated) as store:
         found = answer(task, store, ask, lambda _: None, AMENDED, inquiry.threads)

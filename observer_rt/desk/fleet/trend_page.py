@@ -20,7 +20,8 @@ from observer_rt.desk.fleet.forecast import QUANTITIES
 from observer_rt.desk.fleet.trend import InjectorTrend
 from observer_rt.desk.fleet.trend_words import cells, headings
 from observer_rt.foundation.figures import save_figure
-from observer_rt.foundation.files import file_errors, templates_of
+from observer_rt.foundation.files import templates_of
+from observer_rt.foundation.outputs import write_text
 
 _COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
 _SIDE_BY_SIDE, _MOST_DRAWN = 3, 24
@@ -54,8 +55,7 @@ def write_page(path: Path, found: Sequence[InjectorTrend], source: Path) -> None
         numbers=Markup(text),  # no tag can begin in it
         source=source,
     )
-    with file_errors(path):
-        path.write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def scale_of(found: Sequence[InjectorTrend], part: float = 0.995, limits: Sequence[float] = ()) -> int:

@@ -20,13 +20,14 @@ from observer_rt.desk.second_opinion import second_opinion
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.discover import (
     AMENDED,
     REPORT,
     DiscoveryTask,
     answer,
-    make_folder,
+    check_answer_folder,
     planned,
     refuse_incomparable,
     write_findings,
@@ -118,12 +119,13 @@ class DiscoveryResult:
             plan = planned(self.findings, self.task, two_injections, progress).plan
         return pd.DataFrame([] if plan is None else [one.model_dump() for one in plan.measurements])
 
-    def report(self, folder: str | PathLike[str], data: bool = False) -> Path:
+    def report(self, folder: str | PathLike[str], data: bool = False, force: bool = False) -> Path:
         """Write report, findings and amended model into a folder; data: figures and numbers, too. Its page.
 
-        Raises `UserError` where the folder cannot be written.
+        force: an earlier report there is replaced. Raises `UserError` where the folder cannot be written.
         """
-        make_folder(Path(folder))
+        check_answer_folder(Path(folder), None, force)
+        make_folder("report", Path(folder))
         self._write(Path(folder), data)
         return Path(folder) / REPORT
 

@@ -28,7 +28,8 @@ from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.learners import LearnerFactory
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import progress_bar, say
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.file_kinds import INJECTOR_FILE
+from observer_rt.foundation.outputs import IN_A_CALL, check_output, write_text
 from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -92,10 +93,13 @@ class Injector:
         ]
         return pd.DataFrame(rows, columns=["section", "key", "value"]).set_index(["section", "key"])
 
-    def save(self, path: Pathlike) -> None:
-        """Write the injector file, comments and all, to a path; an existing file is replaced."""
-        with file_errors(Path(path)):
-            Path(path).write_text(self.file.text, encoding="utf-8")
+    def save(self, path: Pathlike, force: bool = False) -> None:
+        """Write the injector file, comments and all, to a path; force: one that is there is replaced.
+
+        Raises `UserError` for a path that is refused, `RunError` where writing fails.
+        """
+        check_output("save", Path(path), force, INJECTOR_FILE, consent=IN_A_CALL)
+        write_text(Path(path), self.file.text)
 
     def fit(self, recordings: Recordings, masses: Pathlike | None = None) -> Self:
         """Fit the model, its structure included, to recordings of the healthy injector.

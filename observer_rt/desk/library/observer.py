@@ -28,6 +28,8 @@ from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import cut, followed
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.file_kinds import LEARNED_STATE
+from observer_rt.foundation.outputs import IN_A_CALL, check_output
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.model.effects import effective_model
 
@@ -154,8 +156,9 @@ class SampleObserver:
         state, reason = self._core.state
         return f"{State(state).name}, {Reason(reason).name}" if reason else State(state).name
 
-    def save_state(self, path: str | PathLike[str]) -> None:
-        """Write what was learned to a path. Raises `UserError`, `RunError` where it cannot be written."""
+    def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
+        """Write what was learned to a path; force: a state there is replaced. Raises `UserError`, `RunError`."""
+        check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
         write_state(Path(path), self._core.knowledge, self._parameters)
 
     def _take(self, news: Any) -> None:

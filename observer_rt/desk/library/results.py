@@ -19,6 +19,8 @@ from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.engine.stream.state import State
+from observer_rt.foundation.file_kinds import LEARNED_STATE
+from observer_rt.foundation.outputs import IN_A_CALL, check_output
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
@@ -98,8 +100,12 @@ class EvaluationResult:
         shown = numbers_shown(injections, there)
         return injections_figure([picture_of(each, shown) for each in self.evaluations], "measured")
 
-    def save_state(self, path: str | PathLike[str]) -> None:
-        """Write what was learned to a path, for `state=` and `observer-rt run`. Raises `UserError`, `RunError`."""
+    def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
+        """Write what was learned to a path, for `state=` and `observer-rt run`; force: a state there is replaced.
+
+        Raises `UserError`, `RunError`.
+        """
+        check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
         write_state(Path(path), self.knowledge, self.injector.parameters)
 
     @property

@@ -11,6 +11,7 @@ from observer_rt.desk.paper.study import NOZZLE_WEAR, TRAININGS
 from observer_rt.desk.paper.table import Estimator, Study, WearCase, markdown
 from observer_rt.desk.simulation.schedule import FIRST_EVENT
 from observer_rt.engine.paper_scheme.training import BETA, EPOCHS, GAMMA
+from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
 
 TRUE, MODEL, PAPER, OURS = "#222222", "#1f77b4", "#ff7f0e", "#d62728"
@@ -197,7 +198,7 @@ def _draw_x_3(axes: Axes, case: WearCase) -> None:
 
 
 def _save(path: Path, figure: plt.Figure) -> None:
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, 120)
     plt.close(figure)
 
 

@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -137,7 +136,7 @@ def screen_table(study: Study) -> Table:
     return table
 
 
-def write_csv(path: Path, study: Study) -> None:
+def csv_table(study: Study) -> str:
     """Every number of the table, and the MSE of every estimator, unrounded."""
     rows = [
         {
@@ -149,7 +148,7 @@ def write_csv(path: Path, study: Study) -> None:
         }
         for case in study.cases
     ]
-    pd.DataFrame(rows).to_csv(path, index=False, float_format="%.6g", lineterminator="\r\n")
+    return str(pd.DataFrame(rows).to_csv(index=False, float_format="%.6g", lineterminator="\r\n"))
 
 
 def markdown(study: Study) -> str:

@@ -14,6 +14,7 @@ from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.files.signals.recording import TRUTH_SUFFIX
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.outputs import make_folder, write_text
 
 PROJECT, MODEL, RESULTS, DONE = "project.toml", "injector.toml", "results", "done.json"
 _NEW = """\
@@ -54,13 +55,14 @@ class Project:
         """
         start = model or NOMINAL_INJECTOR
         load_injector(start)
-        if (folder / PROJECT).exists():
-            raise UserError(str(folder / PROJECT), "is there already", "name another folder")
+        for path in (folder / PROJECT, folder / MODEL):
+            if path.exists():
+                raise UserError(str(path), "is there already", "name another folder")
         with file_errors(folder):
             for below in (folder, folder / "healthy", folder / "recordings"):
                 below.mkdir(parents=True, exist_ok=True)
-            (folder / MODEL).write_text(start.read_text(encoding="utf-8"), encoding="utf-8")
-            (folder / PROJECT).write_text(_NEW.format(model=MODEL), encoding="utf-8")
+        write_text(folder / MODEL, start.read_text(encoding="utf-8"))
+        write_text(folder / PROJECT, _NEW.format(model=MODEL))
         return cls.read(folder)
 
     @classmethod
@@ -110,10 +112,17 @@ class Project:
 
     @property
     def results(self) -> Path:
-        """The folder of what was made; it is there."""
-        with file_errors(self.folder / RESULTS):
-            (self.folder / RESULTS).mkdir(exist_ok=True)
-        return self.folder / RESULTS
+        """The folder of what was made, which is made; `done.json` marks it as the program's own.
+
+        Raises `UserError` for one that is not.
+        """
+        folder = self.folder / RESULTS
+        if not (folder / DONE).exists():
+            make_folder("project", folder)
+            if any(folder.iterdir()):
+                raise UserError(str(folder), f"holds files, but no {DONE}", "move them away")
+            write_text(folder / DONE, "{}")
+        return folder
 
     def _files(self, patterns: Iterable[str]) -> list[Path]:
         found = {path for pattern in patterns for path in self.folder.glob(pattern) if path.is_file()}
@@ -142,10 +151,7 @@ class Project:
 
     def set_done(self, step: str, state: str) -> None:
         """Note that a step was done."""
-        with file_errors(self.results / DONE):
-            (self.results / DONE).write_text(
-                json.dumps({**self._done, step: state}, indent=2), encoding="utf-8"
-            )
+        write_text(self.results / DONE, json.dumps({**self._done, step: state}, indent=2))
 
     @property
     def _done(self) -> dict[str, str]:

@@ -12,6 +12,7 @@ from markupsafe import Markup
 from observer_rt import __version__
 from observer_rt.desk.project.project import Project
 from observer_rt.foundation.files import file_errors, templates_of
+from observer_rt.foundation.outputs import write_text
 
 FIT, FIT_FIGURE = "fit.json", "fit.png"
 INJECTIONS, BUDGET, EVALUATION_FIGURE = "injections.csv", "budget.csv", "evaluation.png"
@@ -45,7 +46,7 @@ def write_page(project: Project) -> Path:
             made=datetime.now(),
             version=__version__,
         )
-        page.write_text(text, encoding="utf-8")
+        write_text(page, text)
     return page
 
 

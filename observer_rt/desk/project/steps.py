@@ -18,7 +18,8 @@ from observer_rt.desk.project.report import (
     write_page,
 )
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.figures import save_figure
+from observer_rt.foundation.outputs import write_text
 
 FIT_STEP, FITTED = "fit", "fitted.toml"
 _DPI = 110
@@ -42,10 +43,9 @@ def fit(project: Project, say: Say) -> Path:
     injector = Injector.load(project.model, project.bench).fit(list(healthy), masses=project.masses)
     result = injector.calibration
     assert result is not None  # of what was fitted
-    with file_errors(project.results):
-        injector.save(fitted)
-        (project.results / FIT).write_text(json.dumps(result.document.as_json(), indent=2), encoding="utf-8")
-        result.plot().savefig(project.results / FIT_FIGURE, dpi=_DPI)
+    injector.save(fitted, force=True)
+    write_text(project.results / FIT, json.dumps(result.document.as_json(), indent=2))
+    save_figure(result.plot(), project.results / FIT_FIGURE, _DPI)
     project.set_done(FIT_STEP, state)
     say(f"fit: {fitted}: {result.verdict}")
     return fitted
@@ -60,10 +60,9 @@ def evaluate(project: Project, model: Path, say: Say) -> Path:
         say(f"evaluate: {table} is up to date")
         return table
     result = Injector.load(model, project.bench).evaluate(list(recordings))
-    with file_errors(project.results):
-        result.injections.to_csv(table, index=False)
-        result.budget.to_csv(project.results / BUDGET, index=False)
-        result.plot().savefig(project.results / EVALUATION_FIGURE, dpi=_DPI)
+    write_text(table, result.injections.to_csv(index=False))
+    write_text(project.results / BUDGET, result.budget.to_csv(index=False))
+    save_figure(result.plot(), project.results / EVALUATION_FIGURE, _DPI)
     project.set_done("evaluate", state)
     count = len(result.injections)
     say(f"evaluate: {table}: {count} injections, {int(result.injections.valid.sum())} valid")
@@ -79,9 +78,8 @@ def discover(project: Project, model: Path, say: Say) -> Path:
         say(f"discover: {page} is up to date")
         return page
     found = Injector.load(model, project.bench).discover(list(recordings))
-    found.report(project.results / DISCOVERY)
-    with file_errors(project.results):
-        (project.results / ANSWER).write_text(f"{found!r}\n", encoding="utf-8")
+    found.report(project.results / DISCOVERY, force=True)
+    write_text(project.results / ANSWER, f"{found!r}\n")
     project.set_done("discover", state)
     say(f"discover: {page}: {repr(found).splitlines()[0]}")
     return page

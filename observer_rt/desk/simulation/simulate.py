@@ -28,6 +28,7 @@ from observer_rt.files.signals.table_writers import (
 )
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.model.effect import EffectParameter, SizedEffect
 from observer_rt.model.effective import EffectiveModel
@@ -158,9 +159,9 @@ def truth_path(recording: Path) -> Path:
 
 def write_truth(path: Path, truth: Truth) -> None:
     """Write the truth as CSV, units in the header. Raises `UserError` or `RunError` for the file."""
-    with file_errors(path):
+    with file_errors(path), replacing(path) as part:
         write_columns(
-            path,
+            part,
             [
                 (TIME, truth.time),
                 (INJECTION_RATE, truth.injection_rate),

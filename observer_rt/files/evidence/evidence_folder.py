@@ -1,17 +1,20 @@
 """A bounded folder of evidence: by kind and operating point the newest, of good events a fair sample."""
 
 import random
+import re
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
 from observer_rt.files.evidence.evidence_file import SUFFIX, operating_point, write_evidence
-from observer_rt.foundation.files import replacing, to_disk
+from observer_rt.foundation.outputs import replacing
 
 _MIB = 1 << 20
+_NAME = re.compile(
+    rf"\.?({'|'.join(EvidenceKind)})_-?\d+MPa_\d+us_\d{{8}}T\d{{12}}(\.[0-9a-f]{{8}}\.part)?{re.escape(SUFFIX)}"
+)
 
 
 @dataclass(frozen=True)
@@ -28,9 +31,9 @@ class EvidenceFolder:
     def __init__(self, path: Path, limits: FolderLimits) -> None:
         """Raises OSError where the folder cannot be made."""
         path.mkdir(parents=True, exist_ok=True)
-        for left in path.glob(f".*{SUFFIX}"):  # of a writer that was killed
-            left.unlink()
         self._path = path
+        for left in self._own(f".*{SUFFIX}"):  # of a writer that was killed
+            left.unlink()
         self._limits = limits
         self._seen: Counter[str] = Counter()
         self._random = random.Random()
@@ -38,7 +41,7 @@ class EvidenceFolder:
     def take(self, evidence: EventEvidence, time: datetime) -> str:
         """Keep it, or not, of which the answer is empty; else the name of its file. time: UTC. Raises OSError."""
         cell = f"{evidence.kind}_{operating_point(evidence)}"
-        there = sorted(self._path.glob(f"{cell}_*{SUFFIX}"))  # by time
+        there = sorted(self._own(f"{cell}_*{SUFFIX}"))  # by time
         self._seen[cell] += 1
         full = len(there) >= self._limits.per_point
         dropped = there[: len(there) - self._limits.per_point + 1]
@@ -57,13 +60,14 @@ class EvidenceFolder:
     def _write(self, target: Path, evidence: EventEvidence, time: datetime) -> None:
         with replacing(target) as part:
             write_evidence(part, evidence, time.isoformat(timespec="milliseconds"))
-            to_disk(part)
-        with suppress(OSError):  # not every file system lets one do so
-            to_disk(self._path)
+
+    def _own(self, pattern: str) -> list[Path]:
+        """Files that a keeper of evidence named: no other is dropped, or counts."""
+        return [path for path in self._path.glob(pattern) if _NAME.fullmatch(path.name)]
 
     def _make_room(self, newest: str) -> None:
         """Drop files until all fit: the oldest of whatever there is most of, the newest never."""
-        sizes = {path: path.stat().st_size for path in self._path.glob(f"*{SUFFIX}")}
+        sizes = {path: path.stat().st_size for path in self._own(f"*{SUFFIX}")}
         while sum(sizes.values()) > self._limits.most_mib * _MIB:
             cells = Counter(path.name.rsplit("_", 1)[0] for path in sizes if path.name != newest)
             if not cells:

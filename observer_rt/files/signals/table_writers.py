@@ -55,8 +55,11 @@ class TableWriter(ABC):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, failure: type[BaseException] | None, *_: object) -> None:
+        if failure is None:
+            self.close()
+        else:  # what cannot be completed is given up, and the failure stays the one that is told
+            self._stack.close()
 
 
 class CsvWriter(TableWriter):
@@ -89,7 +92,7 @@ class Mdf4Writer(TableWriter):
         from observer_rt.files.mdf4.opening import add_history
 
         super().__init__(path, columns)
-        self._file = MDF(version="4.10")
+        self._file = self._stack.enter_context(MDF(version="4.10"))
         add_history(self._file)
         self._is_begun = False
 
@@ -112,8 +115,9 @@ class Mdf4Writer(TableWriter):
     def close(self) -> None:
         """Write the file."""
         quiet = redirect_stdout(StringIO())  # asammdf prints how fast it writes a large one
-        with self._file, self._path.open("wb+") as handle, quiet:
+        with self._path.open("wb+") as handle, quiet:
             self._file.save(handle, add_history_block=False)
+        super().close()
         seal(self._path)
 
 

@@ -13,10 +13,9 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, holds_at
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation import file_kinds
-from observer_rt.foundation.console import check_folder
 from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.foundation.file_kinds import refuse_other_kind
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import check_own_file, write_text
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import (
     ORIGIN,
@@ -323,10 +322,14 @@ def _opinion(observer_check: ObserverCheck, task: DiscoveryTask) -> Opinion | No
         return None  # not a matter of discovery: the report says that there is none
 
 
-def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
-    """Raise `UserError` where an answer, or a model that somebody may be using, would be replaced unless wanted."""
-    there = [name for name in ANSWER if (folder / name).exists()]
-    if (folder / AMENDED).resolve() == model.resolve():
+def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
+    """Check the folder of an answer about a model's file. force: an earlier one, known by its findings, may be there.
+
+    Raises `UserError` where that model, an answer or a file of another kind would be replaced.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"--out {folder}", "is a file", "name a folder")
+    if model is not None and (folder / AMENDED).resolve() == model.resolve():
         raise UserError(
             f"--out {folder}",
             f"holds the model to be amended as {AMENDED}",
@@ -339,22 +342,12 @@ def refuse_replacing(folder: Path, model: Path, force: bool) -> None:
         (PLAN, file_kinds.PLAN),
         (FITS, file_kinds.FITS),
     ):
-        refuse_other_kind("--out", folder / name, kind)
-    if there and (not force or there == [DATA]):  # which alone is no answer of ours
-        raise UserError(
-            f"--out {folder}",
-            f"holds {', '.join(there)} already",
-            "name another folder, or add --force to replace what is there",
-        )
-
-
-def make_folder(folder: Path) -> None:
-    """The folder, if it is not there. Raises `UserError` where it cannot be made or written."""
-    if folder.exists() and not folder.is_dir():
-        raise UserError(f"--out {folder}", "is a file", "name a folder")
-    with file_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    check_folder("--out", folder)
+        if (folder / name).exists():
+            check_own_file("--out", folder / name, kind)
+    there = [name for name in ANSWER if (folder / name).exists()]
+    if there and not (force and FINDINGS in there):
+        more = ", or add --force to replace what is there" if FINDINGS in there else ""
+        raise UserError(f"--out {folder}", f"holds {', '.join(there)} already", f"name another folder{more}")
 
 
 def fits_in(folder: Path, task: DiscoveryTask, stated: Sequence[SizedEffect]) -> FitStore:
@@ -396,8 +389,8 @@ def write_findings(
     )
     document = json.dumps(document_of(found, sources).as_json(), indent=2)
     with file_errors(folder):
-        (folder / FINDINGS).write_text(document + "\n", encoding="utf-8")
-        (folder / REPORT).write_text(report(found, sources), encoding="utf-8")
+        write_text(folder / FINDINGS, document + "\n")
+        write_text(folder / REPORT, report(found, sources))
         (folder / PLAN).unlink(missing_ok=True)
         if found.plan is not None:
             write_schedule(folder / PLAN, found.plan)

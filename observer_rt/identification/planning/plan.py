@@ -14,6 +14,7 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.planning.separation import Known, Measured, Prospect, Rival
@@ -166,7 +167,7 @@ def _chosen(found: Sequence[PlannedMeasurement]) -> Iterator[PlannedMeasurement]
 def write_schedule(path: Path, plan: MeasurementPlan) -> None:
     """Write the plan as CSV that a bench can run, a step a line, units in the header."""
     header = ("step", "rail_pressure_MPa", "energizing_ms", "pause_ms", "injections", "measure")
-    with file_errors(path), path.open("w", newline="", encoding="utf-8") as file:
+    with file_errors(path), replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(header)
         for step, one in enumerate(plan.measurements, 1):

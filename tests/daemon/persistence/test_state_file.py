@@ -462,7 +462,7 @@ def test_a_kill_before_the_rename_leaves_the_old_file(state: StateFile) -> None:
     assert state.holds(
         state.save(some_knowledge(2))
     )  # what the killed process left behind is in nobody's way
-    assert [*state.path.parent.iterdir()] == [state.path]
+    assert [path for path in state.path.parent.iterdir() if path.name[0] != "."] == [state.path]
 
 
 def test_a_failed_write_leaves_the_old_file(state: StateFile, monkeypatch: pytest.MonkeyPatch) -> None:

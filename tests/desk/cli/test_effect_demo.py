@@ -59,12 +59,3 @@ def test_a_hidden_effect_is_refused_then_named_and_the_masses_are_right(
     in_force = load_bench(out / "bench.toml").injector.parameters
     assert in_force.terms if outside else in_force.effects
     assert (tmp_path / "demo.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_folder_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine")
-    words = command("demo", "--missing-effect", "--out", tmp_path, "--figure", tmp_path / "demo.png")
-    done = subprocess.run(words, capture_output=True, text=True, timeout=LONGEST, check=False)
-    assert done.returncode == 2
-    assert "holds something else" in done.stderr
-    assert (tmp_path / "mine.txt").read_text() == "mine"

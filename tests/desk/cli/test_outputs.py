@@ -1,55 +1,108 @@
-"""Outputs of every command: what is there and of another kind is refused by name, and stays as it is."""
+"""Outputs of every command: nothing of anybody else is changed, and what is written is whole whenever it ends."""
 
+import re
+import resource
+import signal
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, get_type_hints
 
 import pytest
+from typer.models import OptionInfo
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR
-from tests.desk.cli.conftest import Command
+from observer_rt.desk.cli.app import app
+from observer_rt.desk.cli.options import Standing, Writes
+from tests.desk.cli.conftest import Command, module
+from tests.pages import Page
 
+# how each output is asked for; {out}: the file without its suffix, or the folder; {worn}: a recording
+ASKED = {
+    ("demo", "--figure"): "demo --figure {out}.png",
+    ("demo", "--out"): "demo --missing-effect --out {out}",
+    ("run", "--state"): "run --bench bench.toml --state {out}",
+    ("run", "--journal"): "run --bench bench.toml --journal {out}",
+    ("run", "--log"): "run --bench bench.toml --log {out}",
+    ("monitor", "--out"): "monitor --out {out}",
+    ("take-over", "--bench"): "take-over {out}.toml --bench bench.toml",
+    ("record", "--out"): "record --interface virtual --out {out}.log",
+    ("simulate", "--output"): "simulate --injections 1 --output {out}.csv",
+    ("evaluate", "--output"): "evaluate {worn} --output {out}.csv",
+    ("evaluate", "--plot"): "evaluate {worn} --plot {out}.png",
+    ("evaluate", "--save-state"): "evaluate {worn} --save-state {out}",
+    ("convert", "OUT"): "convert {worn} {out}.parquet",
+    ("fit", "--output"): "fit {worn} --model model.toml --output {out}.toml",
+    ("fit", "--plot"): "fit {worn} --model model.toml --output fitted.toml --plot {out}.png",
+    ("project", "DIR"): "project new {out}",
+    ("reproduce", "--out"): "reproduce --out {out}",
+    ("discover", "--out"): "discover {worn} --out {out}",
+    ("batch", "--out"): "batch {worn} --out {out}",
+    ("trend", "--out"): "trend {here} --out {out}.html",
+    ("trend", "--plot"): "trend {here} --out trend.html --plot {out}.svg",
+}
+# parameters that name what is read; a new one that names a file must be among them, or declare what is written
+READ = {
+    "amended",
+    "bench",
+    "effects",
+    "file",
+    "from_evidence",
+    "healthy",
+    "log",
+    "mass",
+    "model",
+    "recording",
+}
+READ |= {"recordings", "results_of", "runs", "state"}
 SAMPLES = b"time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n0,100,0,100\n"
-STATE = b'{\n "version": 4,\n "sha256": "ab"\n}\n'
-PICTURE = b"\x89PNG\r\n\x1a\n"
-# the command, which of its outputs is there, as what, and what is said of that; {worn}: a recording
-OTHERS = [
-    ("run --bench bench.toml --state other", EXAMPLE_BENCH.read_bytes(), "a bench file, not a learned state"),
-    ("run --bench bench.toml --state other", SAMPLES, "a table of samples, not a learned state"),
-    ("run --bench bench.toml --state other", b"mine", "something else, not a learned state"),
-    ("run --bench bench.toml --journal other", STATE, "a learned state, not a journal"),
-    ("run --bench bench.toml --log other", SAMPLES, "a table of samples, not a log of `observer-rt run`"),
-    ("check --bench bench.toml --state other", SAMPLES, ""),
-    ("demo --figure other.png", SAMPLES, "a table of samples, not a PNG figure"),
-    ("simulate --output other.csv --force", PICTURE, "a PNG figure, not a table of samples"),
-    ("simulate --output other.mf4 --force", SAMPLES, "not an MDF file"),
-    ("evaluate {worn} --output other.csv --force", b"name,kind\n", "something else, not a table of samples"),
-    ("evaluate {worn} --plot other.pdf --force", SAMPLES, "not a PDF figure"),
-    ("evaluate {worn} --save-state other --force", SAMPLES, "a table of samples, not a learned state"),
-    ("evaluate {worn} --save-state other.csv --force", SAMPLES, "a table of samples, not a learned state"),
-    ("convert {worn} other.log --bench bench.toml --force", b"mine\n", "something else, not a log of candump"),
-    ("convert {worn} other.blf --bench bench.toml --force", SAMPLES, "not a log of Vector, binary"),
-    ("convert {worn} other.parquet --force", SAMPLES, "not a Parquet file"),
-    ("record --interface virtual --out other.blf --force", SAMPLES, "not a log of Vector, binary"),
-    ("record --interface virtual --out other.log --force", b"2 notes\n", "not a log of candump"),
-    ("fit {worn} --model model.toml --output other.toml --force", EXAMPLE_BENCH.read_bytes(),
-        "a bench file, not an injector file"),
-    ("fit {worn} --model model.toml --output x.toml --plot other.png --force", SAMPLES, "not a PNG figure"),
-    ("trend {here} --out other.html", SAMPLES, "a table of samples, not a page"),
-    ("trend {here} --plot other.svg", SAMPLES, "a table of samples, not an SVG figure"),
-]  # fmt: skip
-# the same of names in a folder that the command fills
-IN_FOLDERS = [
-    ("record --interface virtual --out o.log --rotate-size 1 --force", "o_0001.log", "not a log of candump"),
-    ("simulate --output o.csv --force", "o.csv.truth.csv", "something else, not a table of samples"),
-    ("reproduce --out {here}", "figure_4.png", "not a PNG figure"),
-    ("reproduce --out {here}", "report.md", "not a table or report of `reproduce`"),
-    ("discover {worn} --out {here} --force", "findings.json", "not the findings of `discover`"),
-    ("discover {worn} --out {here} --force", "amended.toml", "not an injector file"),
-    ("discover {worn} --out {here} --force", "report.html", "not a page"),
-    ("discover {worn} --out {here} --force", "fits.jsonl", "not the fits of `discover`"),
-    ("batch {worn} --out {here}", "errors.parquet", "holds errors.parquet, of no batch"),
-    ("batch {worn} --out {here}", "done.jsonl", "holds done.jsonl, of no batch"),
-    ("run --bench bench.toml --state learned", "learned.lock", "something else than the id of a process"),
+SAME_KIND = {
+    ".png": b"\x89PNG\r\n\x1a\n",
+    ".svg": b"<svg>",
+    ".csv": SAMPLES,
+    ".log": b"(100.000000) can0 123#AA\n",
+    ".parquet": b"PAR1",
+    ".toml": NOMINAL_INJECTOR.read_bytes(),
+    ".html": b"<!DOCTYPE html>",
+    "": b'{\n "version": 4,\n "sha256": "ab"\n}\n',
+}
+STRANGERS = ("observer.log", "bench.toml", "learned.json", "evidence/mine.parquet", "notes.txt")
+
+
+def declared() -> dict[tuple[str, str], Writes]:
+    """What commands say that they write, by command and option; `export` is not among them."""
+    found = {}
+    for command in app.registered_commands:
+        for name, hint in get_type_hints(command.callback, include_extras=True).items():
+            of_hint: tuple[Any, ...] = getattr(hint, "__metadata__", ())
+            for writes in (one for one in of_hint if isinstance(one, Writes)):
+                info = of_hint[0]
+                option = info.default if isinstance(info, OptionInfo) else info.metavar
+                found[command.name or "", str(option)] = writes
+            if "Path" in str(hint) and not any(isinstance(one, Writes) for one in of_hint):
+                assert name in READ or command.name == "export", f"{command.name}: is {name} read or written?"
+    return found
+
+
+DECLARED = declared()
+HAVE_FORCE = {
+    command.name for command in app.registered_commands if "force" in get_type_hints(command.callback)
+}
+FILES = [key for key, writes in DECLARED.items() if writes.standing in (Standing.FILE, Standing.OWN)]
+FOLDERS = [
+    key
+    for key, writes in DECLARED.items()
+    if writes.standing in (Standing.NAMES, Standing.ANSWER, Standing.MARKED)
 ]
+
+
+def contents(folder: Path) -> Mapping[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and not path.name.endswith(".lock")
+    }
 
 
 @pytest.fixture
@@ -61,30 +114,168 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize(("line", "content", "said"), OTHERS)
-def test_another_kind_of_file_is_refused(
-    command: Command, folder: Path, worn: Path, line: str, content: bytes, said: str
-) -> None:
-    (other,) = (Path(word) for word in line.split() if word.startswith("other"))
-    other.write_bytes(content)
-    outcome = command(*(word.format(worn=worn, here=folder) for word in line.split()))
-    assert outcome.code == (1 if line.startswith("check") else 2)
-    assert f"other{other.suffix}" in outcome.err + outcome.out
-    assert said in outcome.err
-    assert "move this one away" in " ".join((outcome.err + outcome.out).split())
-    assert other.read_bytes() == content
-    assert not list(folder.glob("*set-aside*"))
+def words(key: tuple[str, str], worn: Path, out: str = "out") -> list[str]:
+    return [word.format(worn=worn, here=Path.cwd(), out=out) for word in ASKED[key].split()]
 
 
-@pytest.mark.parametrize(("line", "name", "said"), IN_FOLDERS)
-def test_nothing_in_a_folder_is_replaced_that_is_of_another_kind(
-    command: Command, folder: Path, worn: Path, line: str, name: str, said: str
+def file_of(key: tuple[str, str]) -> Path:
+    (named,) = re.findall(r"\{out\}(\S*)", ASKED[key])
+    return Path(f"out{named}")
+
+
+def test_every_output_is_declared_and_tried() -> None:
+    assert set(ASKED) == set(DECLARED)
+
+
+@pytest.mark.parametrize("key", FILES, ids=" ".join)
+def test_a_file_of_somebody_else_is_refused_by_its_name(
+    command: Command, folder: Path, worn: Path, key: tuple[str, str]
 ) -> None:
-    Path(name).write_bytes(b"mine\n")
-    said_instead = command.refused(*(word.format(worn=worn, here=folder) for word in line.split()))
-    assert name in said_instead
-    assert said in said_instead
-    assert Path(name).read_bytes() == b"mine\n"
+    out, writes = file_of(key), DECLARED[key]
+    beside = [Path(name.replace("*", str(out))) for name in writes.names if not name.endswith(".lock")]
+    consents = [[]] if writes.standing is Standing.OWN else [[], ["--force"]]
+    for path in (out, *beside):
+        for content in (b"mine\n", EXAMPLE_BENCH.read_bytes()):
+            path.write_bytes(content)
+            before = contents(folder)
+            for consent in consents:
+                said = command.refused(*words(key, worn), *consent)
+                assert str(path) in said
+                assert "stays as it is" in " ".join(said.split())
+                assert contents(folder) == before
+        path.unlink()
+    if writes.standing is Standing.FILE:
+        out.write_bytes(SAME_KIND[out.suffix])
+        before = contents(folder)
+        said = command.refused(*words(key, worn))
+        assert f"{out}: exists already" in said
+        assert "add --force" in said
+        assert contents(folder) == before
+
+
+@pytest.mark.parametrize("key", FOLDERS, ids=" ".join)
+def test_a_folder_of_somebody_else_is_left_alone(
+    command: Command, folder: Path, worn: Path, key: tuple[str, str]
+) -> None:
+    for name in DECLARED[key].names:
+        for content in (b"mine\n", SAME_KIND.get(Path(name).suffix, b"[1]")):
+            place = folder / str(len(list(folder.iterdir())))
+            for stranger in (*STRANGERS, name):
+                (place / stranger).parent.mkdir(parents=True, exist_ok=True)
+                (place / stranger).write_bytes(content)
+            asked = words(key, worn, str(place))
+            if "/" in name:  # of a project that is there
+                (place / "project.toml").write_text(
+                    'model = "../model.toml"\nrecordings = ["../bench.toml"]\n'
+                )
+                asked[1] = "report"
+            before = contents(folder)
+            for consent in ([], ["--force"]) if key[0] in HAVE_FORCE else ([],):
+                if consent and DECLARED[key].standing is Standing.NAMES and content != b"mine\n":
+                    continue  # which replaces it
+                said = command.refused(*asked, *consent)
+                assert str(place) in said
+                assert name.partition("/")[0] in said
+                assert contents(folder) == before
+
+
+def test_a_demonstration_takes_an_empty_folder_only(command: Command, folder: Path) -> None:
+    for name in STRANGERS:
+        place = folder / f"of_{Path(name).stem}"
+        (place / name).parent.mkdir(parents=True)
+        (place / name).write_bytes(b"mine\n")
+        before = contents(folder)
+        for consent in ([], ["--force"]):
+            said = command.refused("demo", "--missing-effect", "--out", place, "--figure", "x.png", *consent)
+            assert f"{place}: is not empty" in said
+            assert contents(folder) == before
+
+
+WRITTEN = [
+    *(("simulate", "--output"), ("convert", "OUT"), ("evaluate", "--output")),
+    *(("evaluate", "--plot"), ("evaluate", "--save-state")),
+]
+
+
+@pytest.mark.parametrize("key", WRITTEN, ids=" ".join)
+def test_with_force_only_its_own_names_are_replaced(
+    command: Command, folder: Path, worn: Path, key: tuple[str, str]
+) -> None:
+    out = file_of(key)
+    own = {str(out), *(name.replace("*", str(out)) for name in DECLARED[key].names)}
+    for name in (*STRANGERS[2:], f".{out.stem}.part{out.suffix}", f"{out}.new", f"{out}.part"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(b"mine\n")
+    out.write_bytes(SAME_KIND[out.suffix])
+    before = contents(folder)
+    command.done(*words(key, worn), "--force")
+    after = contents(folder)
+    assert {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)} == own
+
+
+@contextmanager
+def full_disk(most: int) -> Iterator[None]:
+    """As if no file could grow beyond so many bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize(
+    ("line", "old"),
+    [
+        ("simulate --injections 1 --output out.csv", SAMPLES),
+        ("evaluate {worn} --output out.csv", SAMPLES),
+        ("evaluate {worn} --save-state out", SAME_KIND[""]),
+        ("convert {worn} out.parquet", b"PAR1"),
+        ("convert {worn} out.mf4", b"MDF     4.10"),
+        ("convert {log} out.blf", b"LOGG"),
+        ("convert {log} out.trc", b";$FILEVERSION=2.0"),
+    ],
+)
+def test_a_full_disk_leaves_the_old_file_whole(
+    command: Command, folder: Path, worn: Path, line: str, old: bytes
+) -> None:
+    out = Path(next(word for word in line.split() if word.startswith("out")))
+    out.write_bytes(old)
+    Path("a.log").write_text("".join(f"({100 + k / 1000:.6f}) can0 123#{k:016X}\n" for k in range(20_000)))
+    before = contents(folder)
+    with full_disk(1000):
+        outcome = command(*(word.format(worn=worn, log="a.log") for word in line.split()), "--force")
+    assert outcome.code == 1, outcome.err
+    assert f"error: {out}: " in outcome.err
+    assert "File too large" in outcome.err
+    assert contents(folder) == before
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
+def test_an_end_in_the_midst_of_writing_leaves_the_old_file_whole(
+    folder: Path, number: signal.Signals, code: int
+) -> None:
+    out = Path("out.csv")
+    out.write_bytes(SAMPLES)
+    process = module("simulate", "--injections", 400, "--noise", "off", "--output", out, "--force")
+    while not any(part.stat().st_size for part in folder.glob(".out.*.part.csv")):
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.002)
+    process.send_signal(number)
+    process.communicate()
+    assert process.returncode == code
+    assert out.read_bytes() == SAMPLES
+    assert number is signal.SIGKILL or not list(folder.glob(".out*"))
+
+
+def test_the_page_of_commands_says_what_is_written() -> None:
+    rows = [
+        f"| `{command} {option}` | {', '.join((writes.what, *(f'`{name}`' for name in writes.names)))} "
+        f"| {writes.standing.replaces} | {writes.standing.refuses} |"
+        for (command, option), writes in DECLARED.items()
+    ]
+    section = Page("docs/commands.md").text.partition("## What commands write\n")[2].partition("\n## ")[0]
+    assert [line for line in section.splitlines() if line.startswith("| `")] == rows
 
 
 def test_what_holds_nothing_is_in_nobodys_way(command: Command, folder: Path, worn: Path) -> None:
@@ -93,3 +284,10 @@ def test_what_holds_nothing_is_in_nobodys_way(command: Command, folder: Path, wo
         path.write_bytes(content)
         command.done("evaluate", worn, "--save-state", path, "--force")
         assert b'"sha256"' in path.read_bytes()
+
+
+def test_a_lock_of_somebody_else_is_left_alone(command: Command, folder: Path) -> None:
+    Path("learned.lock").write_bytes(b"mine\n")
+    said = command.refused("run", "--bench", "bench.toml", "--state", "learned")
+    assert "something else than the id of a process" in said
+    assert Path("learned.lock").read_bytes() == b"mine\n"

@@ -181,7 +181,6 @@ def test_nothing_is_overwritten_without_force(
         assert Path(path).read_bytes() == b""
         command.done(*line.split(), "--force")
         assert Path(path).read_bytes() != b""
-    command.done("evaluate", worn, "--state", "mine.json", "--save-state", "mine.json")
     Path("mine.blf").touch()
     assert "exists already" in command.refused("record", "--out", "mine.blf", "--interface", "virtual")
 

@@ -127,3 +127,12 @@ def test_what_is_not_known_is_null_and_not_a_number_no_json_has(tmp_path: Path, 
     header, *rows = path.read_text().splitlines()
     assert header.startswith("time_s,rail_pressure_MPa,needle_lift_mm,")
     assert rows == ["1e-05,0.01,1e-05,0.01,0.01,0.01,0.01,0.01,0.01"] * line.size  # not 9.99999978e-06
+
+
+def test_saving_takes_a_name_that_is_free(tmp_path: Path) -> None:
+    summary = SummaryValues._make([math.nan] * len(SummaryValues._fields))._replace(injection_number=7)
+    (tmp_path / "injection_7.csv").write_text("mine")
+    (tmp_path / "injection_7_2.json").write_text("mine")
+    saved = [save_injection(SeenInjection(summary, 5, None), tmp_path, "").name for _ in range(2)]
+    assert saved == ["injection_7_3.csv", "injection_7_4.csv"]
+    assert (tmp_path / "injection_7.csv").read_text() == "mine"

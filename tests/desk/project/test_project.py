@@ -107,3 +107,10 @@ def test_report_does_all_and_again_only_what_changed(tmp_path: Path) -> None:
     said = made(tmp_path, "evaluate")
     assert "up to date" in said[0]
     assert "up to date" not in said[1]
+
+
+def test_files_of_somebody_else_are_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "injector.toml").write_text("mine")
+    with pytest.raises(ort.UserError, match=r"injector\.toml: is there already"):
+        Project.new(tmp_path, None)
+    assert [path.name for path in tmp_path.iterdir()] == ["injector.toml"]

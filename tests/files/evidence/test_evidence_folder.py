@@ -75,8 +75,16 @@ def test_an_event_comes_back_to_the_bit_and_reads_as_a_recording(tmp_path: Path)
     assert open_recording(tmp_path / "one.parquet").grid_samples == SAMPLES
 
 
+def test_files_of_somebody_else_stay_in_a_folder_that_is_full(tmp_path: Path) -> None:
+    names = (".mine.parquet", "refused_100MPa_1200us_mine.parquet", "fleet_2026.parquet")
+    for name in names:
+        (tmp_path / name).write_bytes(b"PAR1" + bytes(2 << 20))
+    fill(tmp_path, [event(EvidenceKind.REFUSED, number) for number in range(1, 6)], most_mib=1.0)
+    assert [name for name in names if not (tmp_path / name).exists()] == []
+
+
 def test_what_a_killed_writer_left_is_gone_and_what_is_damaged_is_refused(tmp_path: Path) -> None:
-    left = tmp_path / ".refused_100MPa_1200us_x.parquet"
+    left = tmp_path / ".refused_100MPa_1200us_20260501T000000000000.0123abcd.part.parquet"
     left.write_bytes(b"PAR1")
     fill(tmp_path, [event(EvidenceKind.REFUSED, 1)])
     assert not left.exists()

@@ -16,8 +16,8 @@ from observer_rt.desk.live_page.samples import SeenInjection
 from observer_rt.desk.live_page.watching import Watching
 from observer_rt.engine.reports.injection_report import known
 from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.file_kinds import SAVED_INJECTION, refuse_other_kind
 from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing, write_text
 
 _AHEAD = 2  # messages: one is on its way while the last one is drawn
 # what nobody follows injection by injection: rates and masses come with every one, and must not wait for much else
@@ -210,22 +210,24 @@ def packed(said: Mapping[str, Any], columns: Mapping[str, Columns]) -> bytes:
 
 
 def save_injection(seen: SeenInjection, folder: Path, name: str) -> Path:
-    """Write `injection_[NAME_]NUMBER.csv`, and `.json` beside it. Returns the table's path.
+    """Write `injection_[NAME_]NUMBER[_AGAIN].csv`, a new file, and `.json` beside it. Returns the table's path.
 
     name: of the injector, empty for the only one. Raises `ObserverError` when they cannot be written.
     """
-    number = f"{seen.summary.injection_number:.0f}"
-    path = folder / f"injection_{f'{name}_' if name else ''}{number}.csv"
+    stem = f"injection_{f'{name}_' if name else ''}{seen.summary.injection_number:.0f}"
+    path, again = folder / f"{stem}.csv", 1
+    while path.exists() or path.with_suffix(".json").exists():  # numbers begin anew with each daemon
+        again += 1
+        path = folder / f"{stem}_{again}.csv"
     said = seen.summary._asdict() | {"nominal_mass": seen.nominal_mass}
     document = {key: known(value) for key, value in said.items()} | {"moment_ns": seen.moment}
     columns = np.empty((0, _HEADER.count(",") + 1))
     if seen.curves is not None:
         columns = np.column_stack(seen.curves).astype(np.float64)
         columns[:, [0, 2]] *= 1e-3  # ms, um
-    refuse_other_kind("Save", path)
-    refuse_other_kind("Save", path.with_suffix(".json"), SAVED_INJECTION)
     with file_errors(path):
         folder.mkdir(parents=True, exist_ok=True)
-        np.savetxt(path, columns, "%.7g", ",", header=_HEADER, comments="")
-        path.with_suffix(".json").write_text(json.dumps(document, indent=2, allow_nan=False))
+        with replacing(path) as part:
+            np.savetxt(part, columns, "%.7g", ",", header=_HEADER, comments="")
+    write_text(path.with_suffix(".json"), json.dumps(document, indent=2, allow_nan=False))
     return path

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from observer_rt.foundation.outputs import replacing, write_text
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import PHASE_NAMES
@@ -40,7 +41,7 @@ def write_data(folder: Path, findings: Findings) -> None:
         (_INJECTIONS_FIGURE, overlay_figure(findings.overlays, label)),
         (_GAPS_FIGURE, held_out_figure(findings)),
     ):
-        (folder / name).write_text(_XML + svg, encoding="utf-8")
+        write_text(folder / name, _XML + svg)
 
 
 def remove_data(folder: Path) -> None:
@@ -54,7 +55,7 @@ def remove_data(folder: Path) -> None:
 
 
 def _write(path: Path, rows: Iterable[Row]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([_text(value) for value in row] for row in rows)
 
 

@@ -10,11 +10,12 @@ from itertools import product
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.foundation.outputs import replacing
 from observer_rt.foundation.source import source_digest
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing, minimum_from
 from observer_rt.identification.discovery.search.results import Candidate
@@ -296,10 +297,10 @@ class FitStore:
         self._fits = _read(path, key)
         self.taken_over = len(self._fits)
         """Fits there were already."""
-        self._file = path.open("w", encoding="ascii")
-        self._write({"format": FORMAT, "key": key})
-        for ids, (theta, statistic) in self._fits.items():
-            self._write_fit(ids, theta, statistic)
+        header = json.dumps({"format": FORMAT, "key": key}) + "\n"
+        with replacing(path) as part:
+            part.write_text(header + "".join(_line(ids, *fit) for ids, fit in self._fits.items()), "ascii")
+        self._file = path.open("a", encoding="ascii")
 
     def __enter__(self) -> "FitStore":
         return self
@@ -320,14 +321,12 @@ class FitStore:
         """Keep a fit, at once on disk."""
         with self._lock:
             self._fits[ids] = theta, statistic
-            self._write_fit(ids, theta, statistic)
+            self._file.write(_line(ids, theta, statistic))
+            self._file.flush()
 
-    def _write_fit(self, ids: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
-        self._write({"ids": ids, "theta": theta.tolist(), "statistic": statistic})
 
-    def _write(self, content: dict[str, Any]) -> None:
-        self._file.write(json.dumps(content) + "\n")
-        self._file.flush()
+def _line(ids: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> str:
+    return json.dumps({"ids": ids, "theta": theta.tolist(), "statistic": statistic}) + "\n"
 
 
 def _read(path: Path, key: str) -> dict[tuple[str, ...], tuple[NDArray[np.float64], float]]:

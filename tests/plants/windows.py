@@ -32,10 +32,14 @@ class Windows:
         areas = np.array([np.trapezoid(rate[r]) for r in self.ranges], np.float64)
         return np.asarray(areas * self.interval * density, np.float64)
 
+    def opening_masses_mg(self, rate: Array, density: float) -> tuple[float, ...]:
+        """Mass of every opening [mg]."""
+        return tuple((self.masses(rate, density) / MILLIGRAM).tolist())
+
     def event_masses_mg(self, rate: Array, density: float) -> tuple[float, ...]:
         """Mass of every event [mg], its openings summed."""
-        masses = self.masses(rate, density) / MILLIGRAM
-        return tuple(float(sum(masses[i] for i in openings)) for openings in self.of_event)
+        masses = self.opening_masses_mg(rate, density)
+        return tuple(sum(masses[i] for i in openings) for openings in self.of_event)
 
     def mean_squares(self, error: Array) -> tuple[float, ...]:
         """Mean square of an error over every event's union of windows."""

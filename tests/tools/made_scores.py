@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, EstimatorScore
+from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, EstimatorScore, Injection
 
 
 def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> CaseScore:
-    """20 events of 50 mg, scored right unless told otherwise."""
+    """20 events of one injection of 50 mg, scored right unless told otherwise, valid from the third on."""
     true = np.full(20, 50.0)
+    valid = changes.setdefault("valid", (False, False, *(True,) * 18))
+    assert isinstance(valid, tuple)
     made = CaseScore(
         class_name="orifice_area",
         master_seed=1,
@@ -19,12 +21,14 @@ def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> 
         nozzle_wear=0.3,
         varying=False,
         true_mass_mg=tuple(true),
+        true_opening_mass_mg=tuple(true),
+        injections=tuple(Injection(event, (event,), each) for event, each in enumerate(valid)),
         window_samples=(200,) * 20,
         estimators=(
-            EstimatorScore(OBSERVER, tuple(true * mass_factor), (0.01,) * 20, (1e-6,) * 20),
-            EstimatorScore(NOMINAL, tuple(true * 0.8), (100.0,) * 20, (1e-4,) * 20),
+            estimator(OBSERVER, true * mass_factor, 0.01, 1e-6),
+            estimator(NOMINAL, true * 0.8, 100.0, 1e-4),
         ),
-        valid=(False, False, *(True,) * 18),
+        valid=valid,
         reasons=("",) * 20,
         mass_ci95_mg=((49.0, 51.0),) * 20,
         training_ms=(5.0,) * 20,
@@ -34,7 +38,15 @@ def score(mass_factor: NDArray[np.float64] | float = 1.0, **changes: object) -> 
     return replace(made, **changes)  # type: ignore[arg-type]
 
 
-UKF_SCORE = EstimatorScore(UKF, (50.05,) * 20, (0.01,) * 20)
+def estimator(
+    name: str, masses: NDArray[np.float64], rate_square_error: float, *x3_square_error: float
+) -> EstimatorScore:
+    """An estimator's masses of 20 events [mg], and its errors, the same at every event."""
+    each = tuple(masses.tolist())
+    return EstimatorScore(name, each, each, (rate_square_error,) * 20, x3_square_error * 20)
+
+
+UKF_SCORE = estimator(UKF, np.full(20, 50.05), 0.01)
 
 
 def factors(**at: float) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from tools.benchmarks.discovery.asking import Answered, Asking
 from tools.benchmarks.discovery.cases import GIVEN, HiddenCase, HidingPlan, make_case, without_noise
 from tools.benchmarks.discovery.figures import save_figures
 from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
-from tools.benchmarks.discovery.result import CaseResult, Gap, Interval, Visibility
+from tools.benchmarks.discovery.result import CaseResult, Gap, Grade, Interval, Visibility
 from tools.benchmarks.discovery.run import run_discovery, shown
 from tools.benchmarks.discovery.scoring import injector_of, open_loop, score_answered
 from tools.benchmarks.discovery.tables import json_document, misses
@@ -72,24 +72,27 @@ def test_above_noise_is_seen_relevant_and_beyond_the_dead_zone(visibility: Visib
 
 
 @pytest.mark.parametrize(
-    ("result", "right"),
+    ("result", "grade"),
     [
-        (RIGHT, True),
-        (WRONG, False),
-        (replace(RIGHT, claims=(*RIGHT.claims, *WRONG.claims)), False),
-        (replace(RIGHT, verdict="unknown", claims=()), False),
-        (replace(RIGHT, effect="line_volume", claims=(("bulk_modulus", 0.9),)), True),
-        (AMBIGUOUS, True),
-        (replace(AMBIGUOUS, rivalry=(("lift_gain", 16.5),)), False),
-        (replace(AMBIGUOUS, rivalry=(("lift_gain", -16.5),)), False),
-        (replace(AMBIGUOUS, effect="channel_skew", rivalry=()), False),
-        (HEALTHY_RIGHT, True),
-        (replace(HEALTHY_RIGHT, verdict="ambiguous"), False),
-        (replace(HEALTHY_RIGHT, verdict="named", claims=(("seat_area", 0.5),)), False),
+        (RIGHT, Grade.RIGHT),
+        (WRONG, Grade.WRONG),
+        (replace(RIGHT, claims=(*RIGHT.claims, *WRONG.claims)), Grade.WRONG),
+        (replace(RIGHT, verdict="unknown", claims=()), Grade.WRONG),
+        (replace(RIGHT, effect="line_volume", claims=(("bulk_modulus", 0.9),)), Grade.RIGHT),
+        (AMBIGUOUS, Grade.AMBIGUOUS),
+        (replace(RIGHT, visibility=replace(VISIBLE, gain=49.0)), Grade.NOT_LOOKED_FOR),
+        (replace(WRONG, visibility=replace(VISIBLE, gain=49.0)), Grade.NOT_LOOKED_FOR),
+        (replace(AMBIGUOUS, rivalry=(("lift_gain", 16.5),)), Grade.WRONG),
+        (replace(AMBIGUOUS, rivalry=(("lift_gain", -16.5),)), Grade.WRONG),
+        (replace(AMBIGUOUS, effect="channel_skew", rivalry=()), Grade.WRONG),
+        (HEALTHY_RIGHT, Grade.RIGHT),
+        (replace(HEALTHY_RIGHT, verdict="ambiguous"), Grade.WRONG),
+        (replace(HEALTHY_RIGHT, verdict="named", claims=(("seat_area", 0.5),)), Grade.WRONG),
     ],
 )
-def test_right_answers(result: CaseResult, right: bool) -> None:
-    assert result.right is right
+def test_answers_are_graded(result: CaseResult, grade: Grade) -> None:
+    assert result.grade is grade
+    assert result.right is (grade in (Grade.RIGHT, Grade.AMBIGUOUS)) or grade is Grade.NOT_LOOKED_FOR
 
 
 def test_detection_limit_parts_found_from_not_found() -> None:
@@ -131,7 +134,7 @@ def test_missed_bars_are_said() -> None:
     false_alarm = replace(HEALTHY_RIGHT, verdict="named", claims=(("seat_area", 0.99),))
     lines = summary.violations([late] * 30 + [WRONG] * 10 + [HEALTHY_RIGHT] * 9 + [false_alarm])
     assert [line.split(":")[0] for line in lines] == [
-        "named right",
+        "right or rightly ambiguous",
         "healthy, named anything",
         "seat_area",
         "calibration error of the confidence",
@@ -150,7 +153,7 @@ def test_json_has_the_agreed_figures_and_tells_what_was_missed(tmp_path: Path) -
         "pairs_right_share", "tier_b_right_share", "gap_vs_oracle_median", "confidence_calibration_error",
         "seconds_max",
     } <= set(figures)  # fmt: skip
-    assert figures["named_right_share"] == pytest.approx(2 / 3)
+    assert figures["named_right_share"] == pytest.approx(1 / 3)
     assert figures["ambiguous_share"] == pytest.approx(1 / 3)
     assert figures["false_alarm_share"] == 0.0
     assert figures["seconds_max"] == 3.0

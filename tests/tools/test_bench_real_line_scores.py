@@ -16,7 +16,7 @@ from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.fitting import record_only
 from tools.benchmarks.discovery.real_line.result import RealGap, RealResult
 from tools.benchmarks.discovery.real_line.tables import json_document, misses
-from tools.benchmarks.discovery.result import Interval
+from tools.benchmarks.discovery.result import Grade, Interval
 from tools.benchmarks.discovery.run import real_shown, run_real_lines
 from tools.benchmarks.discovery.scoring import score_real
 from tools.benchmarks.wave_recordings import maker_file
@@ -54,30 +54,31 @@ OUTSIDE = replace(NOTHING, kind=Kind.OUTSIDE, parts=(("lift_leakage", (1e-13,)),
 
 
 @pytest.mark.parametrize(
-    ("result", "right"),
+    ("result", "grade"),
     [
-        (SINGLE, True),
-        (WRONG, False),
-        (NOTHING, False),
-        (replace(SINGLE, claims=(*SINGLE.claims, ("line_friction", 0.5))), False),
-        (LEFT_OPEN, True),
-        (replace(LEFT_OPEN, listed=("seat_area", "line_friction")), False),
-        (replace(LEFT_OPEN, listed=("lift_gain", "lift_offset")), False),
-        (HEALTHY, True),
-        (replace(HEALTHY, verdict="ambiguous", listed=("seat_area",)), False),
-        (PAIR, True),
-        (replace(PAIR, claims=PAIR.claims[1:]), False),
-        (replace(PAIR, claims=(("line_volume", 0.9), ("bulk_modulus", 0.9))), False),
-        (replace(PAIR, verdict="ambiguous", listed=("line_volume", "seat_area", "guide_leakage")), True),
-        (replace(PAIR, verdict="ambiguous", listed=("line_volume", "seat_area")), False),
-        (OUTSIDE, True),
-        (replace(OUTSIDE, verdict="ambiguous", listed=("seat_area",)), False),
-        (replace(OUTSIDE, verdict="none"), False),
-        (replace(OUTSIDE, verdict="named", claims=(("guide_leakage", 0.5),)), False),
+        (SINGLE, Grade.RIGHT),
+        (WRONG, Grade.WRONG),
+        (NOTHING, Grade.WRONG),
+        (replace(SINGLE, claims=(*SINGLE.claims, ("line_friction", 0.5))), Grade.WRONG),
+        (LEFT_OPEN, Grade.AMBIGUOUS),
+        (replace(LEFT_OPEN, listed=("seat_area", "line_friction")), Grade.WRONG),
+        (replace(LEFT_OPEN, listed=("lift_gain", "lift_offset")), Grade.WRONG),
+        (replace(SINGLE, parts=(("seat_area", (0.059,)),)), Grade.NOT_LOOKED_FOR),
+        (HEALTHY, Grade.RIGHT),
+        (replace(HEALTHY, verdict="ambiguous", listed=("seat_area",)), Grade.WRONG),
+        (PAIR, Grade.RIGHT),
+        (replace(PAIR, claims=PAIR.claims[1:]), Grade.WRONG),
+        (replace(PAIR, claims=(("line_volume", 0.9), ("bulk_modulus", 0.9))), Grade.WRONG),
+        (replace(PAIR, verdict="ambiguous", listed=("line_volume", "seat_area", "guide_leakage")), Grade.AMBIGUOUS),
+        (replace(PAIR, verdict="ambiguous", listed=("line_volume", "seat_area")), Grade.WRONG),
+        (OUTSIDE, Grade.RIGHT),
+        (replace(OUTSIDE, verdict="ambiguous", listed=("seat_area",)), Grade.WRONG),
+        (replace(OUTSIDE, verdict="none"), Grade.WRONG),
+        (replace(OUTSIDE, verdict="named", claims=(("guide_leakage", 0.5),)), Grade.WRONG),
     ],
 )
-def test_right_answers(result: RealResult, right: bool) -> None:
-    assert result.right is right
+def test_answers_are_graded(result: RealResult, grade: Grade) -> None:
+    assert result.grade is grade
 
 
 def test_three_times_the_smallest_visible_must_be_named() -> None:
@@ -125,8 +126,8 @@ def test_missed_bars_are_said() -> None:
     said = summary.violations(good + bad, 1)
     assert [line.split(":")[0] for line in said] == [
         "healthy, answered none",
-        "singles, right",
-        "pairs, right",
+        "singles, right or ambiguous",
+        "pairs, right or ambiguous",
         "outside the vocabulary, answered unknown",
         "healthy, something named with confidence 0.9",
         "gap larger after than before",
@@ -146,6 +147,7 @@ def test_json_has_the_agreed_figures_and_tells_what_was_missed() -> None:
     } <= set(figures)  # fmt: skip
     assert figures["named_right_share"] == pytest.approx(0.5)
     assert (figures["false_alarm_share"], figures["exceptions"], figures["wrong_and_sure"]) == (0.0, 1, 1)
+    assert document["details"]["grades"] == {"right": 2, "ambiguous": 0, "wrong": 1, "not looked for": 0}
     assert figures["smallest_visible"]["guide_leakage"] == "1e-15 m3/(s Pa)"
     (miss,) = misses(results)
     assert miss.startswith(

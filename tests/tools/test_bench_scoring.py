@@ -1,5 +1,6 @@
 """The definitions of the accuracy figures, on recordings made by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,10 @@ import pytest
 
 from tests.plants.plant import Measured, Outcome, Truth
 from tests.plants.windows import Windows, windows_of
-from tests.tools.made_scores import factors, score
+from tests.tools.made_scores import estimator, factors, score
 from tools.benchmarks.bars import recovered, useful_at_third
 from tools.benchmarks.campaign import Store
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, covered_samples
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, Injection, covered_samples
 
 RATE = 100e3
 DENSITY = 830.0
@@ -65,18 +66,39 @@ def test_rate_errors_count_every_sample_of_the_union_once(two_events: tuple[Outc
     assert squares[1] == 0.0
 
 
-def test_mass_error_is_that_of_events_11_to_20_together() -> None:
-    assert score(factors(event_10=2.0)).mass_error_pct() == pytest.approx(0.0)
-    assert score(factors(event_11=1.1)).mass_error_pct() == pytest.approx(1.0)
-    assert score(factors(event_11=1.1, event_20=0.9)).mass_error_pct() == pytest.approx(0.0)
-    assert score().mass_error_pct(NOMINAL) == pytest.approx(-20.0)
+def test_errors_are_of_single_valid_injections_from_the_fifth_event_on() -> None:
+    made = score(factors(event_4=2.0, event_5=1.1, event_20=0.9, event_7=3.0))
+    made = replace(made, injections=tuple(replace(i, valid=i.event != 6) for i in made.injections))
+    errors = made.errors_pct()
+    assert errors.size == 15
+    assert (errors.min(), errors.max()) == (pytest.approx(-10.0), pytest.approx(10.0))
+    assert made.largest_error_pct() == pytest.approx(10.0)
+    assert made.sum_error_pct() == pytest.approx(0.0)
+    assert made.largest_error_pct(NOMINAL) == pytest.approx(20.0)
+    assert score(valid=(False,) * 20).errors_pct().size == 0
+    assert score(valid=(False,) * 20).sum_error_pct() is None
+
+
+def test_openings_of_an_event_do_not_cancel_unless_the_observer_reports_them_as_one() -> None:
+    made = score()
+    apart = replace(
+        made,
+        true_opening_mass_mg=(*(50.0,) * 19, 45.0, 5.0),
+        estimators=(replace(made.estimators[0], opening_mass_mg=(*(50.0,) * 19, 45.4, 4.6)),),
+        injections=(*made.injections, Injection(19, (20,), valid=True)),
+    )
+    assert apart.largest_error_pct() == pytest.approx(8.0)
+    assert apart.wrong_valid == 1
+    together = replace(apart, injections=(*made.injections[:19], Injection(19, (19, 20), valid=True)))
+    assert together.largest_error_pct() == pytest.approx(0.0, abs=1e-9)
+    assert together.wrong_valid == 0
 
 
 def test_only_valid_events_can_be_wrong_while_valid() -> None:
     assert score(factors(event_1=1.5, event_2=1.5)).wrong_valid == 0
     assert score(factors(event_3=1.031)).wrong_valid == 1
     assert score(factors(event_3=1.029)).wrong_valid == 0
-    rough = EstimatorScore(OBSERVER, (50.0,) * 20, (9.1,) * 20, (1e-6,) * 20)
+    rough = estimator(OBSERVER, np.full(20, 50.0), 9.1, 1e-6)
     assert score(estimators=(rough, score().estimator(NOMINAL))).wrong_valid == 18
 
 

@@ -6,11 +6,10 @@ import pytest
 
 from tests.tools.made_scores import score
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
-from tools.benchmarks.score import CaseScore
+from tools.benchmarks.score import FROM, CaseScore
 from tools.benchmarks.worn_lines import (
     DURATIONS,
     EVENTS,
-    FROM,
     NOZZLE,
     RAIL_PRESSURES,
     SEAT,

@@ -117,7 +117,7 @@ def shown(results: Results) -> Iterator[Shown]:
         interval = _interval(c) if (c := bars.coverage(cases)) else NOTHING
         beside = {"x3_ratio_p5": percentile(bars.x3_ratios(cases), 5), "coverage_ci99": interval}
         classes[name] = _class_details(cases) | beside
-    yield table_of("observer, events 11-20", "class", classes, CLASS_COLUMNS)
+    yield table_of("observer, from the fifth event on", "class", classes, CLASS_COLUMNS)
     if any(has_peer(score) for score in results.results):
         yield from peer_tables(results.results)
     if any(bars.followed(s) is not None for s in results.results):
@@ -135,7 +135,8 @@ _MASS, _RATE = (
 )
 CLASS_COLUMNS: Columns[dict[str, Any]] = {
     "cases": "{[cases]}",
-    "mass error %\nmedian / p95 / max": _MASS,
+    "mass error %, single valid\nmedian / p95 / max": _MASS,
+    "summed\nmax": "{[mass_sum_error_pct][max]:.3f}",
     "RMSE mm3/ms\nmedian / p95 / max": _RATE,
     "valid\n%": "{[valid_share]!p:.1f}",
     "wrong\nvalid": "{[wrong_valid]}",
@@ -186,27 +187,34 @@ def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
     """Every estimator, class by class, median and largest of mass error and of RMSE; and the information limit."""
     names = list(dict.fromkeys(e.name for s in scores for e in s.estimators))
     mass, rate = (
-        ruled(f"{what}, events 11-20, median / max", ("class",), names, no_wrap=True)
-        for what in ("mass error %", "RMSE mm3/ms")
+        ruled(f"{what}, from the fifth event on, median / max", ("class",), names, no_wrap=True)
+        for what in ("mass error % of single valid injections", "RMSE mm3/ms of cases")
     )
     mass.add_column("limit %\n1 sigma", justify="right")
     mass.add_column("half-width\nvs limit", justify="right")
     for class_name, members in bars.by_class(scores).items():
         if cases := [s for s in members if has_peer(s)]:
-            limits, widths = known(s.limit_pct for s in cases), bars.halfwidths(cases)
-            errors = _peer_cells(names, cases, lambda s, name: abs(s.mass_error_pct(name)))
+            limits, widths = [limit for s in cases for limit in s.limits_pct], bars.halfwidths(cases)
+            errors = _peer_cells(names, cases, bars.mass_errors_pct)
             limit = f"{np.median(limits):.3f}" if limits else ""
             mass.add_row(class_name, *errors, limit, f"{np.median(widths):.2f}" if widths else "")
-            rate.add_row(class_name, *_peer_cells(names, cases, lambda s, name: s.rate_rmse(name)))
+            rate.add_row(class_name, *_peer_cells(names, cases, rate_errors))
     return mass, rate
 
 
+def rate_errors(scores: Sequence[CaseScore], name: str = OBSERVER) -> list[float]:
+    """RMSE of an estimator's rate [mm3/ms], case by case."""
+    return [s.rate_rmse(name) for s in scores]
+
+
 def _peer_cells(
-    names: Sequence[str], cases: Sequence[CaseScore], figure: Callable[[CaseScore, str], float]
+    names: Sequence[str],
+    cases: Sequence[CaseScore],
+    figure: Callable[[Sequence[CaseScore], str], Sequence[float]],
 ) -> Iterator[str]:
     """Median and largest of a figure for every estimator, over the cases it ran on."""
     for name in names:
-        values = [figure(s, name) for s in cases if s.has(name)]
+        values = figure([s for s in cases if s.has(name)], name)
         yield f"{np.median(values):.2f} / {max(values):.2f}" if values else NOTHING
 
 
@@ -220,7 +228,8 @@ def json_document(
     training = [ms for s in main for ms in s.training_ms]
     return {
         "figures": {
-            "mass_error_max_pct": max((abs(s.mass_error_pct()) for s in main), default=None),
+            "mass_error_max_pct": max(bars.mass_errors_pct(main), default=None),
+            "mass_sum_error_max_pct": max(_sums(main), default=None),
             "rate_rmse_max_mm3_per_ms": max((s.rate_rmse() for s in main), default=None),
             "x3_mse_ratio_min": min(bars.x3_ratios(scores), default=None),
             "coverage_95_share": mean(bars.coverage(main)),
@@ -248,12 +257,14 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
     covered = bars.coverage(cases)
 
     def errors(name: str) -> dict[str, Any]:
-        masses, rates = [abs(s.mass_error_pct(name)) for s in cases], [s.rate_rmse(name) for s in cases]
-        return {"mass_error_pct": _spread(masses), "rate_rmse_mm3_per_ms": _spread(rates)}
+        masses = bars.mass_errors_pct(cases, name)
+        return {"mass_error_pct": _spread(masses), "rate_rmse_mm3_per_ms": _spread(rate_errors(cases, name))}
 
     return {
         "cases": len(cases),
         **errors(OBSERVER),
+        "mass_sum_error_pct": _spread(_sums(cases)),
+        "valid_injections": sum(len(s.scored) for s in cases),
         "valid_share": mean([s.valid_share for s in cases]),
         "wrong_valid": sum(s.wrong_valid for s in cases),
         "peers": {
@@ -269,12 +280,17 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
         "within_1_pct_in_time_share": mean(known(bars.followed(s) for s in cases)),
         "training_ms_median": median(training),
         "training_ms_p99": percentile(training, 99),
-        "worst": [s.number for s in sorted(cases, key=lambda s: -abs(s.mass_error_pct()))[:3]],
+        "worst": [s.number for s in sorted(cases, key=lambda s: -s.largest_error_pct())[:3]],
     }
 
 
-def _spread(values: Sequence[float]) -> dict[str, float]:
-    return dict(zip(SPREAD, (median(values), percentile(values, 95), max(values)), strict=True))
+def _sums(scores: Sequence[CaseScore]) -> list[float]:
+    """Absolute errors of the valid masses of every case that has some, summed over the case."""
+    return [abs(error) for error in known(s.sum_error_pct() for s in scores)]
+
+
+def _spread(values: Sequence[float]) -> dict[str, float | None]:
+    return dict(zip(SPREAD, (percentile(values, share) for share in (50, 95, 100)), strict=True))
 
 
 @cli.app.command(

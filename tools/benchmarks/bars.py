@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.plants.wave import Variant
 from tools.benchmarks.cases import CLASSES, Group
-from tools.benchmarks.report import clopper_pearson, known
+from tools.benchmarks.report import clopper_pearson, known, median
 from tools.benchmarks.score import NOMINAL, OBSERVER, UKF, CaseScore, SampleTime
 
 WEAR = ("orifice_area", "seat_area", "orifice_and_seat_area")
@@ -22,31 +22,35 @@ WORSE_SHARE = 0.002  # of the cases
 SIGNIFICANT_WEAR = 0.1  # |v_H| from which the ratio of x3 counts
 X3_P5, WAVE_X3 = 40.0, 10.0
 MIXED_CASE_PCT = 1.0
-LIMIT_SIGMAS, LIMIT_MARGIN_PCT = 3.0, 0.1  # a case may miss its bar where information lacks
+LIMIT_SIGMAS, LIMIT_MARGIN_PCT = 3.0, 0.1  # a case may miss its bar where information lacks, by its median limit
 COVERAGE_EVENT = 14  # from 0: one injection a case
 RATE_COVERAGE = (0.90, 0.98)  # mean of a class; of tier B all classes together, the lower one
 POOLED_COVERAGE, POOLED_CASES = (0.93, 0.97), 300  # judged from so many cases on
 WAVE_COVERAGE = (0.90, 0.98)  # of a class
 SAMPLE_US = 3.0  # of x~ and x^
 WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
-VARIANT_PCT = 1.5  # mass of what is valid on a line the structures do not contain
+VARIANT_PCT = 1.5  # any valid mass on a line the structures do not contain
 PERCENT = {"p95": 95, "largest": 100}
+LARGEST = "mass error, largest of the valid injections [%]"
 
 
 @dataclass(frozen=True)
 class Bars:
-    """Limits of a class: mass error [%], RMSE [mm3/ms]; of any one case's mass error; valid share. None: no limit."""
+    """Limits of a class: mass error of single valid injections [%], RMSE [mm3/ms]; of any one such error; valid share.
+
+    None: no limit.
+    """
 
     mass_pct: float
     rmse: float | None
-    case_pct: float | None = None
+    any_pct: float | None = None
     valid_share: float = 0.98
 
 
-_MAIN = Bars(0.4, 0.45, 0.5)
+_MAIN = Bars(0.4, 0.45, 0.6)
 _BARS = {
     **{name: _MAIN for name, c in CLASSES.items() if c.group in (Group.MAIN, Group.OPERATION)},
-    "chamber_pressure_rise": Bars(0.4, 0.6, 0.5),
+    "chamber_pressure_rise": Bars(0.4, 0.6, 0.6),
     "at_50_khz": Bars(0.7, 0.7),
     "at_20_khz": Bars(1.2, 1.2),
 }
@@ -71,6 +75,11 @@ _WAVE_BARS = {
 def by_class(scores: Sequence[CaseScore]) -> dict[str, list[CaseScore]]:
     """Scores of every class that has some, in the order of `CLASSES`."""
     return {name: found for name in CLASSES if (found := [s for s in scores if s.class_name == name])}
+
+
+def mass_errors_pct(scores: Iterable[CaseScore], name: str = OBSERVER) -> list[float]:
+    """Absolute mass errors of the single injections that are scored, of all cases together."""
+    return [error for s in scores for error in np.abs(s.errors_pct(name)).tolist()]
 
 
 def useful_at_third(score: CaseScore) -> bool:
@@ -149,9 +158,7 @@ def wave_violations(scores: Sequence[CaseScore], variant: Variant) -> list[str]:
     lines = [_wrong_line(s) for s in scores if s.wrong_valid]
     if variant is not Variant.PLAIN:
         for s in scores:
-            if (error := s.valid_mass_error_pct()) is not None:
-                what = "mass error of the valid events [%]"
-                lines += _above(f"{s.class_name} {s.number}", what, abs(error), VARIANT_PCT)
+            lines += _above(f"{s.class_name} {s.number}", LARGEST, s.largest_error_pct(), VARIANT_PCT)
         return lines
     for name, cases in by_class(scores).items():
         if name in _WAVE_BARS:
@@ -179,8 +186,9 @@ def _class_violations(name: str, cases: list[CaseScore]) -> Iterator[str]:
     if name in _BARS:
         yield from _level_violations(name, cases, _BARS[name], "p95")
     if name == "healthy":
-        excess = [abs(s.mass_error_pct()) - abs(s.mass_error_pct(NOMINAL)) for s in cases]
-        yield from _above(name, "excess over the nominal model, p95 [%]", np.percentile(excess, 95), 0.25)
+        ours, theirs = (mass_errors_pct(cases, name) for name in (OBSERVER, NOMINAL))
+        if excess := [a - b for a, b in zip(ours, theirs, strict=True)]:
+            yield from _above(name, "excess over the nominal model, p95 [%]", np.percentile(excess, 95), 0.25)
     if (ratios := x3_ratios(cases)) and (p5 := float(np.percentile(ratios, 5))) < X3_P5:
         yield f"{name}: x3-MSE ratio, p5: {p5:.3g} < {X3_P5:g}"
     much_worse = [sustained_excess_pct(s) > WORSE_PCT for s in cases]
@@ -189,24 +197,26 @@ def _class_violations(name: str, cases: list[CaseScore]) -> Iterator[str]:
     if group is Group.MAIN:
         yield from _coverage_violations(name, cases)
         beside = [s for s in cases if s.has(UKF)]
-        ours, theirs = ([abs(s.mass_error_pct(e)) for s in beside] for e in (OBSERVER, UKF))
+        ours, theirs = (mass_errors_pct(beside, e) for e in (OBSERVER, UKF))
         for what, figure in (("median", np.median), ("largest", np.max)):
-            if beside and figure(ours) > figure(theirs):
+            if ours and figure(ours) > figure(theirs):
                 yield f"{name}: mass error, {what} [%]: {figure(ours):.3g}, joint UKF {figure(theirs):.3g}"
     for s in cases:
         yield from _case_violations(group, s)
 
 
 def _level_violations(name: str, cases: Sequence[CaseScore], bars: Bars, of: str) -> Iterator[str]:
-    masses, rates = [abs(s.mass_error_pct()) for s in cases], [s.rate_rmse() for s in cases]
-    yield from _above(name, f"mass error, {of} [%]", np.percentile(masses, PERCENT[of]), bars.mass_pct)
+    masses, rates = mass_errors_pct(cases), [s.rate_rmse() for s in cases]
+    if masses:
+        yield from _above(name, f"mass error, {of} [%]", np.percentile(masses, PERCENT[of]), bars.mass_pct)
     if bars.rmse is not None:
         yield from _above(name, f"RMSE, {of} [mm3/ms]", np.percentile(rates, PERCENT[of]), bars.rmse)
     yield from _below(name, "valid share", [s.valid_share for s in cases], bars.valid_share)
-    if bars.case_pct is not None:
-        for s, mass in zip(cases, masses, strict=True):
-            limit = 0.0 if s.limit_pct is None else LIMIT_SIGMAS * s.limit_pct + LIMIT_MARGIN_PCT
-            yield from _above(f"{name} {s.number}", "mass error [%]", mass, max(bars.case_pct, limit))
+    if bars.any_pct is not None:
+        for s in cases:
+            limit = LIMIT_SIGMAS * median(s.limits_pct) + LIMIT_MARGIN_PCT if s.limits_pct else 0.0
+            bar = max(bars.any_pct, limit)
+            yield from _above(f"{name} {s.number}", LARGEST, s.largest_error_pct(), bar)
 
 
 def _coverage_violations(name: str, cases: list[CaseScore]) -> Iterator[str]:
@@ -224,8 +234,8 @@ def _case_violations(group: Group, s: CaseScore) -> Iterator[str]:
     place, errors = f"{s.class_name} {s.number}", s.event_errors_pct()
     if s.wrong_valid:
         yield _wrong_line(s)
-    if group is Group.MIXED and abs(error := s.valid_mass_error_pct() or 0.0) > MIXED_CASE_PCT:
-        yield f"{place}: mass error of the valid events [%]: {error:.3g}, beyond {MIXED_CASE_PCT:g}"
+    if group is Group.MIXED:
+        yield from _above(place, LARGEST, s.largest_error_pct(), MIXED_CASE_PCT)
     if group is Group.WAVE and (believed := sum(s.valid[WAVE_JUDGED:])):
         yield f"{place}: {believed} events after the second valid, on a line with travelling waves"
     if s.change_event is not None and not recovered(s):
@@ -236,7 +246,7 @@ def _case_violations(group: Group, s: CaseScore) -> Iterator[str]:
 
 
 def _wrong_line(s: CaseScore) -> str:
-    return f"{s.class_name} {s.number}: {s.wrong_valid} events valid and wrong"
+    return f"{s.class_name} {s.number}: {s.wrong_valid} injections valid and wrong"
 
 
 def _above(place: str, what: str, value: float | np.floating[Any], bar: float) -> Iterator[str]:

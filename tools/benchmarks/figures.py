@@ -58,16 +58,16 @@ def _style(name: str, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _error_against_wear(scores: Sequence[CaseScore], path: Path) -> Path:
-    """Our Fig. 5: mass error and rate error of events 11-20 against v_H, every estimator."""
+    """Our Fig. 5: largest mass error of a valid injection and rate error against v_H, every estimator."""
     figure, (masses, rates) = plt.subplots(2, 1, figsize=(8.0, 7.0), sharex=True, layout="constrained")
     ordered = sorted(scores, key=lambda s: s.nozzle_wear)
     wear = [s.nozzle_wear for s in ordered]
     names = _names(ordered)
     for name in names:
         style = _style(name, names)
-        masses.plot(wear, [abs(s.mass_error_pct(name)) for s in ordered], **style)
+        masses.plot(wear, [s.largest_error_pct(name) for s in ordered], **style)
         rates.plot(wear, [s.rate_rmse(name) for s in ordered], **style)
-    masses.set(yscale="log", ylabel="mass error, events 11-20 [%]")
+    masses.set(yscale="log", ylabel="largest mass error of a valid injection [%]")
     rates.set(yscale="log", ylabel="rate RMSE [mm3/ms]", xlabel="nozzle wear v_H")
     figure.legend(*masses.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     return saved(figure, (masses, rates), path)

@@ -1,6 +1,7 @@
 """A case's score, event by event and in figures."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,8 @@ from tests.plants.plant import Truth
 from tests.plants.windows import Windows
 from tools.benchmarks.campaign import Task
 
-SCORED = slice(10, 20)  # events 11-20
+FROM = 4  # from 0: everything but the figures of the first events counts from the fifth event on
+SCORED = slice(FROM, None)
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
@@ -26,10 +28,21 @@ class EstimatorScore:
 
     name: str
     mass_mg: tuple[float, ...]
+    opening_mass_mg: tuple[float, ...]
+    """Of every opening, an event's one after the other."""
     rate_square_error: tuple[float, ...]
     """Mean over the union of the event's windows [(mm3/ms)^2]."""
     x3_square_error: tuple[float, ...] = ()
     """The same of the normalised sac pressure; empty for an estimator without one."""
+
+
+@dataclass(frozen=True)
+class Injection:
+    """What the observer reports as one injection: an opening, or several that it cannot tell apart."""
+
+    event: int
+    openings: tuple[int, ...]
+    valid: bool
 
 
 @dataclass(frozen=True)
@@ -49,6 +62,8 @@ class CaseScore(Task):
     varying: bool
     """Whether the operating point changes from event to event."""
     true_mass_mg: tuple[float, ...]
+    true_opening_mass_mg: tuple[float, ...]
+    injections: tuple[Injection, ...]
     window_samples: tuple[int, ...]
     estimators: tuple[EstimatorScore, ...]
     valid: tuple[bool, ...]
@@ -73,18 +88,29 @@ class CaseScore(Task):
         """Whether an estimator ran on this case."""
         return any(estimator.name == name for estimator in self.estimators)
 
-    def mass_error_pct(self, name: str = OBSERVER) -> float:
-        """Signed error of the mass of events 11-20 together."""
-        true = sum(self.true_mass_mg[SCORED])
-        return 100.0 * (sum(self.estimator(name).mass_mg[SCORED]) / true - 1.0)
+    @property
+    def scored(self) -> list[Injection]:
+        """The valid injections from the fifth event on, of which errors are stated."""
+        return [each for each in self.injections if each.valid and each.event >= FROM]
 
-    def valid_mass_error_pct(self) -> float | None:
-        """Signed error of the mass of those of events 11-20 that are valid; None when none is."""
-        valid = np.array(self.valid[SCORED])
-        if not valid.any():
+    def errors_pct(self, name: str = OBSERVER) -> Array:
+        """Signed mass error of every single injection that is scored."""
+        return self._errors_pct(self.scored, name)
+
+    def largest_error_pct(self, name: str = OBSERVER) -> float:
+        """Of the single injections that are scored; 0 without any."""
+        return float(np.max(np.abs(self.errors_pct(name)), initial=0.0))
+
+    def sum_error_pct(self, name: str = OBSERVER) -> float | None:
+        """Signed error of the mass of the same injections together, where errors cancel; None without any."""
+        openings = [i for each in self.scored for i in each.openings]
+        if not openings:
             return None
-        mass = np.array(self.estimator(OBSERVER).mass_mg[SCORED])[valid].sum()
-        return float(100.0 * (mass / np.array(self.true_mass_mg[SCORED])[valid].sum() - 1.0))
+        mass, true = (
+            sum(masses[i] for i in openings)
+            for masses in (self.estimator(name).opening_mass_mg, self.true_opening_mass_mg)
+        )
+        return 100.0 * (mass / true - 1.0)
 
     def event_errors_pct(self, name: str = OBSERVER) -> Array:
         """Signed mass error of every event."""
@@ -92,7 +118,7 @@ class CaseScore(Task):
         return np.asarray(100.0 * (relative - 1.0), np.float64)
 
     def rate_rmse(self, name: str = OBSERVER) -> float:
-        """RMSE of the rate over events 11-20 together [mm3/ms]."""
+        """RMSE of the rate over the events from the fifth on together [mm3/ms]."""
         return math.sqrt(self._mean(self.estimator(name).rate_square_error))
 
     @property
@@ -103,16 +129,16 @@ class CaseScore(Task):
 
     @property
     def valid_share(self) -> float:
-        """Valid events among 11-20."""
+        """Valid events among those from the fifth on."""
         return float(np.mean(self.valid[SCORED]))
 
     @property
     def wrong_valid(self) -> int:
-        """Events, all of them, that are valid and wrong."""
-        wrong = (np.abs(self.event_errors_pct()) > WRONG_MASS) | (
-            np.sqrt(self.estimator(OBSERVER).rate_square_error) > WRONG_RATE
-        )
-        return int(np.sum(wrong & np.array(self.valid)))
+        """Single injections, of all events, that are valid and wrong."""
+        valid = [each for each in self.injections if each.valid]
+        squares = self.estimator(OBSERVER).rate_square_error
+        rough = np.array([squares[each.event] > WRONG_RATE**2 for each in valid], np.bool_)
+        return int(np.sum((np.abs(self._errors_pct(valid, OBSERVER)) > WRONG_MASS) | rough))
 
     def covered(self, event: int) -> bool | None:
         """Whether the 95 % interval of an event's (from 0) mass holds the true mass; None without interval."""
@@ -121,16 +147,15 @@ class CaseScore(Task):
 
     @property
     def rate_coverage(self) -> float | None:
-        """Share of the open samples of events 11-20 whose interval of the rate holds the truth; None without any."""
+        """Share of the open samples from the fifth event on whose interval of the rate holds the truth; None without any."""
         judged = sum(self.rate_judged[SCORED])
         return sum(self.rate_covered[SCORED]) / judged if judged else None
 
     @property
-    def limit_pct(self) -> float | None:
-        """Information limit of the mass of events 11-20 together (one sigma): they share their parameters."""
-        if not self.limits_mg:
-            return None
-        return 100.0 * sum(self.limits_mg[SCORED]) / sum(self.true_mass_mg[SCORED])
+    def limits_pct(self) -> list[float]:
+        """Information limit of the mass of every event from the fifth on (one sigma); empty without peers."""
+        pairs = zip(self.limits_mg[SCORED], self.true_mass_mg[SCORED], strict=False)
+        return [100.0 * limit / true for limit, true in pairs]
 
     def halfwidth_vs_limit(self, event: int) -> float | None:
         """Half-width of an event's (from 0) interval over 1.96 sigma of the limit; None without either."""
@@ -138,6 +163,13 @@ class CaseScore(Task):
         if interval is None or not self.limits_mg:
             return None
         return 0.5 * (interval[1] - interval[0]) / (1.96 * self.limits_mg[event])
+
+    def _errors_pct(self, injections: Sequence[Injection], name: str) -> Array:
+        estimated, true = (
+            np.array([sum(masses[i] for i in each.openings) for each in injections], np.float64)
+            for masses in (self.estimator(name).opening_mass_mg, self.true_opening_mass_mg)
+        )
+        return np.asarray(100.0 * (estimated / true - 1.0), np.float64)
 
     def _mean(self, squares: tuple[float, ...]) -> float:
         weights = self.window_samples[SCORED]
@@ -172,6 +204,7 @@ def score_rate(
     return EstimatorScore(
         name,
         windows.event_masses_mg(rate, density),
+        windows.opening_masses_mg(rate, density),
         windows.mean_squares((rate - truth.injection_rate) / MM3_PER_MS),
         () if x3_error is None else windows.mean_squares(x3_error),
     )

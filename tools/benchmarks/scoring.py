@@ -36,7 +36,7 @@ from tests.plants.plant import Outcome, record
 from tests.plants.windows import Windows, windows_of
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.report import known
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, covered_samples, score_rate
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, Injection, covered_samples, score_rate
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
@@ -128,6 +128,7 @@ def score_evaluation(
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
     judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
+    injections = _injections(evaluation, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
 
     def scored(name: str, rate: Array, x3: Array) -> EstimatorScore:
@@ -141,6 +142,8 @@ def score_evaluation(
         nozzle_wear=case.bench.events[-1].faults.orifice_area,
         varying=len({event.rail_pressure for event in case.bench.events}) > 1,
         true_mass_mg=windows.event_masses_mg(truth.injection_rate, density),
+        true_opening_mass_mg=windows.opening_masses_mg(truth.injection_rate, density),
+        injections=injections,
         window_samples=tuple(windows.union(e).size for e in range(len(windows.of_event))),
         estimators=(scored(OBSERVER, rate, x3), scored(NOMINAL, trace.nominal_rate, nominal_x3)),
         valid=valid,
@@ -204,6 +207,21 @@ def x3_of_rate(rate: Array, bench: Bench) -> Array:
     jet = math.sqrt(2.0 * PRESSURE_SCALE / part.fluid.density_nozzle)
     root: Array = rate / (part.nozzle.flow_coefficient * part.nozzle.area * jet)
     return root * np.abs(root)
+
+
+def _injections(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
+    """The openings of every event by the report that covers them; one without a report stands alone, not valid."""
+    found = []
+    for event, openings in enumerate(windows.of_event):
+        reports = {i: _report_of(evaluation, windows.ranges[i]) for i in openings}
+        numbers = {i: -i - 1 if report is None else report.number for i, report in reports.items()}
+        for number in dict.fromkeys(numbers.values()):
+            together = tuple(i for i in openings if numbers[i] == number)
+            report = reports[together[0]]
+            rates = [evaluation.trace.injection_rate[windows.ranges[i]] for i in together]
+            missing = bool(np.isnan(np.concatenate(rates)).any())
+            found.append(Injection(event, together, report is not None and report.valid and not missing))
+    return tuple(found)
 
 
 def _judged(

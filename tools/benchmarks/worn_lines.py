@@ -25,7 +25,7 @@ from tools.benchmarks.cases import Case
 from tools.benchmarks.discovery.real_line.cases import Rig, healthy_benches, needle_of
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.report import NOTHING, Columns, Shown, crash_lines, mean, percentile, table_of
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
+from tools.benchmarks.score import FROM, NOMINAL, OBSERVER, CaseScore
 from tools.benchmarks.scoring import score_evaluation
 from tools.benchmarks.wave_recordings import FITTED, NEW_PART, fit_model, kept_fit, write_recordings
 
@@ -33,7 +33,6 @@ CASES = 9  # of a discrepancy
 EVENTS = 20
 RAIL_PRESSURES, DURATIONS = (50e6, 150e6), (0.7e-3, 2.2e-3)  # Pa, s
 NOZZLE, SEAT = 0.4, 0.25  # largest wear, of either sign
-FROM = 4  # from 0: the fifth event on is scored
 WEIGHED_SIGMA = 0.003  # of a mean mass
 VALID_SHARE, WORST_SHARE, P95_PCT, LARGEST_PCT, COVERAGE = 0.99, 0.9375, 0.4, 0.8, (0.93, 0.98)
 
@@ -154,10 +153,8 @@ def outside(score: CaseScore) -> int:
 
 def figures(scores: Sequence[CaseScore]) -> dict[str, Any]:
     """Of some cases, over the fifth event on; errors of valid events [%]."""
-    shares = [float(np.mean(score.valid[FROM:])) for score in scores]
-    errors = np.concatenate(
-        [score.event_errors_pct()[FROM:][np.array(score.valid[FROM:])] for score in scores]
-    )
+    shares = [score.valid_share for score in scores]
+    errors = np.concatenate([score.errors_pct() for score in scores])
     held = [score.covered(e) for score in scores for e in range(FROM, EVENTS) if score.valid[e]]
     refused = Counter(reason for score in scores for reason in score.reasons[FROM:] if reason)
     return {

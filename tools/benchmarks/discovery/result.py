@@ -1,8 +1,10 @@
 """A case as scored, what the definitions of the bars make of it, and what many cases show together."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +24,26 @@ GAP_MEDIAN, GAP_P90 = 0.05, 0.15
 SECONDS = {False: 15.0, True: 30.0}  # a case, without and with measured rate
 BIN_EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
 TWICE = (1.5, 3.0)  # of the detection limit: taken as "at twice"
+
+
+class Grade(StrEnum):
+    """What an answer is worth: every case has one."""
+
+    RIGHT = "right"
+    AMBIGUOUS = "ambiguous"  # rightly left open: what is hidden is among the names, the others cannot be told from it
+    WRONG = "wrong"
+    NOT_LOOKED_FOR = "not looked for"  # too small to be asked for: whatever was answered
+
+
+def counted_grades(grades: Iterable[Grade]) -> dict[str, int]:
+    """How many there are of each, those of which there are none included."""
+    counts = Counter(grades)
+    return {grade.value: counts[grade] for grade in Grade}
+
+
+def grades_line(what: str, counts: Mapping[str, int]) -> str:
+    """The counts as a line."""
+    return f"{what}: {', '.join(f'{count} {grade}' for grade, count in counts.items())}"
 
 
 @dataclass(frozen=True)
@@ -129,8 +151,17 @@ class CaseResult:
 
     @property
     def right(self) -> bool:
-        """Whether the answer counts as right."""
+        """Whether the answer is right, or rightly left open."""
         return self.named_right or self.ambiguous_right if self.faulty else self.verdict == NONE
+
+    @property
+    def grade(self) -> Grade:
+        """What the answer is worth."""
+        if self.faulty and not self.above_noise:
+            return Grade.NOT_LOOKED_FOR
+        if self.faulty and self.ambiguous_right:
+            return Grade.AMBIGUOUS
+        return Grade.RIGHT if self.right else Grade.WRONG
 
     @property
     def answer(self) -> str:
@@ -175,7 +206,7 @@ def by_effect(results: Sequence[CaseResult]) -> dict[str, list[CaseResult]]:
 
 
 def right_share(results: Sequence[CaseResult]) -> float:
-    """Share of right answers; nan without cases."""
+    """Share of answers that are right, or rightly left open; nan without cases."""
     return float(np.mean([r.right for r in results])) if results else math.nan
 
 
@@ -259,7 +290,7 @@ def worst_gap_shares(results: Sequence[CaseResult]) -> list[float]:
 def violations(results: Sequence[CaseResult]) -> Iterator[str]:
     """A line for every bar that is missed."""
     if (cases := above_noise(results)) and right_share(cases) < NAMED_RIGHT:
-        yield f"named right: {right_share(cases):.1%} < {NAMED_RIGHT:.0%}"
+        yield f"right or rightly ambiguous: {right_share(cases):.1%} < {NAMED_RIGHT:.0%}"
     if (cases := healthy(results)) and 1.0 - right_share(cases) > FALSE_ALARMS:
         yield f"healthy, named anything: {1.0 - right_share(cases):.1%} > {FALSE_ALARMS:.0%}"
     yield from _coverage_violations(results)

@@ -44,6 +44,8 @@ def shown(found: Found[result.CaseResult]) -> Iterator[Shown]:
     """The tables, then a line for every miss, every bar that is missed and every crash."""
     for table in (tables.effect_table, tables.confusion_table, tables.reliability_table):
         yield table(found.results)
+    hidden = result.counted_grades(r.grade for r in result.faulty(found.results))
+    yield result.grades_line("hidden effects", hidden)
     yield from (f"missed: {line}" for line in tables.misses(found.results))
     yield from (f"bar missed: {line}" for line in result.violations(found.results))
     yield from crash_lines(found.crashes)

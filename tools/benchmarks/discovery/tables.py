@@ -10,19 +10,19 @@ from rich.table import Table
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.discovery import result as results_of
 from tools.benchmarks.discovery.hidden import HEALTHY
-from tools.benchmarks.discovery.result import CaseResult
+from tools.benchmarks.discovery.result import CaseResult, Grade, counted_grades
 from tools.benchmarks.report import NOTHING, mean, median, percentile, ruled
 
 
 def effect_table(results: Sequence[CaseResult]) -> Table:
     """Effect by effect: what was found, from what size on, with what interval, and what is left of the gap."""
     table = ruled("hidden effects", ("effect",), (
-        "cases", "above\nnoise", "right\n%", "of them\nambiguous", "found\nfrom", "intervals\nhold %",
+        *Grade, "found\nfrom", "intervals\nhold %",
         "gap left %\np_L median", "\np90", "\nmass median", "\np90", "seconds\nmax",
     ), no_wrap=True)  # fmt: skip
     for name, cases in results_of.by_effect(results).items():
         table.add_row(
-            name, *_effect_row(cases), printed_size(name, results_of.detection_limit(cases)), *_rest(cases)
+            name, *_grades(cases), printed_size(name, results_of.detection_limit(cases)), *_rest(cases)
         )
     faulty = results_of.faulty(results)
     for title, cases in (
@@ -31,11 +31,10 @@ def effect_table(results: Sequence[CaseResult]) -> Table:
         ("all", faulty),
     ):
         if cases:
-            table.add_row(title, *_effect_row(cases), "", *_rest(cases))
+            table.add_row(title, *_grades(cases), "", *_rest(cases))
     if healthy := results_of.healthy(results):
-        share = f"{100.0 * results_of.right_share(healthy):.1f}"
         seconds = f"{max(r.seconds for r in healthy):.1f}"
-        table.add_row(HEALTHY, str(len(healthy)), NOTHING, share, *[NOTHING] * 7, seconds)
+        table.add_row(HEALTHY, *_grades(healthy), *[NOTHING] * 6, seconds)
     return table
 
 
@@ -83,7 +82,7 @@ def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict
     return {
         "figures": {
             "cases": len(results),
-            "named_right_share": results_of.right_share(above) if above else None,
+            "named_right_share": mean([r.named_right for r in above]),
             "false_alarm_share": 1.0 - results_of.right_share(healthy) if healthy else None,
             "ambiguous_share": results_of.ambiguous_share(above) if above else None,
             "unknown_right_share": None,
@@ -98,6 +97,7 @@ def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict
         },
         "details": {
             "effects": {name: _details(name, cases) for name, cases in results_of.by_effect(results).items()},
+            "grades": counted_grades(r.grade for r in results_of.faulty(results)),
             "healthy": dict(Counter(r.answer for r in healthy)),
             "reliability": [vars(b) for b in results_of.reliability(results)],
             "core_seconds_max": max((r.core_seconds for r in results), default=None),
@@ -108,12 +108,8 @@ def json_document(results: Sequence[CaseResult], crashes: Sequence[str]) -> dict
     }
 
 
-def _effect_row(cases: Sequence[CaseResult]) -> list[str]:
-    above = results_of.above_noise(cases)
-    if not above:
-        return [str(len(cases)), "0", NOTHING, NOTHING]
-    right = 100.0 * results_of.right_share(above)
-    return [str(len(cases)), str(len(above)), f"{right:.1f}", str(sum(r.ambiguous_right for r in above))]
+def _grades(cases: Sequence[CaseResult]) -> list[str]:
+    return list(map(str, counted_grades(r.grade for r in cases).values()))
 
 
 def _rest(cases: Sequence[CaseResult]) -> list[str]:
@@ -126,13 +122,10 @@ def _rest(cases: Sequence[CaseResult]) -> list[str]:
 
 
 def _details(name: str, cases: Sequence[CaseResult]) -> dict[str, Any]:
-    above = results_of.above_noise(cases)
     return {
         "cases": len(cases),
-        "above_noise": len(above),
-        "right": sum(r.right for r in above),
-        "ambiguous": sum(r.ambiguous_right for r in above),
-        "answers": dict(Counter(r.answer for r in above)),
+        "grades": counted_grades(r.grade for r in cases),
+        "answers": dict(Counter(r.answer for r in results_of.above_noise(cases))),
         "found_from": printed_size(name, results_of.detection_limit(cases)),
         "intervals_hold": sum(results_of.coverage(cases)),
         "intervals": len(results_of.coverage(cases)),

@@ -13,6 +13,7 @@ from tools.benchmarks.discovery.real_line.cases import Kind, hidden_text
 from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS
 from tools.benchmarks.discovery.real_line.result import RealResult
+from tools.benchmarks.discovery.result import Grade, counted_grades, grades_line
 from tools.benchmarks.discovery.tables import printed_size
 from tools.benchmarks.report import NOTHING, mean, ruled
 
@@ -21,7 +22,7 @@ KINDS = (Kind.HEALTHY, Kind.SINGLE, Kind.PAIR, Kind.OUTSIDE)
 
 def discrepancy_table(results: Sequence[RealResult], adequate: dict[str, bool]) -> Table:
     """Discrepancy by discrepancy: right of counted, by kind; adequate: what `fit` says, by the rig's open name."""
-    table = ruled("plants, right of those counted", ("discrepancy",), (
+    table = ruled("plants, right or ambiguous of those counted", ("discrepancy",), (
         "fit\nadequate", "healthy", "singles", "pairs", "outside", "wrong\nand sure", "gap\nlarger",
         "seconds\nmedian", "\nmax", "of core\nmax",
     ), no_wrap=True)  # fmt: skip
@@ -37,16 +38,15 @@ def discrepancy_table(results: Sequence[RealResult], adequate: dict[str, bool]) 
 def effect_table(results: Sequence[RealResult]) -> Table:
     """Effect by effect, single cases: those counted, and below them what became of smaller ones."""
     table = ruled("single effects", ("effect",), (
-        "right of\ncounted", "of them\nambiguous", "smaller,\nright", "\nwrong", "smallest visible,\nstated",
+        *Grade, "of these\nright", "\nwrong", "smallest visible,\nstated",
         "smallest\nnamed", "intervals\nhold",
     ), no_wrap=True)  # fmt: skip
     for name, cases in results_of.by_effect(results).items():
-        judged, smaller = [r for r in cases if r.counted], [r for r in cases if not r.counted]
+        smaller = [r for r in cases if not r.counted]
         covered = results_of.coverage(cases)
         table.add_row(
             name,
-            _of(sum(r.right for r in judged), len(judged)),
-            str(sum(r.ambiguous_right for r in judged)),
+            *map(str, counted_grades(r.grade for r in cases).values()),
             _of(sum(r.right for r in smaller), len(smaller)),
             _of(results_of.named_as_others(smaller), len(smaller)),
             printed_size(name, results_of.smallest_visible(results, name)),
@@ -59,7 +59,7 @@ def effect_table(results: Sequence[RealResult]) -> Table:
 def kind_lines(results: Sequence[RealResult]) -> list[str]:
     """What the tables leave out."""
     pairs, outside = (results_of.of_kind(results, kind) for kind in (Kind.PAIR, Kind.OUTSIDE))
-    lines = []
+    lines = [grades_line("hidden effects, alone and in pairs", _hidden_grades(results))]
     if pairs:
         lines.append(f"pairs, one of both named: {sum(r.half_right for r in pairs)} of {len(pairs)}")
     if outside:
@@ -69,6 +69,10 @@ def kind_lines(results: Sequence[RealResult]) -> list[str]:
         unsure = sum(r.named_unsure for r in outside)
         lines.append(f"outside the vocabulary: {answers}; named, but not surely: {unsure}")
     return lines
+
+
+def _hidden_grades(results: Sequence[RealResult]) -> dict[str, int]:
+    return counted_grades(r.grade for r in results if r.kind in (Kind.SINGLE, Kind.PAIR))
 
 
 def misses(results: Sequence[RealResult]) -> list[str]:
@@ -82,7 +86,8 @@ def json_document(
     """`figures` with names other benchmarks share, `details` behind them; null: no case of it."""
     covered = results_of.coverage(results)
     healthy = results_of.of_kind(results, Kind.HEALTHY)
-    right = {kind: mean([r.right for r in results_of.counted(results, kind)]) for kind in KINDS}
+    judged = {kind: results_of.counted(results, kind) for kind in KINDS}
+    right = {kind: mean([r.grade is Grade.RIGHT for r in cases]) for kind, cases in judged.items()}
     return {
         "figures": {
             "cases": len(results),
@@ -106,7 +111,8 @@ def json_document(
         },
         "details": {
             "fit_adequate": adequate,
-            "counted": {kind: len(results_of.counted(results, kind)) for kind in KINDS},
+            "grades": _hidden_grades(results),
+            "counted": {kind: len(cases) for kind, cases in judged.items()},
             "cases": [_case(r) for r in results],
             "violations": list(results_of.violations(results, len(crashes))),
             "misses": misses(results),

@@ -71,7 +71,9 @@ def test_bars() -> None:
     assert violations([score()]) == []
     assert len(violations([score(1.0045)])) == 1  # the class's 95th percentile
     one_of_many = violations([score(factors(event_12=1.007))])
-    assert one_of_many == [line for line in one_of_many if "orifice_area 0: mass error, largest" in line] != []
+    assert (
+        one_of_many == [line for line in one_of_many if "orifice_area 0: mass error, largest" in line] != []
+    )
     # little information excuses a case, not its class
     little_known = score(1.0065, limits_mg=(0.1,) * 20)
     excused = violations([replace(little_known, estimators=(*little_known.estimators, UKF_SCORE))])

@@ -22,7 +22,10 @@ WORSE_SHARE = 0.002  # of the cases
 SIGNIFICANT_WEAR = 0.1  # |v_H| from which the ratio of x3 counts
 X3_P5, WAVE_X3 = 40.0, 10.0
 MIXED_CASE_PCT = 1.0
-LIMIT_SIGMAS, LIMIT_MARGIN_PCT = 3.0, 0.1  # a case may miss its bar where information lacks, by its median limit
+LIMIT_SIGMAS, LIMIT_MARGIN_PCT = (
+    3.0,
+    0.1,
+)  # a case may miss its bar where information lacks, by its median limit
 COVERAGE_EVENT = 14  # from 0: one injection a case
 RATE_COVERAGE = (0.90, 0.98)  # mean of a class; of tier B all classes together, the lower one
 POOLED_COVERAGE, POOLED_CASES = (0.93, 0.97), 300  # judged from so many cases on
@@ -36,7 +39,7 @@ LARGEST = "mass error, largest of the valid injections [%]"
 
 @dataclass(frozen=True)
 class Bars:
-    """Limits of a class: mass error of single valid injections [%], RMSE [mm3/ms]; of any one such error; valid share.
+    """Limits of a class: mass error of single valid injections [%], RMSE [mm3/ms]; of any one; valid share.
 
     None: no limit.
     """

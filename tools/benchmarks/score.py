@@ -147,7 +147,7 @@ class CaseScore(Task):
 
     @property
     def rate_coverage(self) -> float | None:
-        """Share of the open samples from the fifth event on whose interval of the rate holds the truth; None without any."""
+        """Share of the open samples from the fifth event on whose interval of the rate holds the truth, if any."""
         judged = sum(self.rate_judged[SCORED])
         return sum(self.rate_covered[SCORED]) / judged if judged else None
 

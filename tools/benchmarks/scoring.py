@@ -36,7 +36,15 @@ from tests.plants.plant import Outcome, record
 from tests.plants.windows import Windows, windows_of
 from tools.benchmarks.cases import CLASSES, Case, make_case
 from tools.benchmarks.report import known
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, EstimatorScore, Injection, covered_samples, score_rate
+from tools.benchmarks.score import (
+    NOMINAL,
+    OBSERVER,
+    CaseScore,
+    EstimatorScore,
+    Injection,
+    covered_samples,
+    score_rate,
+)
 
 WARM_UP_EVENTS = 3
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3

@@ -104,19 +104,32 @@ installed_state() { # what the stamp says when nothing needs to be done
     echo "$venv"
 }
 
+show_progress() { # of what pip prints, a line for each package and each phase
+    awk '/^ *Collecting / { print "  " $2; fflush() }
+        /^ *Building editable .*started/ { print "  compiling the core"; fflush() }
+        /^ *Installing collected packages/ { print "  unpacking what was fetched"; fflush() }'
+}
+
+show_seconds() { # a sign of life while pip says nothing
+    local start=$SECONDS
+    while sleep 15 >/dev/null 2>&1; do say "  ... $((SECONDS - start)) s"; done
+}
+
 install_package() { # extras ("" or "[dev]")
-    local log installer=("$venv/bin/python" -m pip install --disable-pip-version-check --no-input)
+    local log seconds code=0 installer=("$venv/bin/python" -m pip install --disable-pip-version-check --no-input)
     log=$(mktemp)
     if [ "$resolution" = lowest ]; then # pip knows the newest versions only
         "${installer[@]}" -q uv
         installer=("$venv/bin/uv" pip install --python "$venv/bin/python" --resolution lowest-direct)
     fi
     say "installing observer-rt$1 and what it needs into $venv:"
-    if PYTHONUNBUFFERED=1 "${installer[@]}" -e "$repository$1" </dev/null 2>&1 | tee "$log" | awk '/^ *Collecting / { printf " %s", $2; fflush() }' >&2; then
-        printf '\n' >&2
+    show_seconds 9<&- & # the lock is not its
+    seconds=$!
+    PYTHONUNBUFFERED=1 "${installer[@]}" -e "$repository$1" </dev/null 2>&1 | tee "$log" | show_progress >&2 || code=$?
+    kill $seconds 2>/dev/null || true
+    if [ $code = 0 ]; then
         rm -f "$log"
     else
-        say ""
         tail -n 20 "$log" >&2
         rm -f "$log"
         fail "pip could not install the package, see above" "$venv/bin/python -m pip install -e '$repository$1'"

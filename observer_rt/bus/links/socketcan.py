@@ -38,6 +38,9 @@ from observer_rt.bus.links.link import (
 )
 from observer_rt.foundation.errors import RunError, UserError
 
+NO_SOCKETCAN = 'sudo modprobe can_raw, or interface = "udp_multicast" in the bench file (docs/buses.md)'
+"""Remedy where the kernel has no CAN."""
+
 # Of the generic Linux interface (linux/net_tstamp.h, linux/ethtool.h), not known to Python's socket module.
 SO_TIMESTAMPNS = 35
 SO_TIMESTAMPING = 37
@@ -147,7 +150,7 @@ class SocketCanLink(Link):
             self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
         except OSError as error:
             raise RunError(
-                f"the kernel offers no SocketCAN: {error.strerror}\n  remedy: sudo modprobe can_raw"
+                f"the kernel offers no SocketCAN: {error.strerror}\n  remedy: {NO_SOCKETCAN}"
             ) from error
         try:
             self._configure()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
+from observer_rt.bus.links.socketcan import NO_SOCKETCAN
 from observer_rt.config.bench_file import LinkConfig, RealTimeConfig
 from observer_rt.daemon.rights import REMEDY, Processors, Rights, processors, rights
 from observer_rt.desk.check.findings import Said, ruled
@@ -123,7 +124,7 @@ def socketcan_findings() -> Iterator[Said]:
     try:
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
     except OSError as error:
-        yield False, f"the kernel offers no SocketCAN: {error.strerror}", "sudo modprobe can_raw"
+        yield False, f"the kernel offers no SocketCAN: {error.strerror}", NO_SOCKETCAN
 
 
 @ruled("interface")

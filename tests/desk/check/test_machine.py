@@ -262,3 +262,4 @@ def test_a_kernel_without_can_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert finding.level is Level.WARNING
     assert "no SocketCAN" in finding.text
     assert "sudo modprobe can_raw" in finding.text
+    assert 'interface = "udp_multicast"' in finding.text

@@ -30,7 +30,9 @@ class Grade(StrEnum):
     """What an answer is worth: every case has one."""
 
     RIGHT = "right"
-    AMBIGUOUS = "ambiguous"  # rightly left open: what is hidden is among the names, the others cannot be told from it
+    AMBIGUOUS = (
+        "ambiguous"  # rightly left open: what is hidden is among the names, the others cannot be told from it
+    )
     WRONG = "wrong"
     NOT_LOOKED_FOR = "not looked for"  # too small to be asked for: whatever was answered
 

@@ -5,20 +5,19 @@ Each injector is served in a thread of its own, and its failure is its own.
 
 import gc
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event
 
 from rich.console import Console
 
 from observer_rt.bus.links.opening import SharedBus
 from observer_rt.bus.mapping.bus_map import BusMap, map_bench
-from observer_rt.config.bench import Bench, changes, content_of
+from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import NAME_PLACE
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.event_logger import Deduplicator, EventLogger
@@ -28,6 +27,7 @@ from observer_rt.daemon.log import ServiceLog, Voice
 from observer_rt.daemon.notify import Notifier
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of, kept_files
 from observer_rt.daemon.persistence.state_file import knowledge_beside, model_hash, restored_knowledge
+from observer_rt.daemon.reloading import Reloading
 from observer_rt.daemon.rights import (
     REMEDY,
     Processors,
@@ -44,16 +44,12 @@ from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.constants import bench_constants
 from observer_rt.engine.service.learners import doubt_about_fit
 from observer_rt.engine.words import Topic
-from observer_rt.foundation.console import SignalledEvent, StopRequest, stop_on_signals
-from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.foundation.console import StopRequest, stop_on_signals
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import SERVICE_LOG
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import check_own_file
 from observer_rt.foundation.units import MICROSECOND
-
-_LOOK = 0.05  # s between two looks at what signals ask for
-_TURN = 0.001  # s between two looks whether an injection is under way
-_PATIENCE = 2.0  # s that one is waited for
 
 
 @dataclass(frozen=True)
@@ -258,8 +254,8 @@ def refuse_shared(bench: Bench, options: RunOptions) -> None:
 class Serving:
     """Things that outlast a change of the bench file. screen: of the view, if there is one.
 
-    read_again: as of `serve`; learned: by name of the injector and model, so that nothing is lost where no file keeps
-    it, and what was learned with a model is there again where taking over another one is undone.
+    learned: by name of the injector and model, so that nothing is lost where no file keeps it, and what was learned
+    with a model is there again where taking over another one is undone.
     """
 
     screen: Console | None
@@ -268,7 +264,7 @@ class Serving:
     stop: StopRequest
     own: Processors
     priority: int
-    read_again: Callable[[], Bench]
+    reloading: Reloading
     notifier: Notifier = field(default_factory=Notifier)
     learned: dict[tuple[str, str], Knowledge | None] = field(default_factory=dict)
     is_ready: bool = False
@@ -278,6 +274,7 @@ class Serving:
         maps = map_bench(bench).injectors
         with ExitStack() as stack:
             services = self._services(bench, maps, stack)
+            self.reloading.listen(bench, self.options.state)
             if not self.is_ready:
                 self._get_ready()
             if self.stop.is_set():
@@ -286,7 +283,7 @@ class Serving:
             views = [service.screen for service in services if service.screen is not None]
             view = views[0] if len(views) == 1 else Overview(views)
             drawing = partial(draw, view, console=self.screen) if self.screen else None
-            with reloading(self, bench, services) as (ended, successor):
+            with self.reloading.watching(bench, services) as (ended, successor):
                 serve_side_by_side(services, self.notifier, ended, drawing)
         self.learned |= {(service.name, service.model): service.learned for service in services}
         return None if self.stop.is_set() else successor()
@@ -327,54 +324,10 @@ class Serving:
         self.is_ready = True
 
 
-@contextmanager
-def reloading(
-    serving: Serving, bench: Bench, services: Sequence[InjectorService]
-) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
-    """An event that ends the services, and the bench that is then to take their place, if one is.
-
-    At SIGHUP the bench file is read, asked what `check` asks, and made ready beside them; they end between events.
-    """
-    ended, successors, content = SignalledEvent(), list[Bench](), content_of(bench)
-
-    def take_over() -> None:
-        after = serving.read_again()
-        if not (found := changes(content, content_of(after))):
-            serving.say(f"{bench.path} is as it was: nothing to take over")
-            return
-        patience = time.monotonic() + _PATIENCE
-        while not all(each.is_between_events for each in services) and time.monotonic() < patience:
-            time.sleep(_TURN)
-        successors.append(after)
-        serving.say(f"{bench.path} is taken over: {'; '.join(found)}")
-        if after.config.realtime != bench.config.realtime:
-            serving.say("warning: [realtime] takes force with the next start of the process")
-        ended.set()
-
-    def wait() -> None:
-        while not ended.wait(_LOOK):
-            if serving.stop.reload.is_set():
-                serving.stop.reload.clear()
-                try:
-                    take_over()
-                except ObserverError as error:
-                    serving.say(f"warning: {bench.path} is not taken over, the one before goes on: {error}")
-
-    thread = Thread(target=wait, name="reloading", daemon=True)
-    thread.start()
-    try:
-        with serving.stop.setting(ended):
-            yield ended, lambda: next(iter(successors), None)
-    finally:
-        ended.set()
-        if not serving.stop.is_set():
-            thread.join()
-
-
 def serve(bench: Bench, options: RunOptions, console: Console, read_again: Callable[[], Bench]) -> None:
     """Run the daemons of all injectors until SIGINT or SIGTERM, with files instead of those the bench file names.
 
-    read_again: the bench as its file is now, asked for at SIGHUP; raises `UserError` for one that may not start.
+    read_again: the bench as its file is now, for a reload; raises `UserError` for one that may not start.
     Raises `UserError` for files that do not fit, `RunError` when links fail.
     """
     with ExitStack() as stack:
@@ -387,7 +340,8 @@ def serve(bench: Bench, options: RunOptions, console: Console, read_again: Calla
         stack.callback(gc.unfreeze)
         own = processors(bench.config.realtime.cpus, len(bench.injectors))
         priority = bench.config.realtime.priority
-        serving = Serving(console if has_view else None, options, log, stop, own, priority, read_again)
+        reloading = Reloading(stop, read_again, partial(log.say, Topic.START), stack)
+        serving = Serving(console if has_view else None, options, log, stop, own, priority, reloading)
         before: Bench | None = None
         now: Bench | None = bench
         while now is not None:
@@ -397,6 +351,7 @@ def serve(bench: Bench, options: RunOptions, console: Console, read_again: Calla
                 if before is None:
                     raise
                 serving.say(f"warning: {bench.path} cannot be served, the one before goes on: {error}")
+                reloading.refuse(error)
                 before, now = None, before
 
 

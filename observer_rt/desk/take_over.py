@@ -1,31 +1,42 @@
-"""Takes an amended model over: the bench file names it from now on, and the daemon that serves the bench reads it.
+"""Takes an amended model over: the bench file names it from now on, and the daemon that serves the bench uses it.
 
-What the bench file named before is noted beside it, so that each step can be undone.
+Either both happen or neither: a daemon that cannot be asked, or does not end up with this model, leaves the bench
+file as it was. What the file named before is noted beside it, so that each step can be undone. One take-over at a time.
 """
 
+import fcntl
 import json
 import os
-import shutil
-import signal
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
-from itertools import count
 from pathlib import Path
-from typing import Any
-
-import tomlkit
 
 from observer_rt.config.bench import Bench, load_bench, load_injector
-from observer_rt.daemon.evidence import OBSERVER
-from observer_rt.daemon.persistence.keeper import writer_of
-from observer_rt.daemon.persistence.state_file import learned_beside
+from observer_rt.daemon.control_socket import ask
+from observer_rt.daemon.persistence.state_file import learned_beside, model_hash
+from observer_rt.daemon.reloading import RELOAD, kept_by_daemon
 from observer_rt.desk.beforehand import learn_beforehand
-from observer_rt.foundation.errors import UserError
+from observer_rt.desk.bench_text import naming, replace_text
+from observer_rt.desk.other_changes import other_changes, parameter_changes
+from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import replacing, write_text
+from observer_rt.foundation.outputs import to_disk, write_text
 
 HISTORY = ".taken_over.json"  # behind the name of the bench file
+_AMENDED = "_amended_"  # in the name of a copy, before its number
+
+
+class UnacceptedChangesError(UserError):
+    """An amended file changes more than it adds, and nobody has accepted that."""
+
+    def __init__(self, amended: Path, changes: Sequence[str], present: Path) -> None:
+        super().__init__(
+            str(amended),
+            f"would also change what {present.name} states: {'; '.join(changes)}",
+            "were these corrected since the evidence was kept? search again with newer evidence, or accept them",
+        )
 
 
 @dataclass(frozen=True)
@@ -50,41 +61,63 @@ class TakeOver:
         return f"{self.after}{learned}"
 
 
-def take_over(bench: Bench, amended: Path) -> TakeOver:
-    """Learn for an amended injector file, and have the bench file name a copy of it, beside the one it named.
+@dataclass(frozen=True)
+class Done:
+    """A step that was taken, or undone: what it changed besides, and whether a daemon has it in force."""
 
-    bench: with one injector. Raises `UserError` for a model that cannot be loaded, or is the one in force.
+    step: TakeOver
+    changes: tuple[str, ...]
+    has_daemon: bool
+
+
+def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> Done:
+    """Learn for an amended injector file, and have a bench file name a copy of it, beside the file it named.
+
+    injector: empty where the bench has one; accepts_changes: also those besides the effects and terms added. Raises
+    `UnacceptedChangesError` without that, `UserError` for a model that cannot be loaded, or is the one in force, and
+    `UserError` or `RunError` for a daemon that does not take it.
     """
-    injector = bench.injector
-    if load_injector(amended) == injector.parameters:
-        raise UserError(str(amended), "is the model in force already", "name another one")
-    before = steps(bench.path)
-    beside = bench.path.parent
-    if injector.config.model.file is not None:
-        beside = injector.parameters_path.parent
-    stem = injector.parameters_path.stem.partition("_amended_")[0]
-    names = (beside / f"{stem}_amended_{number}.toml" for number in count(len(before) + 1))
-    copy = next(name for name in names if not (name.exists() or learned_beside(name).exists()))
-    with file_errors(copy), replacing(copy) as part:
-        shutil.copyfile(amended, part)
-    after = os.path.relpath(copy, bench.path.parent)
-    time = datetime.now().isoformat(timespec="seconds")
-    done = TakeOver(injector.name, injector.config.model.file, after, time, learn_beforehand(bench, copy))
-    _state(bench.path, injector.name, after)
-    _note(bench.path, [*before, done])
-    return done
+    with _alone(path):
+        bench = load_bench(path).of(injector or None)
+        fitted, model = bench.injector, load_injector(amended)
+        if model == fitted.parameters:
+            raise UserError(str(amended), "is the model in force already", "name another one")
+        changes = other_changes(fitted.parameters, model)
+        if changes and not accepts_changes:
+            raise UnacceptedChangesError(amended, changes, fitted.parameters_path)
+        done = steps(path)
+        copy = _copied(bench, amended, {Path(step.after).name for step in done})
+        try:
+            time, before = datetime.now().isoformat(timespec="seconds"), fitted.config.model.file
+            after = os.path.relpath(copy, path.parent)
+            step = TakeOver(injector, before, after, time, learn_beforehand(bench, copy))
+            return Done(step, changes, _in_force(path, injector, after, [*done, step]))
+        except BaseException:
+            copy.unlink(missing_ok=True)
+            learned_beside(copy).unlink(missing_ok=True)
+            raise
 
 
-def undo(path: Path, injector: str = "") -> TakeOver:
-    """Have the bench file name what it named before the last step of an injector. Raises `UserError` without one."""
-    done = steps(path)
-    own = [step for step in done if step.injector == injector]
-    if not own:
-        raise UserError(f"{path}", "no model was taken over", "name the injector file by hand: [model] file")
-    last = own[-1]
-    _state(path, injector, last.before)
-    _note(path, [step for step in done if step is not last])
-    return last
+def undo(path: Path, injector: str = "") -> Done:
+    """Have a bench file name what it named before the last step of an injector.
+
+    Raises `UserError` where the file it names was not taken over, otherwise as `take_over`.
+    """
+    with _alone(path):
+        fitted, done = load_bench(path).of(injector or None).injector, steps(path)
+        own = [step for step in done if step.injector == injector]
+        while (
+            own and own[-1].after != fitted.config.model.file
+        ):  # a step that was interrupted, or undone by hand
+            own.pop()
+        if not own:
+            problem = f"names {fitted.parameters_path.name}, and no model was taken over to get there"
+            raise UserError(f"{path}", problem, "name the injector file by hand: [model] file")
+        last = own.pop()
+        remaining = [step for step in done if step.injector != injector or step in own]
+        has_daemon = _in_force(path, injector, last.before, remaining)
+        after = load_bench(path).of(injector or None).injector.parameters
+        return Done(last, parameter_changes(fitted.parameters, after), has_daemon)
 
 
 def steps(path: Path) -> list[TakeOver]:
@@ -99,32 +132,76 @@ def steps(path: Path) -> list[TakeOver]:
             raise UserError(str(history), "is no history of models taken over", "move it away") from None
 
 
-def reload_daemon(bench: Bench) -> int | None:
-    """Have the daemon that keeps the injector's evidence read the bench file; its process id, None: none runs."""
-    folder = bench.injector.evidence
-    process = None if folder is None else writer_of(folder / OBSERVER)
-    if process is not None:
-        with suppress(ProcessLookupError):
-            os.kill(process, signal.SIGUSR1)
-            return process
-    return None
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """While no other process takes a model over for a bench file of the same folder."""
+    with file_errors(path.parent):
+        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        with suppress(OSError):  # a network's file system without such locks
+            fcntl.flock(folder, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(folder)
 
 
-def _state(path: Path, injector: str, file: str | None) -> None:
-    """Name an injector file in a bench file, None: that of the package; all else stays to the letter."""
-    with file_errors(path):
-        document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
-        section = document["injectors"][injector] if injector else document
-        if file is not None:
-            section.setdefault("model", tomlkit.table())["file"] = file
-        elif "model" in section:
-            section["model"].pop("file", None)
-        with replacing(path) as part:
-            part.write_text(tomlkit.dumps(document), encoding="utf-8")
-            load_bench(part, off_bus=True)
+def _copied(bench: Bench, amended: Path, used: set[str]) -> Path:
+    """A copy by a name that no file has or had, with that of the injector in it."""
+    fitted = bench.injector
+    folder = fitted.parameters_path.parent if fitted.config.model.file is not None else bench.path.parent
+    stem = fitted.name or fitted.parameters_path.stem.partition(_AMENDED)[0]
+    content, number = amended.read_bytes(), 0
+    while True:
+        number += 1
+        copy = folder / f"{stem}{_AMENDED}{number}.toml"
+        if copy.name in used or learned_beside(copy).exists():
+            continue
+        with file_errors(copy), suppress(FileExistsError), copy.open("xb") as file:
+            try:
+                file.write(content)
+                file.flush()
+                to_disk(copy)
+            except OSError:
+                copy.unlink()
+                raise
+            return copy
 
 
-def _note(path: Path, done: list[TakeOver]) -> None:
+def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOver]) -> bool:
+    """Have the bench file name an injector file, and a daemon read it; whether there is one. All or nothing.
+
+    done: the history then. It is written first, for a step that never came to be is passed over.
+    """
+    before, history = path.read_bytes(), steps(path)
+    after = naming(path, before, injector, file)
+    try:
+        _note(path, done)
+        replace_text(path, after)
+        return _is_reloaded(load_bench(path).of(injector or None))
+    except BaseException:
+        if path.read_bytes() == after:  # by nobody else meanwhile
+            replace_text(path, before)
+        _note(path, history)
+        raise
+
+
+def _is_reloaded(bench: Bench) -> bool:
+    """Have the daemon that keeps the injector's evidence or state read the bench file; False: there is none.
+
+    Raises `UserError` or `RunError` unless it has the model of the bench in force then.
+    """
+    fitted = bench.injector
+    model = model_hash(fitted.parameters)
+    for kept in kept_by_daemon(fitted):
+        answer = ask(kept, {"request": RELOAD, "model": model})
+        if answer is not None:
+            if answer.get("model") != model:
+                raise RunError(f"the daemon of {answer.get('bench')} has another model in force: see its log")
+            return True
+    return False
+
+
+def _note(path: Path, done: Sequence[TakeOver]) -> None:
     history = path.with_name(path.name + HISTORY)
     if not done:
         with file_errors(history):

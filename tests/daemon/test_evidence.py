@@ -11,7 +11,7 @@ import pytest
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import EvidenceConfig
 from observer_rt.daemon.evidence import OBSERVER, evidence_keeper
-from observer_rt.daemon.persistence.keeper import writer_of
+from observer_rt.daemon.persistence.keeper import is_written
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.engine.reports.evidence import EvidenceKind
 from observer_rt.files.evidence.evidence_file import KeptEvent, read_evidence
@@ -105,12 +105,12 @@ def test_a_full_disk_is_told_once_with_its_remedy(bench: Bench, tmp_path: Path) 
 
 def test_a_folder_belongs_to_one_daemon(bench: Bench, tmp_path: Path) -> None:
     folder = tmp_path / "evidence"
-    assert writer_of(folder / OBSERVER) is None
+    assert not is_written(folder / OBSERVER)
     with evidence_keeper(bench.injector, print):
-        assert writer_of(folder / OBSERVER) == os.getpid()
+        assert is_written(folder / OBSERVER)
         with pytest.raises(UserError, match="in use by process"), evidence_keeper(bench.injector, print):
             pass
-    assert writer_of(folder / OBSERVER) is None
+    assert not is_written(folder / OBSERVER)
 
 
 def test_nothing_is_kept_where_no_folder_is_named() -> None:

@@ -49,18 +49,19 @@ def sole_writer(path: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def writer_of(path: Path) -> int | None:
-    """Id of the process that is the sole writer of a file; None: there is none."""
-    lock = Path(os.path.realpath(path) + ".lock")
-    with contextlib.suppress(OSError, ValueError):
-        descriptor = os.open(lock, os.O_RDONLY | os.O_CLOEXEC)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return int(os.read(descriptor, LONGEST_ID))
-        finally:
-            os.close(descriptor)
-    return None
+def is_written(path: Path) -> bool:
+    """Whether some process is the sole writer of a file, in whichever container, or it may not be told."""
+    try:
+        descriptor = os.open(os.path.realpath(path) + ".lock", os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        return isinstance(error, PermissionError)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
 
 
 def _locked(lock: Path, path: Path) -> int:

@@ -29,7 +29,7 @@ from observer_rt.desk.cli.demo import PERIOD, RAIL_PRESSURES, demo_link
 from observer_rt.desk.evaluation.figures import ESTIMATED, NOMINAL, REFERENCE
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
-from observer_rt.desk.take_over import reload_daemon, take_over
+from observer_rt.desk.take_over import take_over
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.replay.player import play
 from observer_rt.files.signals.recording import Recording
@@ -212,11 +212,8 @@ class EffectDemo:
             amended = self._discover()
             if amended is None:
                 raise RunError("no effect was found that may be taken over; see the report in the folder")
-            done = take_over(self._read(), amended)
-            self.say(
-                f"taken over: the bench file names {done.as_text}; the daemon reads it between two injections"
-            )
-            reload_daemon(self._read())
+            done = take_over(self.folder / "bench.toml", "", amended)
+            self.say(f"taken over: the bench file names {done.step.as_text}; the daemon has it in force")
             self._wait_for("ready", 2)
             time.sleep(QUIET)
             self._send(bench, scenes[1].recording, player)

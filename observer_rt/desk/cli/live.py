@@ -258,6 +258,13 @@ def take_over(
     undo: Annotated[
         bool, option("--undo", "Instead: have the bench file name what it named before the last step.")
     ] = False,
+    accept_changes: Annotated[
+        bool,
+        option(
+            "--accept-changes",
+            "Take it over although it also changes parameters that the file in force states otherwise.",
+        ),
+    ] = False,
     injector: options.InjectorOption = None,
     effects: options.EffectsOption = None,
 ) -> None:
@@ -272,18 +279,26 @@ def take_over(
             "is missing" if amended is None else "and --undo exclude each other",
             "give one of them",
         )
-    chosen = load_bench(bench).of(injector)
-    if amended is not None:
-        done = taking.take_over(chosen, amended)
-        say(results(), f"{bench}: {done.before or 'the nominal injector'} -> {done.as_text}")
+    try:
+        done = (
+            taking.undo(bench, injector or "")
+            if amended is None
+            else taking.take_over(bench, injector or "", amended, accept_changes)
+        )
+    except taking.UnacceptedChangesError as error:
+        raise UserError(error.place, error.problem, f"{error.remedy} by --accept-changes") from None
+    before, after = done.step.before or "the nominal injector", done.step.after
+    say(results(), f"{bench}: {after} -> {before}" if undo else f"{bench}: {before} -> {done.step.as_text}")
+    for change in done.changes:
+        say(results(), f"  {change}")
+    if done.has_daemon:
+        say(messages, "the daemon has it in force")
     else:
-        done = taking.undo(bench, chosen.injector.name)
-        say(results(), f"{bench}: {done.after} -> {done.before or 'the nominal injector'}")
-    process = taking.reload_daemon(chosen)
-    if process is None:
-        say(messages, "no daemon keeps evidence for this bench: one that serves it reads the file at SIGUSR1")
-    else:
-        say(messages, f"the daemon (process {process}) reads it between two injections; its log says when")
+        say(
+            messages,
+            "no daemon is found by evidence or state that this bench file names: "
+            "one that serves it all the same reads it at SIGUSR1",
+        )
 
 
 def journal(

@@ -11,8 +11,10 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.missing.panel import panel_html
 from observer_rt.desk.live_page.missing.search import MissingSearch
 from observer_rt.desk.live_page.watching import Watching
-from observer_rt.desk.take_over import reload_daemon, take_over, undo
+from observer_rt.desk.take_over import UnacceptedChangesError, take_over, undo
 from observer_rt.foundation.errors import ObserverError, UserError
+
+ACCEPT = "accept-changes"  # the word of the second press
 
 
 class MissingEffects:
@@ -63,7 +65,7 @@ class MissingEffects:
             raise UserError("report", "there is none", "search first")
         return finding.report
 
-    def press(self, button: str, name: str) -> str:
+    async def press(self, button: str, name: str, accepts_changes: bool) -> str:
         """Do what a button asks for; what to say. Raises `ObserverError`."""
         search, alone = self._search(name), self._bench.of(name or None)
         if button == "search":
@@ -75,17 +77,17 @@ class MissingEffects:
             finding = search.finding
             if finding is None or finding.amended is None:
                 raise UserError("finding", "there is nothing to take over", "search first")
-            done = take_over(alone, finding.amended)
-            said = f"{alone.path.name} names {done.as_text} now"
+            done = await asyncio.to_thread(take_over, alone.path, name, finding.amended, accepts_changes)
+            said = f"{alone.path.name} names {done.step.as_text} now"
         elif button == "undo":
-            done = undo(alone.path, name)
-            said = f"{alone.path.name} names {done.before or 'the nominal injector'} again"
+            done = await asyncio.to_thread(undo, alone.path, name)
+            said = f"{alone.path.name} names {done.step.before or 'the nominal injector'} again"
         else:
             raise UserError(button, "is no button of this page", "load the page anew")
         self.look()
-        process = reload_daemon(alone)
-        heard = "the observer reads it between two injections" if process else "no observer runs to read it"
-        return f"{said}; {heard}"
+        changed = "".join(f"; {change}" for change in done.changes)
+        heard = "the observer has it in force" if done.has_daemon else "no observer runs to read it"
+        return f"{said}{changed}; {heard}"
 
     def _search(self, name: str) -> MissingSearch:
         if name not in self._searches:
@@ -120,15 +122,21 @@ def handlers_of(
 
     class Press(guarded):  # type: ignore[misc, valid-type]
         async def post(self) -> None:
-            """A button was pressed: `button`, `injector`, `word`."""
+            """A button was pressed: `button`, `injector`, `word`, and at a second press `accepted`."""
             if not hmac.compare_digest(self.get_body_argument("word", "").encode(), missing.word.encode()):
                 self.set_status(403)
                 self.finish("The word is not that which `observer-rt monitor` has written on its terminal.")
                 return
+            accepts = self.get_body_argument("accepted", "") == ACCEPT
             try:
                 self.finish(
-                    missing.press(self.get_body_argument("button"), self.get_body_argument("injector", ""))
+                    await missing.press(
+                        self.get_body_argument("button"), self.get_body_argument("injector", ""), accepts
+                    )
                 )
+            except UnacceptedChangesError as error:
+                self.set_status(428)
+                self.finish(f"{error} by the word {ACCEPT}")
             except ObserverError as error:
                 self.set_status(409)
                 self.finish(str(error))

@@ -27,12 +27,18 @@ function asked() {
   });
 }
 
-async function press(button, injector) {
+async function press(button, injector, accepted = "") {
   if (!word) word = await asked();
   if (!word) return;
-  const body = new URLSearchParams({ button, injector, word });
+  const body = new URLSearchParams({ button, injector, word, accepted });
   const answer = await fetch("missing/press", { method: "POST", body });
-  element("said").textContent = await answer.text();
+  const text = await answer.text();
+  element("said").textContent = text;
+  if (answer.status === 428) {
+    const typed = prompt(text);
+    if (typed) press(button, injector, typed.trim());
+    return;
+  }
   if (answer.status === 403) word = "";
   sessionStorage.setItem("word", word);
   look();

@@ -1,0 +1,186 @@
+"""Reading the bench file again while it is served: asked for by a signal, or at the daemon's socket.
+
+At the socket a request says which model the file is to name, and is answered once that model is in force.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from threading import Event, Thread
+from typing import Protocol
+
+from observer_rt import __version__
+from observer_rt.config.bench import Bench, BenchInjector, changes, content_of
+from observer_rt.daemon.control_socket import Message, control_socket
+from observer_rt.daemon.evidence import OBSERVER
+from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.foundation.console import SignalledEvent, StopRequest
+from observer_rt.foundation.errors import ObserverError, RunError, UserError
+
+RELOAD = "reload"  # name of the request; `model` in it and in the answer: SHA-256
+_LOOK = 0.05  # s between two looks at what is asked for
+_TURN = 0.001  # s between two looks whether an injection is under way
+_PATIENCE = 2.0  # s that one is waited for
+_LONGEST = 45.0  # s until an answer
+
+
+def kept_by_daemon(fitted: BenchInjector, state: Path | None = None) -> tuple[Path, ...]:
+    """Files that a daemon of an injector locks: the first has the socket beside it. state: of the command line."""
+    evidence, state = fitted.evidence, state or fitted.state
+    return tuple(path for path in (evidence and evidence / OBSERVER, state) if path is not None)
+
+
+class Reloadable(Protocol):
+    """An injector that is observed: its name and the SHA-256 of its model."""
+
+    @property
+    def name(self) -> str:
+        """Empty where the bench has one injector."""
+
+    @property
+    def model(self) -> str:
+        """SHA-256, hexadecimal."""
+
+    @property
+    def is_between_events(self) -> bool:
+        """Whether no injection is under way."""
+
+
+@dataclass(frozen=True)
+class _Wish:
+    """Request for the bench file to be read; model: SHA-256 of that it is to name for the injector."""
+
+    injector: str
+    model: str
+    answer: "Future[Message]" = field(default_factory=Future)
+
+    def is_met_by(self, bench: Bench) -> bool:
+        """Whether the file does; if not, the request is refused."""
+        fitted = bench.of(self.injector or None).injector
+        if (named := model_hash(fitted.parameters)) == self.model:
+            return True
+        problem = (
+            f"names {fitted.parameters_path} for the daemon, whose model is {named[:8]}, not {self.model[:8]}"
+        )
+        remedy = "does the daemon serve this bench file, and see the same folder?"
+        self.answer.set_exception(UserError(str(bench.path.absolute()), problem, remedy))
+        return False
+
+
+class Reloading:
+    """Requests for the bench file to be read again, and their answers, whichever benches are served meanwhile."""
+
+    def __init__(
+        self, stop: StopRequest, read_again: Callable[[], Bench], say: Callable[[str], None], stack: ExitStack
+    ) -> None:
+        """read_again: the bench as its file is now; raises `UserError` for one that may not start.
+
+        say: logs a line; stack: closes the sockets.
+        """
+        self._stop = stop
+        self._read_again = read_again
+        self._say = say
+        self._waiting: deque[_Wish] = deque()
+        self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
+        self._sockets = stack.enter_context(ExitStack())
+        self._places: Mapping[str, Path] = {}
+
+    def listen(self, bench: Bench, state: Path | None) -> None:
+        """Take requests where what each injector keeps is locked. state: of the command line."""
+        kept = {fitted.name: kept_by_daemon(fitted, state) for fitted in bench.injectors}
+        places = {name: paths[0] for name, paths in kept.items() if paths}
+        if places == self._places:
+            return
+        self._sockets.close()
+        self._places = places
+        for name, place in places.items():
+            try:
+                self._sockets.enter_context(control_socket(place, {RELOAD: partial(self._reload, name)}))
+            except OSError as error:
+                self._say(
+                    f"warning: no requests can be taken beside {place}: {error}\n"
+                    "  remedy: name a folder of a local disk; SIGUSR1 has the bench file read all the same"
+                )
+
+    @contextmanager
+    def watching(
+        self, bench: Bench, services: Sequence[Reloadable]
+    ) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
+        """An event that ends the services, and the bench that is then to take their place, if one is.
+
+        When asked to, the bench file is read and checked, and made ready beside them; they end between events.
+        """
+        ended, successors, content = SignalledEvent(), list[Bench](), content_of(bench)
+        models = {service.name: service.model for service in services}
+
+        def take_over() -> None:
+            is_signalled = self._stop.reload.is_set()
+            self._stop.reload.clear()
+            after = self._read_again()
+            self._taken = [wish for wish in self._taken if wish.is_met_by(after)]
+            if not (self._taken or is_signalled):
+                return
+            if not (found := changes(content, content_of(after))):
+                self._say(f"{bench.path} is as it was: nothing to take over")
+                self._settle(bench, models)
+                return
+            patience = time.monotonic() + _PATIENCE
+            while not all(each.is_between_events for each in services) and time.monotonic() < patience:
+                time.sleep(_TURN)
+            successors.append(after)
+            self._say(f"{bench.path} is taken over: {'; '.join(found)}")
+            if after.config.realtime != bench.config.realtime:
+                self._say("warning: [realtime] takes force with the next start of the process")
+            ended.set()
+
+        def wait() -> None:
+            self._settle(bench, models)
+            while not ended.wait(_LOOK):
+                self._taken = [self._waiting.popleft() for _ in range(len(self._waiting))]
+                if self._taken or self._stop.reload.is_set():
+                    try:
+                        take_over()
+                    except ObserverError as error:
+                        self._say(f"warning: {bench.path} is not taken over, the one before goes on: {error}")
+                        self.refuse(error)
+
+        thread = Thread(target=wait, name="reloading", daemon=True)
+        thread.start()
+        try:
+            with self._stop.setting(ended):
+                yield ended, lambda: next(iter(successors), None)
+        finally:
+            ended.set()
+            if not self._stop.is_set():
+                thread.join()
+
+    def refuse(self, error: ObserverError) -> None:
+        """Answer whoever asked for the bench that cannot be served."""
+        for wish in self._taken:
+            if not wish.answer.done():
+                wish.answer.set_exception(error)
+        self._taken = ()
+
+    def _settle(self, bench: Bench, models: Mapping[str, str]) -> None:
+        """Answer whoever asked for the bench that is served now."""
+        for wish in self._taken:
+            answer = {
+                "model": models[wish.injector],
+                "version": __version__,
+                "bench": str(bench.path.absolute()),
+            }
+            wish.answer.set_result(answer)
+        self._taken = ()
+
+    def _reload(self, injector: str, request: Message) -> Message:
+        wish = _Wish(injector, str(request.get("model")))
+        self._waiting.append(wish)
+        try:
+            return wish.answer.result(_LONGEST)
+        except TimeoutError:
+            raise RunError(f"the bench file was not taken over within {_LONGEST:g} s") from None

@@ -1,0 +1,98 @@
+"""Differences of two injector files besides what the second one adds: corrections that taking it over would undo."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from pydantic import BaseModel
+
+from observer_rt.model.parameters import InjectorParameters
+
+_OF_A_FINDING = frozenset({"effects", "terms", "remainder"})
+_OF_A_FIT = "baseline"
+_UNITS = {
+    "kg/m3": ("density_line", "density_nozzle"),
+    "Pa": ("bulk_modulus_line", "bulk_modulus_sac", "vapour_pressure", "pressure"),
+    "K": ("reference_temperature",),
+    "1/K": ("thermal_expansion",),
+    "Pa/K": ("bulk_modulus_slope",),
+    "m": ("length", "diameter", "max_lift", "hole_diameter"),
+    "m2": ("area",),
+    "m3": ("volume", "end_volume", "sac_volume"),
+    "m2/s": ("damping", "wall_viscosity"),
+    "m3/s": ("flow",),
+    "deg": ("cone_angle",),
+    "s": ("opening_delay", "closing_delay"),
+    "m/s": ("opening_speed", "closing_speed"),
+}
+UNIT_OF = {key: unit for unit, keys in _UNITS.items() for key in keys}
+"""Unit of a number in an injector file by its key; others have none."""
+
+
+def other_changes(before: InjectorParameters, after: InjectorParameters) -> tuple[str, ...]:
+    """Parameters that differ, and effects and terms that are changed or left out."""
+    return (*parameter_changes(before, after), *_of_additions(_additions(before), _additions(after)))
+
+
+def parameter_changes(before: InjectorParameters, after: InjectorParameters) -> tuple[str, ...]:
+    """Parameters that differ, such as `line.length 0.16 m -> 0.15 m`."""
+    return tuple(_in_section("", before, after))
+
+
+def _in_section(prefix: str, before: BaseModel, after: BaseModel) -> Iterator[str]:
+    for key in type(before).model_fields:
+        old, new = getattr(before, key), getattr(after, key)
+        if old == new or key in _OF_A_FINDING:
+            continue
+        if key == _OF_A_FIT:
+            yield f"{key}: that of another fit"
+        elif isinstance(old, BaseModel):
+            yield from _in_section(f"{prefix}{key}.", old, new)
+        else:
+            yield f"{prefix}{key} {_shown(key, old)} -> {_shown(key, new)}"
+
+
+def _shown(key: str, value: object) -> str:
+    if value is None:
+        return "(left out)"
+    if not isinstance(value, float):
+        return str(value)
+    unit = UNIT_OF.get(key)
+    return f"{value:.12g} {unit}" if unit else f"{value:.12g}"
+
+
+@dataclass(frozen=True)
+class _Addition:
+    """An effect or term in force: what tells it from others, its numbers, and all in words."""
+
+    key: object
+    numbers: object
+    words: str
+
+
+def _of_additions(before: Sequence[_Addition], after: Sequence[_Addition]) -> Iterator[str]:
+    present = {addition.key: addition for addition in after}
+    for addition in before:
+        if addition.key not in present:
+            yield f"{addition.words} is left out"
+        elif present[addition.key].numbers != addition.numbers:
+            yield f"{addition.words} -> {present[addition.key].words}"
+
+
+def _additions(injector: InjectorParameters) -> Sequence[_Addition]:
+    effects = [
+        _Addition(
+            effect.id,
+            {name: (size.value, size.unit) for name, size in effect.parameters.items()},
+            effect.words,
+        )
+        for effect in injector.effects
+    ]
+    terms = [
+        _Addition(
+            (term.equation, term.law),
+            term.coefficient and (term.coefficient.value, term.coefficient.unit),
+            term.words,
+        )
+        for term in injector.terms
+    ]
+    return [*effects, *terms]

@@ -1,0 +1,95 @@
+"""The daemon's local socket: requests and answers, whoever asks, and however long its path is."""
+
+import json
+import socket
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from observer_rt.daemon.control_socket import LONGEST, MOST_CLIENTS, Message, ask, control_socket
+from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.foundation.errors import RunError, UserError
+
+
+def refuse(_: Message) -> Message:
+    raise UserError("bench.toml", "is wrong", "correct it")
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Iterator[Path]:
+    """A file that a daemon keeps, in a folder whose name is longer than the address of a socket may be."""
+    folder = tmp_path / ("evidence" * 20)
+    folder.mkdir()
+    with control_socket(
+        folder / "observer", {"double": lambda asked: {"is": 2 * asked["of"]}, "fail": refuse}
+    ):
+        yield folder / "observer"
+
+
+@pytest.fixture
+def client(kept: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    monkeypatch.chdir(kept.parent)
+    with socket.socket(socket.AF_UNIX) as one:
+        one.settimeout(20.0)
+        one.connect("observer.socket")
+        yield one
+
+
+def test_a_request_is_answered_or_refused_in_words(kept: Path) -> None:
+    assert ask(kept, {"request": "double", "of": 21}) == {"is": 42}
+    with pytest.raises(UserError, match="is wrong"):
+        ask(kept, {"request": "fail"})
+    with pytest.raises(UserError, match="known: double, fail"):
+        ask(kept, {"request": "triple"})
+
+
+@pytest.mark.parametrize("line", [b"\n", b"\xff\n", b"[1]\n", b'{"request": []}\n', b"[" * 60_000 + b"\n"])
+def test_nonsense_is_refused_and_the_client_goes_on(client: socket.socket, line: bytes) -> None:
+    with client.makefile("rb") as answers:
+        client.sendall(line)
+        assert "error" in json.loads(answers.readline())
+        client.sendall(b'{"request": "double", "of": 1}\n')
+        assert json.loads(answers.readline()) == {"is": 2}
+
+
+def test_a_line_without_end_is_hung_up_on(client: socket.socket) -> None:
+    client.sendall(b" " * LONGEST)
+    assert client.recv(1) == b""
+
+
+def test_clients_are_limited_and_silent_ones_are_in_nobodys_way(
+    kept: Path, client: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    others = [socket.socket(socket.AF_UNIX) for _ in range(MOST_CLIENTS)]
+    for other in others:
+        other.settimeout(20.0)
+        other.connect("observer.socket")
+    assert others[-1].recv(1) == b""  # one too many
+    with pytest.raises(RunError, match="does not answer"):
+        ask(kept, {"request": "double", "of": 1})
+    for other in others:
+        other.close()
+    client.sendall(b'{"request": "double", "of": 1}\n')
+    assert json.loads(client.recv(100)) == {"is": 2}
+
+
+def test_only_owner_and_group_may_ask(kept: Path) -> None:
+    assert stat.S_IMODE(kept.with_name("observer.socket").stat().st_mode) == 0o660
+
+
+def test_a_socket_left_behind_is_replaced_and_ours_removed(tmp_path: Path) -> None:
+    kept, path = tmp_path / "observer", tmp_path / "observer.socket"
+    with socket.socket(socket.AF_UNIX) as killed:
+        killed.bind(str(path))
+    assert ask(kept, {"request": "double", "of": 1}) is None
+    with control_socket(kept, {"double": lambda asked: {"is": 2 * asked["of"]}}):
+        assert ask(kept, {"request": "double", "of": 1}) == {"is": 2}
+    assert not path.exists()
+
+
+def test_a_daemon_without_a_socket_cannot_be_asked(tmp_path: Path) -> None:
+    assert ask(tmp_path / "observer", {}) is None
+    with sole_writer(tmp_path / "observer"), pytest.raises(RunError, match="takes no requests"):
+        ask(tmp_path / "observer", {})

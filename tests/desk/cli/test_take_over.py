@@ -1,0 +1,71 @@
+"""`observer-rt take-over` beside a daemon in a container of its own, which shares the bench's folder only."""
+
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+import tomlkit
+
+from observer_rt.config.bench import NOMINAL_INJECTOR
+from tests.daemon.end_to_end import START_TIMEOUT
+from tests.daemon.end_to_end import command as words
+from tests.daemon.participants import until
+from tests.desk.cli.conftest import Command
+
+
+@pytest.fixture
+def bench(bench: Path, tmp_path: Path) -> Path:
+    """With evidence, on a channel of the test's own."""
+    text = bench.read_text().replace('# folder = "evidence"', 'folder = "evidence"')
+    bench.write_text(text.replace('"can0"', f'"{tmp_path.name}"'))
+    return bench
+
+
+def of_its_own() -> Sequence[str]:
+    """A command's beginning that gives it process numbers of its own, if this user may."""
+    prefix = ["unshare", "--pid", "--fork", "--kill-child"]
+    return (
+        prefix if subprocess.run([*prefix, "true"], check=False, capture_output=True).returncode == 0 else ()
+    )
+
+
+def amended(folder: Path, replacement: tuple[str, str] = ("", "")) -> Path:
+    document = tomlkit.parse(NOMINAL_INJECTOR.read_text().replace(*replacement, 1))
+    document["effects"] = [{"id": "orifice_area", "parameters": {"v_H": {"value": 0.1, "unit": "-"}}}]
+    path = folder / "worn.toml"
+    path.write_text(tomlkit.dumps(document))
+    return path
+
+
+def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
+    command: Command, bench: Path, tmp_path: Path
+) -> None:
+    log, name = tmp_path / "run.log", "crin3_nominal_amended_1.toml"
+    with subprocess.Popen([*of_its_own(), *words("run", "--bench", bench, "--log", log)]) as daemon:
+        try:
+            until(lambda: log.exists() and "start: ready" in log.read_text(), START_TIMEOUT)
+            outcome = command.done("take-over", amended(tmp_path), "--bench", bench)
+            assert name in outcome.out
+            assert "the daemon has it in force" in outcome.err
+            assert "orifice_area v_H = 0.1" in log.read_text()
+
+            before = bench.read_text()
+            bench.write_text(before.replace("bridge_ms = 0.5", "bridge_ms = 50"))
+            assert command("take-over", "--undo", "--bench", bench).code == 2
+            bench.write_text(before)
+            command.done("take-over", "--undo", "--bench", bench)
+            assert daemon.poll() is None
+        finally:
+            daemon.terminate()
+    assert name not in bench.read_text()
+
+
+def test_changes_besides_need_a_word(command: Command, bench: Path, tmp_path: Path) -> None:
+    found = amended(tmp_path, ("length = 0.15 ", "length = 0.16 "))
+    refusal = command.refused("take-over", found, "--bench", bench)
+    assert "line.length 0.15 m -> 0.16 m" in refusal
+    assert "--accept-changes" in refusal
+    outcome = command.done("take-over", found, "--bench", bench, "--accept-changes")
+    assert "line.length 0.15 m -> 0.16 m" in outcome.out
+    assert "no daemon is found" in outcome.err

@@ -1,7 +1,7 @@
 """Takes an amended model over: the bench file names it from now on, and the daemon that serves the bench uses it.
 
 Either both happen or neither: a daemon that cannot be asked, or does not end up with this model, leaves the bench
-file as it was. What the file named before is noted beside it, so that each step can be undone. One take-over at a time.
+file as it was. What the file named before is noted beside it, so that each step can be undone, one at a time.
 """
 
 import fcntl

@@ -57,7 +57,7 @@ def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
             command.done("take-over", "--undo", "--bench", bench)
             assert daemon.poll() is None
         finally:
-            daemon.terminate()
+            daemon.kill()  # which unshare hands on
     assert name not in bench.read_text()
 
 

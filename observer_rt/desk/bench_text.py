@@ -9,7 +9,6 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from observer_rt.config.bench import load_bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import replacing
@@ -42,10 +41,9 @@ def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes
 
 
 def replace_text(path: Path, content: bytes) -> None:
-    """Replace a bench file as a whole, with its rights and owner. Raises `UserError` where it could not be served."""
+    """Replace a bench file as a whole, with its rights and owner."""
     owner = path.stat()
     with file_errors(path), replacing(path) as part:
         part.write_bytes(content)
         with suppress(PermissionError):
             os.chown(part, owner.st_uid, owner.st_gid)
-        load_bench(part)  # beside the file it replaces, for the paths in it are relative

@@ -121,7 +121,7 @@ def test_what_is_missing_is_found_taken_over_and_undone_on_the_page(bench: Path,
         assert "rail_pressure_sensor_gain" in page.html
         assert load_injector(tmp_path / "injector.toml").effects == ()  # nothing happens by itself
 
-        assert "the observer reads it between two injections" in page.press("take_over")
+        assert "the observer has it in force" in page.press("take_over")
         until(lambda: log.read_text().count(": ready\n") == 2, START_TIMEOUT)
         subprocess.run(replay, check=True, timeout=PATIENCE)
         until(lambda: len(page.gaps) == 2 * INJECTIONS, START_TIMEOUT)

@@ -36,7 +36,7 @@ def control_socket(kept: Path, requests: Requests) -> Iterator[None]:
     """Answer requests at the socket of a file that this process has locked. Raises OSError where none can be made."""
     with _address(kept) as address:
         Path(address).unlink(missing_ok=True)  # the lock is ours: left behind by a process that was killed
-        with _Server(address, requests) as server:
+        with _SocketServer(address, requests) as server:
             path = Path(os.path.realpath(kept) + ".socket")
             own = path.stat()
             thread = Thread(target=server.serve_forever, args=(0.1,), name="control socket", daemon=True)
@@ -84,7 +84,7 @@ def ask(kept: Path, request: Message) -> Message | None:
     return dict(answer)
 
 
-class _Server(ThreadingMixIn, UnixStreamServer):
+class _SocketServer(ThreadingMixIn, UnixStreamServer):
     """Takes a limited number of clients, each in a thread of its own, which outlives nothing but its client."""
 
     daemon_threads = True
@@ -111,7 +111,7 @@ class _Server(ThreadingMixIn, UnixStreamServer):
 
 class _Client(StreamRequestHandler):
     timeout = IDLE
-    server: _Server
+    server: _SocketServer
 
     def handle(self) -> None:
         """Answer one line after another."""

@@ -62,7 +62,7 @@ class TakeOver:
 
 
 @dataclass(frozen=True)
-class Done:
+class StepOutcome:
     """A step that was taken, or undone: what it changed besides, and whether a daemon has it in force."""
 
     step: TakeOver
@@ -70,7 +70,7 @@ class Done:
     has_daemon: bool
 
 
-def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> Done:
+def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = False) -> StepOutcome:
     """Learn for an amended injector file, and have a bench file name a copy of it, beside the file it named.
 
     injector: empty where the bench has one; accepts_changes: also those besides the effects and terms added. Raises
@@ -91,14 +91,14 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
             time, before = datetime.now().isoformat(timespec="seconds"), fitted.config.model.file
             after = os.path.relpath(copy, path.parent)
             step = TakeOver(injector, before, after, time, learn_beforehand(bench, copy))
-            return Done(step, changes, _in_force(path, injector, after, [*done, step]))
+            return StepOutcome(step, changes, _in_force(path, injector, after, [*done, step]))
         except BaseException:
             copy.unlink(missing_ok=True)
             learned_beside(copy).unlink(missing_ok=True)
             raise
 
 
-def undo(path: Path, injector: str = "") -> Done:
+def undo(path: Path, injector: str = "") -> StepOutcome:
     """Have a bench file name what it named before the last step of an injector.
 
     Raises `UserError` where the file it names was not taken over, otherwise as `take_over`.
@@ -117,7 +117,7 @@ def undo(path: Path, injector: str = "") -> Done:
         remaining = [step for step in done if step.injector != injector or step in own]
         has_daemon = _in_force(path, injector, last.before, remaining)
         after = load_bench(path).of(injector or None).injector.parameters
-        return Done(last, parameter_changes(fitted.parameters, after), has_daemon)
+        return StepOutcome(last, parameter_changes(fitted.parameters, after), has_daemon)
 
 
 def steps(path: Path) -> list[TakeOver]:

@@ -94,7 +94,7 @@ class EvidenceKeeper:
         self._reports: list[InjectionReport] = []  # of one event
         self._inputs: EventInputs | None = None
         self._waiting: queue.Queue[_Heard | None] = queue.Queue(MOST_WAITING)
-        self._is_reported = False
+        self._lost_together = 0  # since an event was kept
 
     def watch(self, core: Core) -> None:
         """Take samples from a core from now on."""
@@ -152,6 +152,11 @@ class EvidenceKeeper:
                 continue
             if process is None or process.poll() is not None:
                 process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            if not self._folder.exists():
+                self._tell(
+                    f"warning: the evidence in {self._folder} was removed, and the folder with it\n"
+                    "  remedy: nothing; it is made anew, and further events are kept"
+                )
             try:
                 answer = _asked(process, event.packed())
             except OSError as error:
@@ -169,15 +174,17 @@ class EvidenceKeeper:
     def _note(self, answer: str) -> None:
         said, _, why = answer.partition(" ")
         self.kept += said == "kept"
+        if said == "kept" and self._lost_together:
+            self._tell(f"evidence is kept in {self._folder} again; {self._lost_together} events were lost")
+            self._lost_together = 0
         if said != "failed":
-            self._is_reported = False
             return
         self.lost += 1
-        if not self._is_reported:
-            self._is_reported = True
+        self._lost_together += 1
+        if self._lost_together == 1:
             self._tell(
                 f"warning: evidence cannot be kept in {self._folder}: {why}\n"
-                "  remedy: make room there, or mend the folder's rights; the observer goes on"
+                "  remedy: make room there, or correct the folder's rights; the observer goes on"
             )
 
 

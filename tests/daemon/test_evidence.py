@@ -1,6 +1,7 @@
 """The daemon's evidence: what a core sees of an event is what its device sent, on disk by a process of its own."""
 
 import os
+import shutil
 import signal
 import subprocess
 from pathlib import Path
@@ -46,6 +47,7 @@ def test_what_is_kept_is_what_was_sent(bench: Bench, gain: float) -> None:
     recording = worn_recording(INJECTIONS)
     with keeping(bench, told) as keeper:
         observe(keeper, bench, recording)
+        until(lambda: keeper.kept == INJECTIONS - 1)
     assert (keeper.kept, keeper.lost, told) == (INJECTIONS, 0, [])
     events = kept(bench)
     if not gain:
@@ -88,19 +90,38 @@ def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
     assert len(told) == keeper.lost
 
 
-def test_a_full_disk_is_told_once_with_its_remedy(bench: Bench, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_told_once_and_when_it_is_over(
+    bench: Bench, tmp_path: Path
+) -> None:
     told: list[str] = []
+    folder, recording = tmp_path / "evidence", worn_recording(INJECTIONS)
     with keeping(bench, told) as keeper:
-        folder = tmp_path / "evidence"
         folder.rename(tmp_path / "elsewhere")
         folder.write_text("in the way")
-        observe(keeper, bench, worn_recording(INJECTIONS))
-        until(lambda: keeper.lost >= INJECTIONS - 1)
+        observe(keeper, bench, recording)
+        until(lambda: keeper.lost == INJECTIONS - 1)
         folder.unlink()
         folder.mkdir()
-    assert len(told) == 1
+        observe(keeper, bench, recording)
+        until(lambda: keeper.kept == INJECTIONS)
+    assert len(told) == 2
     assert "cannot be kept" in told[0]
     assert "remedy" in told[0]
+    assert told[1] == f"evidence is kept in {folder} again; {INJECTIONS - 1} events were lost"
+
+
+def test_a_folder_that_is_removed_is_told_and_made_anew(bench: Bench, tmp_path: Path) -> None:
+    told: list[str] = []
+    folder, recording = tmp_path / "evidence", worn_recording(INJECTIONS)
+    with keeping(bench, told) as keeper:
+        observe(keeper, bench, recording)
+        until(lambda: keeper.kept == INJECTIONS - 1)
+        shutil.rmtree(folder)
+        observe(keeper, bench, recording)
+    assert (keeper.kept, keeper.lost) == (2 * INJECTIONS, 0)
+    assert len(kept(bench)) == INJECTIONS + 1
+    (line,) = told
+    assert line.startswith(f"warning: the evidence in {folder} was removed")
 
 
 def test_a_folder_belongs_to_one_daemon(bench: Bench, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """One event's evidence as a Parquet file, in our own layout of a recording, with what was believed of it beside."""
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +22,13 @@ _BELIEF = "observer_rt_evidence"
 
 @dataclass(frozen=True, eq=False)
 class KeptEvent:
-    """An event that was kept: its recording, and what was believed of it; time: of the verdict, ISO 8601."""
+    """An event that was kept: its recording, and what was believed of it; time: of the verdict, ISO 8601.
+
+    sha256: of the file as it was read, hexadecimal.
+    """
 
     path: Path
+    sha256: str
     kind: EvidenceKind
     time: str
     open_time: float
@@ -63,12 +68,14 @@ def read_evidence(path: Path) -> KeptEvent:
         refuse_damaged(path)
         try:
             with path.open("rb") as file:  # a name may look like an address to the library
+                sha256 = hashlib.file_digest(file, "sha256").hexdigest()
                 table = parquet.read_table(file)
             said = json.loads(table.schema.metadata[_BELIEF.encode()])
             time, rail, lift, line = (table.column(column.header).to_numpy() for column in SI[:4])
             recording = Recording(time, rail, lift, line, path=path)
             return KeptEvent(
                 path,
+                sha256,
                 EvidenceKind(said["kind"]),
                 str(said["time"]),
                 float(said["open_time_s"]),

@@ -15,7 +15,6 @@ from observer_rt.files.evidence.evidence_file import SUFFIX, KeptEvent, read_evi
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_hash
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.reading import refuse_sample_rates
 from observer_rt.model.effect import SizedEffect
@@ -39,15 +38,22 @@ class KeptEvidence:
 def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
     """Events in a folder in the order of time; damaged files are named and left out.
 
+    A daemon may keep newer ones meanwhile: those that it drops before they are read are counted and left out.
     Raises `UserError` for a folder without any.
     """
-    found = []
+    found: list[KeptEvent] = []
+    dropped = 0
     paths = sorted(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stem.rsplit("_", 1)[-1])
     for path in paths:
         try:
             found.append(read_evidence(path))
         except UserError as error:
-            say(console, f"warning: {error.place} is left out: {error.problem}")
+            if path.exists():
+                say(console, f"warning: {error.place} is left out: {error.problem}")
+            else:
+                dropped += 1
+    if dropped:
+        say(console, f"{folder}: {dropped} events were dropped for newer ones before they were read")
     if not found:
         raise UserError(
             f"--from-evidence {folder}",
@@ -87,7 +93,7 @@ def evidence_against(
     joined = _joined(chosen, folder)
     (measurement,) = measurements([joined])
     measurement = replace(measurement, stated=_stated(chosen[-1]))
-    hashes = {str(folder): _digest([file_hash(one.path) for one in chosen])}
+    hashes = {str(folder): _digest([one.sha256 for one in chosen])}
     return KeptEvidence(kind, model, Path(chosen[-1].belief["injector_file"]), measurement, hashes)
 
 

@@ -16,13 +16,11 @@ BEGIN = datetime(2026, 5, 1, tzinfo=UTC)
 SAMPLES = 2000
 
 
-def event(
-    kind: EvidenceKind, number: int, pressure: float = 100e6, open_time: float = 1.2e-3
-) -> EventEvidence:
+def event(kind: EvidenceKind, number: int, pressure: float = 100e6, model: str = "ab") -> EventEvidence:
     random = np.random.default_rng(number)
     rail, lift, line = random.normal(size=(3, SAMPLES))
-    belief = {"model_sha256": "ab", "injections": [{"number": number}]}
-    return EventEvidence(kind, number, 1000 * number, 1e5, pressure, open_time, belief, rail, lift, line)
+    belief = {"model_sha256": model, "injections": [{"number": number}]}
+    return EventEvidence(kind, number, 1000 * number, 1e5, pressure, 1.2e-3, belief, rail, lift, line)
 
 
 def numbers(folder: Path) -> list[int]:
@@ -31,15 +29,24 @@ def numbers(folder: Path) -> list[int]:
 
 
 def fill(folder: Path, events: list[EventEvidence], most_mib: float = 100.0, per_point: int = 3) -> None:
-    keeper = EvidenceFolder(folder, FolderLimits(most_mib, per_point))
-    for number, one in enumerate(events):
-        keeper.take(one, BEGIN + timedelta(seconds=number))
+    """Keep events, one a second, by a writer that is started anew in the middle."""
+    for part in (events[: len(events) // 2], events[len(events) // 2 :]):
+        keeper = EvidenceFolder(folder, FolderLimits(most_mib, per_point))
+        for one in part:
+            keeper.take(one, BEGIN + timedelta(seconds=one.event))
 
 
-def test_refused_events_are_the_newest_of_each_operating_point(tmp_path: Path) -> None:
-    refused = [event(EvidenceKind.REFUSED, n, (60e6, 100e6)[n % 2]) for n in range(10)]
-    fill(tmp_path, refused)
-    assert numbers(tmp_path) == [4, 5, 6, 7, 8, 9]
+@pytest.mark.parametrize("per_point", [3, 8])
+def test_refused_events_are_the_newest_of_each_operating_point(tmp_path: Path, per_point: int) -> None:
+    refused = [event(EvidenceKind.REFUSED, n, (60e6, 100e6)[n % 2]) for n in range(20)]
+    fill(tmp_path, refused, per_point=per_point)
+    assert numbers(tmp_path) == [*range(20 - 2 * per_point, 20)]
+
+
+@pytest.mark.parametrize("kind", EvidenceKind)
+def test_no_event_is_dropped_while_there_is_room(tmp_path: Path, kind: EvidenceKind) -> None:
+    fill(tmp_path, [event(kind, n) for n in range(8)], per_point=8)
+    assert numbers(tmp_path) == [*range(8)]
 
 
 def test_good_events_are_a_fair_sample(tmp_path: Path) -> None:
@@ -47,11 +54,24 @@ def test_good_events_are_a_fair_sample(tmp_path: Path) -> None:
     kept = []
     for trial in range(30):
         folder = tmp_path / str(trial)
-        fill(folder, [event(EvidenceKind.GOOD, n) for n in range(12)])
+        fill(folder, [event(EvidenceKind.GOOD, n) for n in range(12 * trial, 12 * trial + 12)])
         assert len(numbers(folder)) == 3
-        kept += numbers(folder)
+        kept += [number - 12 * trial for number in numbers(folder)]
     assert 0.3 < np.mean(np.array(kept) < 6) < 0.7
     assert len(set(kept)) > 8
+
+
+def test_good_events_are_a_fair_sample_where_the_size_of_the_folder_limits_them(tmp_path: Path) -> None:
+    fill(tmp_path, [event(EvidenceKind.GOOD, n) for n in range(60)], most_mib=1.0, per_point=1000)
+    assert min(numbers(tmp_path)) < 20
+
+
+def test_another_model_has_a_sample_of_its_own(tmp_path: Path) -> None:
+    """However long the one before was in force."""
+    fill(tmp_path, [event(EvidenceKind.GOOD, n) for n in range(30)])
+    fill(tmp_path, [event(EvidenceKind.GOOD, n, model="cd") for n in range(30, 33)])
+    assert numbers(tmp_path)[-3:] == [30, 31, 32]
+    assert len(numbers(tmp_path)) == 6
 
 
 def test_the_folder_is_bounded_and_keeps_what_there_is_least_of(tmp_path: Path) -> None:

@@ -7,8 +7,27 @@ from rich.console import Console
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.config.injector import EvidenceConfig
+from observer_rt.foundation.files import file_hash
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
 from tests.kept_evidence import keep
+
+
+def test_events_that_a_daemon_drops_meanwhile_are_counted_and_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before they are read, and once they are read but not asked yet."""
+    folder, console = tmp_path / "kept", Console()
+    keep(load_bench(EXAMPLE_BENCH).with_sections(evidence=EvidenceConfig(folder=str(folder))), injections=10)
+    first, *_ = folder.glob("*.parquet")
+    for digit in "123":  # a name that is listed, behind which there is nothing
+        (folder / f"refused_100MPa_900us_ab_{digit}.parquet").symlink_to(tmp_path / "dropped")
+    events = read_folder(folder, console)
+    assert f"{folder}: 3 events were dropped" in capsys.readouterr().out.replace("\n", " ")
+    assert file_hash(first) in {one.sha256 for one in events}
+    before = evidence_against(events, folder, None, console)
+    for path in folder.glob("*.parquet"):
+        path.unlink()
+    assert evidence_against(events, folder, None, console).hashes == before.hashes
 
 
 def test_a_stated_lag_of_the_line_pressure_is_known_of_its_evidence(tmp_path: Path) -> None:

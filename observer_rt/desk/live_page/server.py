@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
+from observer_rt.desk.live_page.missing.word import SecretWord
 from observer_rt.desk.live_page.page.session import Session, pressed
 from observer_rt.desk.live_page.watching import FrameSource, Watching
 from observer_rt.foundation.console import say, stop_on_signals
@@ -39,7 +41,6 @@ _LONGEST = 1000  # bytes of what a browser says
 _CONNECTIONS = 256  # at once; a page takes some seven
 _ELSEWHERE = ("192.0.2.1", 9)  # a computer of RFC 5737, that is nowhere
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
-_WORD = 3  # bytes of it
 _TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
@@ -98,7 +99,9 @@ class _Channel(_Guarded, WebSocketHandler):
             return
         self._alive_due = now + _ALIVE_EVERY
         with suppress(WebSocketClosedError):  # which `on_close` is about to hear
-            self.write_message(message or b"", binary=True)
+            sent = asyncio.ensure_future(self.write_message(message or b"", binary=True))
+            # the socket may be closed before all of it is sent: nobody waits to hear of that
+            sent.add_done_callback(lambda done: done.cancelled() or done.exception())
 
 
 class _PageServer(HTTPServer):
@@ -145,7 +148,8 @@ def serve_page(
     read: the bench file anew. Raises `RunError` for a port that is taken.
     """
     watching = Watching(bench, source)
-    missing = MissingEffects(bench, watching, secrets.token_hex(_WORD), read) if source.is_live else None
+    word = SecretWord(partial(say, console))
+    missing = MissingEffects(bench, watching, word, read) if source.is_live else None
     asyncio.run(_serve(watching, missing, address, port, folder, console))
 
 
@@ -196,7 +200,7 @@ async def _serve(
         if missing is not None and asks:
             say(
                 console,
-                f"to ask what is missing, and to take it over, the page wants the word {missing.word}",
+                f"to ask what is missing, and to take it over, the page wants the word {missing.word.text}",
             )
         sys.setswitchinterval(_TURN)
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings

@@ -5,6 +5,7 @@ import re
 import shutil
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ import pytest
 import tomlkit
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_injector
+from observer_rt.desk.live_page.missing.word import FIRST_DELAY
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.formats import write_recording
@@ -27,7 +29,7 @@ from tests.daemon.participants import until
 INJECTIONS = 18
 SPEED = "0.25"
 PATIENCE = 240.0  # s of a search, in a machine within a machine
-_STARTED = re.compile(r"(http://\S+)|wants the word (\w+)")
+_STARTED = re.compile(r"(http://\S+)|wants the word (\S+)")
 
 
 @pytest.fixture
@@ -116,6 +118,7 @@ def test_what_is_missing_is_found_taken_over_and_undone_on_the_page(bench: Path,
 
         with pytest.raises(HTTPError, match="403"):
             page.press("search", "guessed")
+        time.sleep(FIRST_DELAY)
         page.press("search")
         until(lambda: "Take it over" in page.html, PATIENCE)
         assert "rail_pressure_sensor_gain" in page.html

@@ -1,5 +1,6 @@
 """The panel of the missing effect: what it says of evidence, search and finding, whatever the verdict was."""
 
+import asyncio
 import json
 import shutil
 from pathlib import Path
@@ -14,6 +15,7 @@ from observer_rt.desk.live_page.injector import HISTORY, Seen
 from observer_rt.desk.live_page.missing.panel import HEIGHT, gap_drawing, panel_html
 from observer_rt.desk.live_page.missing.search import MissingSearch
 from observer_rt.desk.live_page.samples import SeenInjection
+from observer_rt.foundation.errors import UserError
 
 
 @pytest.fixture
@@ -69,3 +71,20 @@ def test_evidence_is_counted_by_kind(bench: Bench, tmp_path: Path) -> None:
         (tmp_path / "evidence" / f"{name}.parquet").touch()
     html = panel_html(bench, seen(), MissingSearch(bench))
     assert "<b>2</b> events refused, <b>0</b> doubtful, <b>1</b> good" in html
+
+
+def test_a_second_press_is_refused_and_a_search_that_cannot_begin_says_why(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = MissingSearch(bench)
+
+    async def press_twice() -> None:
+        search.start()
+        with pytest.raises(UserError, match="on its way"):
+            search.start()
+        while search.seconds is not None:
+            await asyncio.sleep(0.01)
+
+    monkeypatch.setattr("observer_rt.desk.live_page.missing.search.question", lambda *_: ["/no/such/program"])
+    asyncio.run(press_twice())
+    assert "No such file" in search.failure

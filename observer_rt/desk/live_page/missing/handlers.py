@@ -1,26 +1,27 @@
 """The page of the missing effect on the server: what it shows, and what its buttons do, for whoever has the word."""
 
-import asyncio
-import hmac
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from tornado.web import RequestHandler
 
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.missing.panel import panel_html
 from observer_rt.desk.live_page.missing.search import MissingSearch
+from observer_rt.desk.live_page.missing.word import SecretWord, WordResult
 from observer_rt.desk.live_page.watching import Watching
 from observer_rt.desk.take_over import UnacceptedChangesError, take_over, undo
 from observer_rt.foundation.errors import ObserverError, UserError
 
 ACCEPT = "accept-changes"  # the word of the second press
+_STATUS = {WordResult.WRONG: 403, WordResult.TOO_EARLY: 429}
 
 
 class MissingEffects:
     """The injectors of a bench whose evidence is kept, and the bench as its file is now."""
 
-    def __init__(self, bench: Bench, watching: Watching, word: str, read: Callable[[], Bench]) -> None:
+    def __init__(self, bench: Bench, watching: Watching, word: SecretWord, read: Callable[[], Bench]) -> None:
         """word: that whoever presses a button must know; read: the bench file anew."""
         self.word = word
         self._watching = watching
@@ -32,7 +33,6 @@ class MissingEffects:
             for alone in bench.each
             if alone.injector.evidence is not None
         }
-        self._running: set[asyncio.Task[None]] = set()
 
     @property
     def is_kept(self) -> bool:
@@ -69,9 +69,7 @@ class MissingEffects:
         """Do what a button asks for; what to say. Raises `ObserverError`."""
         search, alone = self._search(name), self._bench.of(name or None)
         if button == "search":
-            task = asyncio.get_running_loop().create_task(search.run())
-            self._running.add(task)
-            task.add_done_callback(self._running.discard)
+            search.start()
             return ""
         if button == "take_over":
             finding = search.finding
@@ -123,9 +121,15 @@ def handlers_of(
     class Press(guarded):  # type: ignore[misc, valid-type]
         async def post(self) -> None:
             """A button was pressed: `button`, `injector`, `word`, and at a second press `accepted`."""
-            if not hmac.compare_digest(self.get_body_argument("word", "").encode(), missing.word.encode()):
+            origin = self.request.headers.get("Origin")
+            if origin is not None and urlsplit(origin).netloc != self.request.host:
                 self.set_status(403)
-                self.finish("The word is not that which `observer-rt monitor` has written on its terminal.")
+                self.finish("A page of another server presses no button here.")
+                return
+            result = missing.word.check(self.get_body_argument("word", ""), self.request.remote_ip)
+            if result is not WordResult.RIGHT:
+                self.set_status(_STATUS[result])
+                self.finish(result.value)
                 return
             accepts = self.get_body_argument("accepted", "") == ACCEPT
             try:

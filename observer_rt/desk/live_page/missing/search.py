@@ -46,6 +46,7 @@ class MissingSearch:
         self._bench = alone
         self._began: float | None = None
         self._text = ""
+        self._running: asyncio.Task[None] | None = None  # held, for the loop itself does not
 
     @property
     def out(self) -> Path:
@@ -75,26 +76,31 @@ class MissingSearch:
             )
         return None
 
-    async def run(self) -> None:
-        """Search. Raises `UserError` where one is on its way."""
+    def start(self) -> None:
+        """Search from now on, in the loop that runs. Raises `UserError` where a search is on its way."""
         if self._began is not None:
             raise UserError("search", "is on its way", "wait for it")
         self._began, self.failure = time.monotonic(), ""
-        injector = self._bench.injector
+        self._running = asyncio.get_running_loop().create_task(self._search())
+
+    async def _search(self) -> None:
         try:
             process = await asyncio.create_subprocess_exec(
-                *question(self.evidence, self.out, self._bench.path, injector.name),
+                *question(self.evidence, self.out, self._bench.path, self._bench.injector.name),
                 stdout=PIPE,
                 stderr=PIPE,
                 preexec_fn=step_back,
             )
             said, errors = await process.communicate()
+        except OSError as error:  # no memory, or no process more
+            self.failure = str(error)
+        else:
+            if process.returncode:
+                self.failure = _plain(errors)
+            else:
+                self._text = _plain(said)
         finally:
             self._began = None
-        if process.returncode:
-            self.failure = _plain(errors)
-        else:
-            self._text = _plain(said)
 
 
 def _plain(text: bytes) -> str:

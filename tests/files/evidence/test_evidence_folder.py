@@ -16,7 +16,7 @@ BEGIN = datetime(2026, 5, 1, tzinfo=UTC)
 SAMPLES = 2000
 
 
-def event(kind: EvidenceKind, number: int, pressure: float = 100e6, model: str = "ab") -> EventEvidence:
+def event(kind: EvidenceKind, number: int, pressure: float = 100e6, model: str = "ab" * 32) -> EventEvidence:
     random = np.random.default_rng(number)
     rail, lift, line = random.normal(size=(3, SAMPLES))
     belief = {"model_sha256": model, "injections": [{"number": number}]}
@@ -69,7 +69,7 @@ def test_good_events_are_a_fair_sample_where_the_size_of_the_folder_limits_them(
 def test_another_model_has_a_sample_of_its_own(tmp_path: Path) -> None:
     """However long the one before was in force."""
     fill(tmp_path, [event(EvidenceKind.GOOD, n) for n in range(30)])
-    fill(tmp_path, [event(EvidenceKind.GOOD, n, model="cd") for n in range(30, 33)])
+    fill(tmp_path, [event(EvidenceKind.GOOD, n, model="cd" * 32) for n in range(30, 33)])
     assert numbers(tmp_path)[-3:] == [30, 31, 32]
     assert len(numbers(tmp_path)) == 6
 
@@ -104,7 +104,7 @@ def test_files_of_somebody_else_stay_in_a_folder_that_is_full(tmp_path: Path) ->
 
 
 def test_what_a_killed_writer_left_is_gone_and_what_is_damaged_is_refused(tmp_path: Path) -> None:
-    left = tmp_path / ".refused_100MPa_1200us_20260501T000000000000.0123abcd.part.parquet"
+    left = tmp_path / ".refused_100MPa_1200us_abcdef01_20260501T000000000000.0123abcd.part.parquet"
     left.write_bytes(b"PAR1")
     fill(tmp_path, [event(EvidenceKind.REFUSED, 1)])
     assert not left.exists()

@@ -1,5 +1,6 @@
 """The page of the missing effect on the server: what it shows, and what its buttons do, for whoever has the word."""
 
+import asyncio
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from urllib.parse import urlsplit

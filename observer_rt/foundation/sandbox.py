@@ -1,12 +1,13 @@
 """Runs work that may crash in a process of its own: nothing it meets ends the caller or reaches its screen.
 
 For libraries that read what others wrote with code that trusts it. One server process imports what the work needs,
-once, and forks a worker for every piece of work. What a worker leaves behind is deleted with its folder.
+once, and forks a worker for every piece of work. What a worker leaves behind is deleted with its folder. A worker may
+be in the hands of the file it reads: what it says is read as plain data only, and callers check it (`checked`).
 """
 
 import atexit
+import json
 import os
-import pickle
 import resource
 import signal
 import socket
@@ -16,11 +17,15 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, BinaryIO, NamedTuple, NoReturn, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.plain_messages import MessageError, read_message, write_message
 
 CPU_SECONDS = 5  # for any file; damaged ones can lead a reader in circles
 SECONDS_PER_BYTE = 4e-6  # more than reading takes
@@ -28,6 +33,7 @@ MEMORY = 4 << 30  # bytes, for any file
 MEMORY_PER_BYTE = 8
 LONGEST_REQUEST = 1 << 16
 _PACKAGE_FOLDER = Path(__file__).parents[2]
+T = TypeVar("T")
 
 
 class WorkerError(Exception):
@@ -39,40 +45,74 @@ class _Request(NamedTuple):
 
     module: str
     function: str
-    path: Path
+    path: str
     arguments: tuple[Any, ...]
     working_folder: str
     scratch: str
     cpu_seconds: int
 
 
-class _Item(NamedTuple):
-    value: Any
+class _Kind(StrEnum):
+    """What a worker says: a value, the end of all values, or why there are no more."""
+
+    ITEM = "item"
+    END = "end"
+    USER_ERROR = "user error"
+    SYSTEM_ERROR = "system error"
+    FAILURE = "failure"
 
 
-class _Failure(NamedTuple):
-    kind: type[Exception]
-    arguments: tuple[Any, ...]
+_SYSTEM_ERROR: TypeAdapter[tuple[int, str]] = TypeAdapter(tuple[int, str])
+_USER_ERROR: TypeAdapter[tuple[str, str, str]] = TypeAdapter(tuple[str, str, str])
 
 
 def run_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
-    """Run a generator function of a module on a file, in a process of its own; all it yields must be picklable.
+    """Run a generator function of a module on a file, in a process of its own.
+
+    It may yield plain data: None, bool, int, float, str, numpy arrays (of numbers, moments, text, or records of
+    them), lists, tuples and dictionaries with keys of text. Tuples, named ones too, come as lists; anything else is
+    a `TypeError` of the function. The arguments are the same, but for arrays.
 
     Raises what it raises if that is a `UserError` or `OSError`, `WorkerError` however else it ends early.
     """
     with tempfile.TemporaryDirectory(prefix="observer_rt-", ignore_cleanup_errors=True) as scratch:
-        answers = _ask(_Request(module, function, path, arguments, str(Path.cwd()), scratch, CPU_SECONDS))
-        with os.fdopen(answers, "rb") as pipe:
+        request = _Request(module, function, str(path), arguments, str(Path.cwd()), scratch, CPU_SECONDS)
+        most_bytes = MEMORY + _size(path) * MEMORY_PER_BYTE
+        with os.fdopen(_ask(request), "rb") as pipe:
             while True:
-                try:
-                    answer = pickle.load(pipe)
-                except (EOFError, pickle.UnpicklingError):
-                    raise WorkerError("what reads it crashed, or did not come to an end") from None
-                if answer is None:
+                kind, content = _answer(pipe, most_bytes)
+                if kind is _Kind.END:
                     return
-                if isinstance(answer, _Failure):
-                    raise answer.kind(*answer.arguments)
-                yield answer.value
+                if kind is _Kind.USER_ERROR:
+                    raise UserError(*checked(_USER_ERROR, content))
+                if kind is _Kind.SYSTEM_ERROR:
+                    raise OSError(*checked(_SYSTEM_ERROR, content))
+                if kind is _Kind.FAILURE:
+                    raise WorkerError(str(content))
+                yield content
+
+
+def checked(kind: TypeAdapter[T], answer: Any) -> T:
+    """An answer as what it must be. Raises `WorkerError` for anything else."""
+    try:
+        return kind.validate_python(answer)
+    except ValidationError as error:
+        problem = error.errors(include_url=False, include_input=False)[0]
+        raise WorkerError(f"its reader gave something else than was asked for: {problem['msg']}") from None
+
+
+def _answer(pipe: BinaryIO, most_bytes: int) -> tuple[_Kind, Any]:
+    try:
+        kind, content = read_message(pipe, most_bytes)
+        return _Kind(kind), content
+    except EOFError:
+        raise WorkerError("what reads it crashed, or did not come to an end") from None
+    except (MessageError, ValueError, TypeError) as error:
+        raise WorkerError(f"what reads it gave no answer that can be read: {error}") from None
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else 0
 
 
 class _Server:
@@ -94,9 +134,12 @@ class _Server:
 
     def ask(self, request: _Request) -> int:
         """The file descriptor the answers can be read from. Raises `OSError` where the server is gone."""
+        message = json.dumps(request).encode()
+        if len(message) > LONGEST_REQUEST:
+            raise WorkerError(f"a request of {len(message)} bytes is too long")
         answers, theirs = os.pipe()
         try:
-            socket.send_fds(self._socket, [pickle.dumps(request)], [theirs])
+            socket.send_fds(self._socket, [message], [theirs])
         except OSError:
             os.close(answers)
             raise
@@ -142,7 +185,7 @@ def serve(descriptor: int) -> None:
         data, descriptors, _, _ = socket.recv_fds(requests, LONGEST_REQUEST, 1)
         if not data:
             return
-        request: _Request = pickle.loads(data)
+        request = _Request(*json.loads(data))
         with suppress(Exception):  # the worker will report it
             import_module(request.module)
         if os.fork() == 0:
@@ -160,23 +203,26 @@ def _work(request: _Request, answers: int) -> NoReturn:
             _limit(request)
             try:
                 work = getattr(import_module(request.module), request.function)
-                for value in work(request.path, *request.arguments):
-                    pickle.dump(_Item(value), pipe, pickle.HIGHEST_PROTOCOL)
-                    pipe.flush()
-                pickle.dump(None, pipe)
+                for value in work(Path(request.path), *request.arguments):
+                    write_message(pipe, (_Kind.ITEM, value))
+                end: tuple[Any, ...] = (_Kind.END, None)
             except UserError as error:
-                pickle.dump(_Failure(UserError, (error.place, error.problem, error.remedy)), pipe)
+                end = (_Kind.USER_ERROR, (error.place, error.problem, error.remedy))
             except OSError as error:
-                pickle.dump(_Failure(type(error), error.args), pipe)
+                if error.errno is None:
+                    end = (_Kind.FAILURE, f"{type(error).__name__}: {error}")
+                else:
+                    end = (_Kind.SYSTEM_ERROR, (error.errno, error.strerror or ""))
             except Exception as error:  # whatever foreign code raises
-                pickle.dump(_Failure(WorkerError, (f"{type(error).__name__}: {error}",)), pipe)
+                end = (_Kind.FAILURE, f"{type(error).__name__}: {error}")
+            write_message(pipe, end)
     finally:
         os._exit(0)
 
 
 def _limit(request: _Request) -> None:
     """Bound the time and the memory of this process by the size of the file it reads."""
-    size = request.path.stat().st_size if request.path.is_file() else 0
+    size = _size(Path(request.path))
     limits = [
         (resource.RLIMIT_CPU, request.cpu_seconds + round(size * SECONDS_PER_BYTE)),
         (resource.RLIMIT_CORE, 0),

@@ -1,16 +1,23 @@
 """Work in a process of its own: its results, its errors, and whatever else becomes of it."""
 
+import json
+import math
 import os
+import pickle
 import signal
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.sandbox import WorkerError, run_apart
+from observer_rt.foundation.sandbox import WorkerError, checked, run_apart
+from tests.foundation.apart_work import ARRAYS
 
 
 def apart(function: str, path: Path = Path("nothing")) -> Iterator[Any]:
@@ -21,6 +28,87 @@ def test_what_it_yields(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     (tmp_path / "file").write_text("one\ntwo")
     monkeypatch.chdir(tmp_path)
     assert list(apart("lines", Path("file"))) == ["one", "two"]
+
+
+def test_plain_data_come_as_they_are(tmp_path: Path) -> None:
+    text, flag, nothing, number, nested, *arrays = next(apart("plain", tmp_path))
+    assert (text, flag, nothing) == (str(tmp_path), True, None)
+    assert math.isnan(number)
+    assert nested == {"type": [1, [2, "a"]], "fields": {}}
+    for array, expected in zip(arrays, ARRAYS, strict=True):
+        assert array.dtype == expected.dtype
+        np.testing.assert_array_equal(array, expected)
+
+
+@pytest.mark.parametrize(
+    ("function", "kind"),
+    [("an_object", "Path"), ("objects", r"array of \|O"), ("numbered", "dict"), ("a_set", "set")],
+)
+def test_anything_else_is_refused(function: str, kind: str) -> None:
+    with pytest.raises(WorkerError, match=f"TypeError: .*{kind}.* no plain data"):
+        list(apart(function))
+
+
+class Harmful:
+    """A thing whose pickle makes a file where it is loaded."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, (str(self._path),)
+
+
+def message(content: Any) -> bytes:
+    text = json.dumps(content).encode()
+    return struct.pack("<Q", len(text)) + text
+
+
+def array(kind: Any, *shape: Any) -> bytes:
+    return message(["item", {"type": kind, "shape": shape}])
+
+
+HOSTILE = {
+    "garbage": b"\xff" * 100,
+    "no JSON": struct.pack("<Q", 4) + b"ab(c",
+    "a huge length": struct.pack("<Q", 1 << 62),
+    "less than announced": struct.pack("<Q", 100) + b"[",
+    "deep nesting": struct.pack("<Q", 1 << 20) + b"[" * (1 << 20),
+    "no kind": message(["other", 1]),
+    "no pair": message("item"),
+    "not what an error has": message(["user error", [1]]),
+    "no code of the system": message(["system error", ["a", "b"]]),
+    "a huge array": array("<f8", 1 << 50),
+    "overflow": array("<f8", 1 << 62, 1 << 62),
+    "a shape below zero": array("<f8", -1),
+    "a shape of text": array("<f8", "a"),
+    "an array that ends early": array("<f8", 3) + bytes(8),
+    "objects": array("|O", 1) + bytes(8),
+    "objects in records": array([["a", "<f8"], ["b", "|O"]], 1) + bytes(16),
+    "a type as an expression": array("__import__('os').abort()", 1),
+    "an odd dictionary": message(["item", {"other": 1}]),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_answer_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_bytes(HOSTILE[name])
+    with pytest.raises(WorkerError):
+        list(apart("taken_over", tmp_path / "file"))
+
+
+@pytest.mark.parametrize("prefix", [b"", struct.pack("<Q", 1000)])
+def test_nothing_in_an_answer_is_executed(tmp_path: Path, prefix: bytes) -> None:
+    (tmp_path / "file").write_bytes(prefix + pickle.dumps(Harmful(tmp_path / "executed")))
+    with pytest.raises(WorkerError, match="no answer that can be read"):
+        list(apart("taken_over", tmp_path / "file"))
+    assert not (tmp_path / "executed").exists()
+
+
+def test_an_answer_is_checked() -> None:
+    assert checked(TypeAdapter(tuple[int, str]), [1, "a"]) == (1, "a")
+    with pytest.raises(WorkerError, match="something else than was asked for"):
+        checked(TypeAdapter(tuple[int, str]), {"a": 1})
 
 
 def test_several_at_once_and_given_up(tmp_path: Path) -> None:
@@ -47,7 +135,7 @@ def test_errors_of_the_user_and_of_the_system_come_as_they_are(tmp_path: Path) -
     assert (raised.value.place, raised.value.problem, raised.value.remedy) == (
         "nothing",
         "is damaged",
-        "mend it",
+        "write it again",
     )
     with pytest.raises(FileNotFoundError):
         list(apart("lines", tmp_path / "absent"))

@@ -8,12 +8,14 @@ compared with the file: damage raises one of `DAMAGE`.
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -44,9 +46,15 @@ _AT_ONCE = 1 << 25  # bytes
 
 def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
     """Call `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
+    with crash_told(path), file_errors(path):
+        yield from run_apart(module, function, path, *arguments)
+
+
+@contextmanager
+def crash_told(path: Path) -> Iterator[None]:
+    """Turn `WorkerError` of a reader, or of what is made of its answers, into `UserError`."""
     try:
-        with file_errors(path):
-            yield from run_apart(module, function, path, *arguments)
+        yield
     except WorkerError as error:
         raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
@@ -114,10 +122,20 @@ class GroupCount(NamedTuple):
 @dataclass(frozen=True)
 class CountedRecords:
     """Records of a file, and what is odd about them. groups: by place, those that are not as stated, for it is sent
-    from process to process."""
+    from process to process, as JSON."""
 
     groups: Mapping[int, GroupCount]
     remarks: tuple[str, ...]
+
+    @property
+    def as_json(self) -> str:
+        """Text for another process."""
+        return TypeAdapter(CountedRecords).dump_json(self).decode()
+
+    @classmethod
+    def of_json(cls, text: str) -> Self:
+        """From the text."""
+        return TypeAdapter(cls).validate_json(text)
 
     def readable(self, place: int, cycles: int) -> int:
         """Number of cycles that can be read of the group at a place, as of its `GroupCount`."""

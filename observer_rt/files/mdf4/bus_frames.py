@@ -7,7 +7,7 @@ virtual: not stored, but given by the number of the record through its conversio
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from asammdf import MDF
@@ -20,9 +20,10 @@ from asammdf.blocks.v4_constants import (
 )
 from numpy.typing import NDArray
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK, length_of
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MASK, length_of
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.mdf4.blocks import CountedRecords
+from observer_rt.files.mdf4.can_log import CHANNEL_NAME, MAX_LENGTH, RECORD, Totals
 from observer_rt.files.mdf4.opening import opened, refuse_outside
 
 DATA, ERROR, REMOTE = KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")
@@ -37,36 +38,9 @@ LONGEST_BEFORE = 7  # days from the start of a file to its first frame
 EXACT = 1 << 53  # ns: more are rounded in a float64
 ROUND_DIGITS = 6  # of the seconds in which a clock counts
 RECORDS_AT_ONCE = 50_000
-MAX_LENGTH = FD_LENGTHS[-1]
 _LARGEST_NUMBER = 0xFFFF_FFFF
-CHANNEL_NAME = 16  # characters
 _LARGEST_TIME = np.iinfo(np.int64).max
 _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
-
-RECORD = np.dtype(
-    [
-        ("stamp", np.int64),  # ns since 1970
-        ("id", np.uint32),
-        ("is_extended", np.bool_),
-        ("length", np.uint8),
-        ("data", np.uint8, MAX_LENGTH),
-        ("is_fd", np.bool_),
-        ("channel", f"U{CHANNEL_NAME}"),
-        ("bit_rate_switch", np.bool_),
-        ("error_state", np.bool_),
-        ("is_sent", np.bool_),
-    ]
-)
-
-
-class Totals(NamedTuple):
-    """Numbers of frames of each kind in a log, of entries of other buses, and remarks on these numbers."""
-
-    data: int
-    error: int
-    remote: int
-    other: int
-    remarks: tuple[str, ...]
 
 
 def is_log(path: Path) -> Iterator[bool]:
@@ -82,12 +56,13 @@ def is_log(path: Path) -> Iterator[bool]:
         yield bool(frames or (buses and not others))
 
 
-def records(path: Path, counted: CountedRecords) -> Iterator[Totals | NDArray[np.void]]:
+def records(path: Path, counted_json: str) -> Iterator[Totals | NDArray[np.void]]:
     """Totals of a file, then its data frames in arrays of dtype `RECORD`.
 
-    Frames of several groups are put in order of time; what steps back within one group stays as it is. counted: as
-    they are in the file, whatever asammdf finds.
+    Frames of several groups are put in order of time; what steps back within one group stays as it is. counted_json:
+    `CountedRecords`, as they are in the file, whatever asammdf finds.
     """
+    counted = CountedRecords.of_json(counted_json)
     with opened(path) as file:
         counts = {
             number: counted.readable(group.channel_group.address, _cycles(file, number))

@@ -2,15 +2,18 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter, log_frames
 from observer_rt.files.checksum import seal
-from observer_rt.files.mdf4.blocks import mdf4_apart
+from observer_rt.files.mdf4.blocks import crash_told, mdf4_apart
 from observer_rt.files.mdf4.records import count_records
+from observer_rt.foundation.sandbox import WorkerError, checked
 
 RECORDS = "observer_rt.files.mdf4.bus_frames"
 
@@ -28,12 +31,43 @@ _FIELDS = (
     ("BRS", "<u1"),
     ("ESI", "<u1"),
 )
-_RECORD = np.dtype([(f"{DATA}.{name}", kind) for name, kind in _FIELDS])
+CHANNEL_NAME = 16  # characters
+RECORD = np.dtype(
+    [
+        ("stamp", np.int64),  # ns since 1970
+        ("id", np.uint32),
+        ("is_extended", np.bool_),
+        ("length", np.uint8),
+        ("data", np.uint8, MAX_LENGTH),
+        ("is_fd", np.bool_),
+        ("channel", f"U{CHANNEL_NAME}"),
+        ("bit_rate_switch", np.bool_),
+        ("error_state", np.bool_),
+        ("is_sent", np.bool_),
+    ]
+)
+
+_STORED = np.dtype([(f"{DATA}.{name}", kind) for name, kind in _FIELDS])
+
+
+class Totals(NamedTuple):
+    """Numbers of frames of each kind in a log, of entries of other buses, and remarks on these numbers."""
+
+    data: int
+    error: int
+    remote: int
+    other: int
+    remarks: tuple[str, ...]
+
+
+_TOTALS = TypeAdapter(Totals)
+_FLAG = TypeAdapter(bool)
 
 
 def is_bus_log(path: Path) -> bool:
     """Whether an MDF4 file is a log of a bus. Raises `UserError` for a file that is damaged or none of MDF."""
-    return any(mdf4_apart(RECORDS, "is_log", path))
+    with crash_told(path):
+        return checked(_FLAG, next(mdf4_apart(RECORDS, "is_log", path), None))
 
 
 class Mdf4Log(LogReader):
@@ -42,17 +76,29 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        parts = mdf4_apart(RECORDS, "records", self.path, count_records(self.path))
-        self._size, self.error_frames, self.remote_frames, self.other_entries, remarks = next(parts)
+        parts = mdf4_apart(RECORDS, "records", self.path, count_records(self.path).as_json)
+        with crash_told(self.path):
+            totals = checked(_TOTALS, next(parts, None))
+        self._size, self.error_frames, self.remote_frames, self.other_entries, remarks = totals
         self.remarks += remarks
         if not self._size:
             self.remarks.append(
                 "it is a CAN log without a data frame: nothing was recorded, or it is damaged"
             )
-        for records in parts:
+        for part in parts:
+            with crash_told(self.path):
+                records = _records_of(part)
             for entry in _entries_of(records):
                 self._position += 1
                 yield self._position, entry
+
+
+def _records_of(part: Any) -> NDArray[np.void]:
+    if not (isinstance(part, np.ndarray) and part.dtype == RECORD and part.ndim == 1):
+        raise WorkerError("its reader gave something else than frames")
+    if np.any(part["length"] > MAX_LENGTH):
+        raise WorkerError(f"its reader gave frames of more than {MAX_LENGTH} bytes")
+    return part
 
 
 def _entries_of(records: NDArray[np.void]) -> Iterator[LogFrame]:
@@ -109,7 +155,7 @@ class Mdf4LogWriter(LogWriter):
         from observer_rt.files.mdf4.opening import add_history
 
         flat = np.dtype([(name, "S64" if kind.startswith("(") else kind) for name, kind in _FIELDS])
-        samples = np.array(self._records, flat).view(_RECORD)
+        samples = np.array(self._records, flat).view(_STORED)
         signal = Signal(
             samples=samples,
             timestamps=np.array(self._stamps, np.float64) / NANOSECONDS,

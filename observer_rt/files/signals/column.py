@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.sandbox import WorkerError, checked
 
 Values = NDArray[np.float64]
 NANOSECONDS = 1e9  # a second
@@ -44,6 +46,22 @@ class Column:
     def cells(self) -> list[str]:
         """Values as text, empty where there is none."""
         return ["" if cell is None else str(cell) for cell in self.values]
+
+
+_ANSWER = TypeAdapter(
+    tuple[str, np.ndarray | list[str], str, np.ndarray | None, int | None],
+    config=ConfigDict(arbitrary_types_allowed=True),
+)
+
+
+def column_of(answer: Any) -> Column:
+    """A column from the fields that a reader apart gave, text as a list. Raises `WorkerError` for anything else."""
+    name, values, unit, time, group = checked(_ANSWER, answer)
+    if isinstance(values, list):
+        values = np.array(values, object)
+    if values.ndim != 1 or (time is not None and (time.dtype != np.float64 or time.shape != values.shape)):
+        raise WorkerError("its reader gave a column without one time for each value")
+    return Column(name, values, unit, time, group)
 
 
 def columns_of(table: Any) -> tuple[Column, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from asammdf import MDF, Signal
@@ -10,22 +10,11 @@ from asammdf import MDF, Signal
 from observer_rt.config.injector import ColumnConfig
 from observer_rt.files.mdf4.blocks import CountedRecords
 from observer_rt.files.mdf4.opening import damage_told, opened, refuse_outside
-from observer_rt.files.signals.column import Column
-from observer_rt.files.signals.table import LARGEST, TablePart, Values, present
+from observer_rt.files.signals.table import LARGEST, FoundChannels, Place, Values, present
 from observer_rt.foundation.errors import UserError
 
-Place = tuple[int, int]
-"""Group and index of a channel."""
-
-
-class FoundChannels(NamedTuple):
-    """The mapped channels of a file, their places and units, units of all channels; what is odd about the file."""
-
-    mapped: dict[str, ColumnConfig]
-    places: dict[str, Place]
-    units: dict[str, str]
-    columns: dict[str, str]
-    remarks: tuple[str, ...]
+Part = tuple[Values, dict[str, Values]]
+"""Fields of a `TablePart`."""
 
 
 def names(path: Path) -> Iterator[list[str]]:
@@ -34,8 +23,8 @@ def names(path: Path) -> Iterator[list[str]]:
         yield list(file.channels_db)
 
 
-def preview(path: Path, most: int) -> Iterator[Column]:
-    """Channels of numbers but for those of time, up to their first `most` samples."""
+def preview(path: Path, most: int) -> Iterator[tuple[str, Values, str, Values, int]]:
+    """Fields of a `Column` for each channel of numbers but for those of time, up to their first `most` samples."""
     with opened(path) as file:
         for name, places in file.channels_db.items():
             for group, index in places:
@@ -46,43 +35,44 @@ def preview(path: Path, most: int) -> Iterator[Column]:
                     signal = file.get(group=group, index=index, record_count=most)
                 if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iuf":
                     time = signal.timestamps.astype(np.float64)
-                    yield Column(
-                        name, signal.samples.astype(np.float64), _unit(file, group, index), time, int(group)
-                    )
+                    values = signal.samples.astype(np.float64)
+                    yield name, values, _unit(file, group, index), time, int(group)
 
 
 def found_and_parts(
-    path: Path, wanted: Mapping[str, ColumnConfig], is_own: bool, counted: CountedRecords, at_once: int
-) -> Iterator[FoundChannels | TablePart]:
+    path: Path, wanted: Mapping[str, Any], is_own: bool, counted: str, at_once: int
+) -> Iterator[FoundChannels | Part]:
     """Channels of a file that are wanted, then the parts of the first group with some of them.
+
+    wanted: the content of a `ColumnConfig` by signal; counted: JSON of `CountedRecords`.
 
     Raises `UserError` where a channel is missing or ambiguous.
     """
     with opened(path) as file:
-        mapped = present(path, wanted, file.channels_db, is_own, "channel")
+        records = CountedRecords.of_json(counted)
+        columns = {name: ColumnConfig.model_validate(column) for name, column in wanted.items()}
+        mapped = present(path, columns, file.channels_db, is_own, "channel")
         places = {name: _place(file, path, column) for name, column in mapped.items()}
         groups = sorted({group for group, _ in places.values()})
         for group in groups:
             refuse_outside(file, group)
-        columns = {name: _unit(file, *places[0]) for name, places in file.channels_db.items()}
+        of_all = {name: _unit(file, *places[0]) for name, places in file.channels_db.items()}
         units = {name: unit for name, place in places.items() if (unit := _unit(file, *place))}
         headings = [file.groups[group].channel_group.address for group in groups]
-        odd = (*counted.remarks, *counted.contradictions(headings, "samples"))
-        yield FoundChannels(mapped, places, units, columns, odd)
-        yield from _parts(file, path, groups[0], places, counted, at_once)
+        odd = (*records.remarks, *records.contradictions(headings, "samples"))
+        yield FoundChannels(places, units, of_all, odd)
+        yield from _parts(file, path, groups[0], places, records, at_once)
 
 
-def parts(
-    path: Path, group: int, places: Mapping[str, Place], counted: CountedRecords, at_once: int
-) -> Iterator[TablePart]:
+def parts(path: Path, group: int, places: Mapping[str, Place], counted: str, at_once: int) -> Iterator[Part]:
     """The channels of one group, so many samples at once, as many as there are, whatever its heading says."""
     with opened(path) as file:
-        yield from _parts(file, path, group, places, counted, at_once)
+        yield from _parts(file, path, group, places, CountedRecords.of_json(counted), at_once)
 
 
 def _parts(
     file: MDF, path: Path, group: int, places: Mapping[str, Place], counted: CountedRecords, at_once: int
-) -> Iterator[TablePart]:
+) -> Iterator[Part]:
     heading = file.groups[group].channel_group
     for first in range(0, counted.readable(heading.address, heading.cycles_nr), at_once):
         with damage_told(path):
@@ -98,7 +88,7 @@ def _parts(
                 if wanted == group
             }
         time = next(iter(signals.values())).timestamps.astype(np.float64)
-        yield TablePart(time, {name: _numbers(signal, path, first) for name, signal in signals.items()})
+        yield time, {name: _numbers(signal, path, first) for name, signal in signals.items()}
 
 
 def _place(file: MDF, path: Path, column: ColumnConfig) -> Place:

@@ -5,18 +5,20 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.checksum import refuse_damaged
-from observer_rt.files.mdf4.blocks import mdf4_apart
+from observer_rt.files.mdf4.blocks import crash_told, mdf4_apart
 from observer_rt.files.mdf4.records import count_records
-from observer_rt.files.signals.column import Column
+from observer_rt.files.signals.column import Column, column_of
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.foundation.errors import UserError, hint
+from observer_rt.foundation.sandbox import WorkerError, checked
 
 TIME = "time"
 LARGEST = 1e30  # no measurement, but what can be written in any unit
@@ -39,6 +41,24 @@ class TablePart:
 
     time: Values
     signals: Mapping[str, Values]
+
+
+Place = tuple[int, int]
+"""Group and index of a channel of an MDF4 file."""
+
+
+class FoundChannels(NamedTuple):
+    """Places and units of the mapped channels of an MDF4 file, units of all channels; what is odd about the file."""
+
+    places: dict[str, Place]
+    units: dict[str, str]
+    columns: dict[str, str]
+    remarks: tuple[str, ...]
+
+
+_NAMES = TypeAdapter(list[str])
+_FOUND = TypeAdapter(FoundChannels)
+_PART = TypeAdapter(tuple[np.ndarray, dict[str, np.ndarray]], config=ConfigDict(arbitrary_types_allowed=True))
 
 
 class Table(ABC):
@@ -148,13 +168,16 @@ class Mdf4Table(FileTable):
         super().__init__(path, config, is_own)
         if config.time is not None:
             self.notes.append(f"{path}: [recording.time] is passed over, MDF4 channels have their own time")
-        self._counted = count_records(path)
+        self._counted = count_records(path).as_json
         wanted = dict(config.signals)
-        begun = mdf4_apart(FILE, "found_and_parts", path, wanted, is_own, self._counted, SAMPLES_AT_ONCE)
-        found = next(begun)
-        self._begun: Iterator[TablePart] | None = begun
+        stated = {name: column.model_dump() for name, column in wanted.items()}
+        begun = mdf4_apart(FILE, "found_and_parts", path, stated, is_own, self._counted, SAMPLES_AT_ONCE)
+        with crash_told(path):
+            found = checked(_FOUND, next(begun, None))
+        self._begun: Iterator[Any] | None = begun
         self.notes += [f"{path}: {remark}" for remark in found.remarks]
-        self.mapped, self._places = found.mapped, found.places
+        self._places = {name: place for name, place in found.places.items() if name in wanted}
+        self.mapped = {name: wanted[name] for name in self._places}
         self.units, self.columns = found.units, found.columns
         self._groups = sorted({group for group, _ in self._places.values()})
         self.rasters = tuple(
@@ -167,22 +190,31 @@ class Mdf4Table(FileTable):
     @staticmethod
     def names(path: Path) -> Collection[str]:
         """Names of the channels."""
-        (names,) = mdf4_apart(FILE, "names", path)
-        return list(names)
+        with crash_told(path):
+            return checked(_NAMES, next(mdf4_apart(FILE, "names", path), None))
 
     @staticmethod
     def preview(path: Path, most: int) -> Sequence[Column]:
         """Channels of numbers, each with its group."""
-        return list(mdf4_apart(FILE, "preview", path, most))
+        with crash_told(path):
+            return [column_of(each) for each in mdf4_apart(FILE, "preview", path, most)]
 
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Parts of a group; those of the first one are already on their way when they are asked for first."""
-        begun = self._begun
-        if raster == 0 and begun is not None:
-            self._begun = None
-            return begun
-        group = self._groups[raster]
-        return mdf4_apart(FILE, "parts", self.path, group, self._places, self._counted, SAMPLES_AT_ONCE)
+        if raster == 0 and self._begun is not None:
+            coming, self._begun = self._begun, None
+        else:
+            group = self._groups[raster]
+            coming = mdf4_apart(FILE, "parts", self.path, group, self._places, self._counted, SAMPLES_AT_ONCE)
+        for part in coming:
+            with crash_told(self.path):
+                time, signals = checked(_PART, part)
+                if any(
+                    each.dtype != np.float64 or each.shape != (time.size,)
+                    for each in (time, *signals.values())
+                ):
+                    raise WorkerError("its reader gave arrays of several lengths or types")
+            yield TablePart(time, signals)
 
     def place(self, row: int, raster: int) -> str:
         """Place of a row: its number in the group."""

@@ -1,11 +1,13 @@
 """Reads a file whole by the library that knows it, in a process of its own, for it trusts what stands in a file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from observer_rt.files.signals.column import Column
+from observer_rt.files.signals.column import Column, column_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.sandbox import WorkerError, run_apart
 
@@ -20,6 +22,13 @@ def require(path: Path, library: str, package: str) -> None:
             f"is read by {package}, which is not installed",
             f"pip install {package}, or pip install 'observer-rt[files]'",
         )
+
+
+def plain_columns(path: Path, module: str) -> Iterator[tuple[Any, ...]]:
+    """Fields of the columns that a module of `files.whole` reads; to be run apart."""
+    for column in import_module(f"{READERS}.{module}").columns(path):
+        values = column.cells if column.values.dtype.kind == "O" else column.values
+        yield column.name, values, column.unit, column.time, column.group
 
 
 @dataclass(frozen=True)
@@ -37,9 +46,8 @@ class WholeFile:
         require(path, self.library, self.package)
         with path.open("rb"):  # whose errors are the usual ones
             pass
-        module = f"{READERS}.{self.module}"
         try:
-            found = list(run_apart(module, "columns", path))
+            found = [column_of(each) for each in run_apart(__name__, "plain_columns", path, self.module)]
         except (WorkerError, OSError) as error:
             raise UserError(
                 str(path), f"a damaged {self.name} file: {error}", f"give a complete {self.name} file"

@@ -1,6 +1,6 @@
 """Recipes of docs/CONTRIBUTING.md, followed: a value of an injection, a line model, a learned scalar, a reason.
 
-Effects and formats from outside: `tests/config/test_own_effects.py`, `tests/desk/cli/test_formats.py`.
+Formats from outside: `tests/desk/cli/test_formats.py`.
 """
 
 import json

@@ -7,15 +7,12 @@ import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.config.bench_file import BenchConfig
-from observer_rt.config.own_effects import GROUP as EFFECTS
 from observer_rt.config.toml_file import validated
 from observer_rt.files.formats import GROUP as FORMATS
 from tests.pages import PAGES, Page, needs_bus, serves_a_page
 
 LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that have them
     ("docs/CONTRIBUTING.md", "toml"): (1, "here"),
-    ("docs/effects.md", "python"): (2, "tests/desk/cli/test_effects.py"),
-    ("docs/effects.md", "toml"): (1, "here"),
     ("docs/evidence.md", "toml"): (1, "tests/desk/cli/test_pages.py"),
     ("docs/export.md", "c"): (1, "tests/desk/cli/test_export.py"),
     ("docs/export.md", "python"): (1, "tests/desk/cli/test_export.py"),
@@ -38,7 +35,6 @@ LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that ha
 RUN = {  # commands that need no bus, by page; the others: tests/daemon/test_on_vcan_pages.py
     "docs/buses.md": "tests/desk/cli/test_dbc_page.py",
     "docs/dbc.md": "tests/desk/cli/test_dbc_page.py",
-    "docs/effects.md": "tests/desk/cli/test_effects.py",
     "docs/export.md": "tests/desk/cli/test_export.py",
     "docs/journal.md": "tests/daemon/test_on_vcan_pages.py",
     "docs/tutorial.md": "tests/desk/cli/test_tutorial.py",
@@ -87,7 +83,6 @@ def test_sections_are_those_of_a_bench_file(page: str) -> None:
     validated(BenchConfig, bench, lambda *place: f"{page}: {place}", "bench")
 
 
-@pytest.mark.parametrize(("page", "group"), [("docs/CONTRIBUTING.md", FORMATS), ("docs/effects.md", EFFECTS)])
-def test_entry_points_are_those_that_are_asked_for(page: str, group: str) -> None:
-    (block,) = Page(page).fenced("toml")
-    assert list(tomllib.loads(block)["project"]["entry-points"]) == [group]
+def test_entry_points_are_those_that_are_asked_for() -> None:
+    (block,) = Page("docs/CONTRIBUTING.md").fenced("toml")
+    assert list(tomllib.loads(block)["project"]["entry-points"]) == [FORMATS]

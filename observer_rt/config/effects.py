@@ -17,7 +17,8 @@ def effect_named(place: str, name: str) -> Effect:
             place,
             f"unknown effect '{name}'{hint(name, VOCABULARY)}",
             f"known effects: {', '.join(_described(effect) for effect in VOCABULARY.values())}; "
-            "of your own: name the file that defines it by --effects FILE",
+            "no file of Python is read for others: state a law of your own in [[terms]] of the injector file "
+            "(docs/terms.md)",
         )
     return VOCABULARY[name]
 

@@ -34,7 +34,6 @@ def export(
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     force: options.ForceOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Export the observer as it is, and the injector alone: for a controller, a test rig, other programs."""
     from observer_rt.desk.export.command import ExportOptions, export_bench

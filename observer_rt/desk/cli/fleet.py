@@ -85,10 +85,8 @@ def batch(
         ),
     ] = None,
     as_json: options.JsonOption = False,
-    effects: Annotated[list[Path] | None, options.effects_option(exposed=True)] = None,
 ) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
-    from observer_rt.config.own_effects import OwnEffects
     from observer_rt.desk.evaluation.learned_state import read_state
     from observer_rt.desk.fleet.batch import evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.cluster import Work, connected
@@ -105,22 +103,21 @@ def batch(
     chosen = load_bench(bench.absolute(), model and model.absolute(), lenient, off_bus=True).of(injector)
     InjectorNames(injector_from)  # refuses what is no pattern
     RecordingTimes(time_from)  # as this does
-    own = OwnEffects.in_use(tuple(effects or ()))
     asked = None
     if discover:  # loading what it needs takes as long as all else
         from observer_rt.desk.fleet.discovering import Discovering
 
-        asked = Discovering.of(chosen, injector_from, healthy or (), own)
+        asked = Discovering.of(chosen, injector_from, healthy or ())
     paths = recordings_in(sources)
     if doubt := doubt_of_one(paths, injector_from, chosen):
         say(messages, doubt)
     make_folder("--out", out.parent if is_database else out)
     learning = not no_learning
-    settings = settings_of(chosen, state, learning, injector_from, own)
+    settings = settings_of(chosen, state, learning, injector_from)
     columns = {"time_from": time_from, "age_from": age_from}
     dataset = results_at(out, settings | {key: each for key, each in columns.items() if each is not None})
     knowledge = read_state(state, chosen.injector.parameters, partial(say, messages))
-    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, age_from, own)
+    task = Task(chosen, Path.cwd(), knowledge, learning, injector_from, time_from, age_from)
     found = None
     with dataset, stop_on_signals() as stop, connected(scheduler, workers) as cluster:
         work = Work(cluster, stop, messages)

@@ -125,7 +125,6 @@ def run(
     print_example_injector: Annotated[
         bool, option("--print-example-injector", "Print a complete, commented injector file.")
     ] = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Run the daemon of all injectors of a bench: frames in, injection rate out, until SIGINT or SIGTERM."""
     for wanted, path in ((print_example_bench, EXAMPLE_BENCH), (print_example_injector, NOMINAL_INJECTOR)):
@@ -164,7 +163,6 @@ def check(
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     as_json: options.JsonOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
     from observer_rt.desk.check.checkup import (
@@ -218,7 +216,6 @@ def monitor(
         Writes("an injection at each `Save`: CSV and JSON", Standing.FREE),
     ] = Path("injections"),
     lenient: options.LenientOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Serve a live page of a bench: last injections, masses, wear, states and what to do. Listens, sends nothing."""
     if find_spec("tornado") is None:
@@ -266,7 +263,6 @@ def take_over(
         ),
     ] = False,
     injector: options.InjectorOption = None,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
     from observer_rt.desk import take_over as taking

@@ -71,7 +71,6 @@ def replay(
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     as_json: options.JsonOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.bus.links.opening import open_link
@@ -129,7 +128,6 @@ def record(
     ] = None,
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Write every frame of the bench's buses into a log until stopped; lost frames are noted in it."""
     from observer_rt.bus.links.opening import open_link
@@ -175,7 +173,6 @@ def convert(
     injector: options.InjectorOption = None,
     lenient: options.LenientOption = False,
     force: options.ForceOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Convert recordings and CAN logs to other formats; with a bench file, logs to recordings."""
     from observer_rt.desk.evaluation.convert import convert as convert_file

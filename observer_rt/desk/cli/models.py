@@ -61,7 +61,6 @@ def fit(
     lenient: options.LenientOption = False,
     yes: options.YesOption = False,
     as_json: options.JsonOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
@@ -204,7 +203,6 @@ def discover(
     lenient: options.LenientOption = False,
     yes: options.YesOption = False,
     as_json: options.JsonOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
@@ -323,9 +321,8 @@ def compare(
 def effects(
     ids: Annotated[list[str] | None, argument("Effects to describe in detail (default: all).", "ID")] = None,
     as_json: options.JsonOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
-    """List the effects a model can have: unit, bounds, meaning, what each may be mistaken for; check your own."""
+    """List the effects a model can have: unit, bounds, meaning, what each may be mistaken for."""
     from observer_rt.identification.discovery import vocabulary
     from observer_rt.model.effects import VOCABULARY
 

@@ -62,7 +62,6 @@ def simulate(
         Path, file_option("--model", "Injector file (default: the nominal injector).", show_default=False)
     ] = NOMINAL_INJECTOR,
     force: options.ForceOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.desk.simulation.schedule import (
@@ -163,7 +162,6 @@ def evaluate(
     yes: options.YesOption = False,
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
-    effects: options.EffectsOption = None,
 ) -> None:
     """Run recordings through the observer, as the daemon would and as fast as the machine allows; or --twice."""
     from observer_rt.desk.evaluation.command import EvaluateOptions, evaluate_bench

@@ -28,25 +28,6 @@ CLASSIC_ONLY = ", ".join(suffixes_of(each for each in _logs if not each.keeps_fd
 messages = Console(stderr=True)
 
 
-def _use_effects(paths: list[Path] | None) -> list[Path] | None:
-    """The vocabulary of this command: installed effects are in it without the option."""
-    from observer_rt.config.own_effects import use_effects
-
-    use_effects(paths or ())
-    return paths
-
-
-def effects_option(exposed: bool) -> OptionInfo:
-    """Files with effects of the user's own, in force from here on; exposed: the command is given them, too."""
-    return file_option(
-        "--effects",
-        "Python file with effects of your own, as in docs/effects.md; repeatable.",
-        callback=_use_effects,
-        is_eager=True,  # before any injector file is read
-        expose_value=exposed,
-    )
-
-
 def option(name: str, purpose: str, metavar: str | None = None, **limits: Any) -> OptionInfo:
     """An option; limits: further keywords of `typer.Option`."""
     found: OptionInfo = typer.Option(name, help=purpose, metavar=metavar, **limits)
@@ -116,7 +97,6 @@ BenchOption = Annotated[
     Path,
     file_option("--bench", "Bench file (default: the example bench of the package).", show_default=False),
 ]
-EffectsOption = Annotated[list[Path] | None, effects_option(exposed=False)]
 FuelTemperatureOption = Annotated[
     float | None,
     option(

@@ -12,7 +12,6 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
-from observer_rt.config.own_effects import OwnEffects
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.desk.fleet.cluster import Broken, Jobs, Work
 from observer_rt.desk.fleet.dataset import Results
@@ -20,7 +19,6 @@ from observer_rt.desk.fleet.job import FailedFile, Task, evaluated, hashed
 from observer_rt.desk.fleet.moment import WRITTEN
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.files import file_hash
-from observer_rt.model.effects import BUILT_IN
 
 if TYPE_CHECKING:
     from observer_rt.desk.fleet.discovering import FoundAnswers
@@ -98,11 +96,8 @@ def _take(
     counts.paths.setdefault(sha256, path)
 
 
-def settings_of(
-    bench: Bench, state: Path | None, learning: bool, pattern: str | None, effects: OwnEffects
-) -> dict[str, Any]:
+def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str | None) -> dict[str, Any]:
     """Settings that rows depend on beside the files."""
-    in_force = {effect.id for each in bench.injectors for effect in each.parameters.effects}
     return {
         "software": __version__,
         "models": [model_hash(each.parameters) for each in bench.injectors],
@@ -110,7 +105,6 @@ def settings_of(
         "state": file_hash(state) if state is not None else None,
         "learning": learning,
         "injector_from": pattern,
-        "effects": list(effects.digests) if in_force - BUILT_IN.keys() else [],
     }
 
 

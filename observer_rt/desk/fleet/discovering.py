@@ -17,7 +17,6 @@ from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.config.channels import effects_on_one_raster
-from observer_rt.config.own_effects import OwnEffects
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.fleet.answers import FOLDER, Answers, DiscoveredRow, Ended, answer_table
 from observer_rt.desk.fleet.cluster import Broken, Jobs, Work
@@ -63,7 +62,6 @@ class Inquiry:
     folder: Path
     out: Path
     healthy: tuple[Path, ...]
-    effects: OwnEffects
     threads: int
 
 
@@ -72,7 +70,6 @@ def discovered(inquiry: Inquiry, group: Group) -> Ended:
     left_out: list[FailedFile] = []
     problem = ""
     try:
-        inquiry.effects.use()
         _look(inquiry, group, left_out)
     except ObserverError as error:
         problem = str(error)
@@ -126,18 +123,15 @@ class Discovering:
 
     kinds: tuple[ModelGroup, ...]
     healthy: Mapping[Path, str]
-    effects: OwnEffects
 
     @classmethod
-    def of(
-        cls, bench: Bench, pattern: str | None, healthy: Sequence[Path], effects: OwnEffects
-    ) -> "Discovering":
+    def of(cls, bench: Bench, pattern: str | None, healthy: Sequence[Path]) -> "Discovering":
         """Raises `UserError` for files with which discovery could not begin."""
         hashes = {}
         for path in healthy:
             with file_errors(path):
                 hashes[path.absolute()] = file_hash(path)
-        return cls(kinds_of(bench, pattern), hashes, effects)
+        return cls(kinds_of(bench, pattern), hashes)
 
     def of_groups(self, work: Work, files: Mapping[str, Path], dataset: Results) -> "FoundAnswers":
         """Have the workers look for what is missing in every injector. files: those of this run by SHA-256.
@@ -201,7 +195,7 @@ def _outcomes(
     """Outcome of each group, as it becomes known."""
     jobs: Jobs[Group] = Jobs(work.cluster.client)
     threads = jobs.places // max(1, len(groups)) if work.cluster.local else 1
-    inquiry = Inquiry(Path.cwd(), place.absolute(), tuple(asked.healthy), asked.effects, max(1, threads))
+    inquiry = Inquiry(Path.cwd(), place.absolute(), tuple(asked.healthy), max(1, threads))
     remaining = iter(groups)
 
     def begin_more() -> None:

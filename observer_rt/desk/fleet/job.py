@@ -2,7 +2,7 @@
 
 import gc
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import timedelta
 from itertools import islice
 from pathlib import Path
@@ -13,7 +13,6 @@ from rich.console import Console
 
 import observer_rt.desk.fleet.job  # noqa: F401 - imported for what it imports
 from observer_rt.config.bench import Bench
-from observer_rt.config.own_effects import OwnEffects
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.desk.evaluation.logged import open_source
@@ -73,7 +72,6 @@ class Task:
     pattern: str | None = None
     time_pattern: str | None = None
     age_column: str | None = None
-    effects: OwnEffects = field(default_factory=OwnEffects)
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,6 @@ def hashed(path: Path) -> str | FailedFile:
 def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
     """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
     try:
-        task.effects.use()
         rows = (row for alone in task.bench.each for row in _rows(task, path, sha256, alone))
         return _table(rows)
     except ObserverError as error:

@@ -45,7 +45,7 @@ from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
-from observer_rt.model.effects import BUILT_IN, effective_model
+from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 MARGIN, WORST_MARGIN = (
@@ -351,7 +351,7 @@ def _remainder(done: Calibrated) -> HealthyRemainder:
     offset = float(np.mean(done.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
-    found = healthy_remainder(likelihood, model, tuple(BUILT_IN.values()))
+    found = healthy_remainder(likelihood, model, tuple(VOCABULARY.values()))
     return found.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
 
 

@@ -1,6 +1,6 @@
-"""The vocabulary of effects: those that the modules of this folder define; others may be added."""
+"""The vocabulary of effects: those that the modules of this folder define."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType
@@ -16,28 +16,8 @@ def _of_this_folder() -> dict[str, Effect]:
     return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
 
 
-BUILT_IN: Mapping[str, Effect] = MappingProxyType(_of_this_folder())
-"""The effects of this folder by id."""
-_in_use = dict(BUILT_IN)
-VOCABULARY: Mapping[str, Effect] = MappingProxyType(_in_use)
-"""All effects by id: those of this folder, then those added."""
-_digests: tuple[str, ...] = ()
-
-
-def add_to_vocabulary(effects: Iterable[Effect], digests: Iterable[str]) -> None:
-    """Have these effects, and no others, in the vocabulary beside those of this folder.
-
-    They are taken as they are: `config.own_effects` checks them. digests: SHA-256 of the files they stand in.
-    """
-    global _digests
-    _in_use.clear()
-    _in_use.update(BUILT_IN, **{effect.id: effect for effect in effects})
-    _digests = tuple(digests)
-
-
-def added_digests() -> tuple[str, ...]:
-    """SHA-256 of the files whose effects were added: a stored fit is good for these only."""
-    return _digests
+VOCABULARY: Mapping[str, Effect] = MappingProxyType(_of_this_folder())
+"""All effects by id."""
 
 
 def sized(effect_id: str, **values: float) -> SizedEffect:

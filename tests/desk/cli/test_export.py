@@ -14,7 +14,7 @@ from observer_rt.desk.export import fmu
 from observer_rt.desk.export.c_code import c_sources
 from tests.desk.cli.conftest import Command, document
 from tests.desk.cli.injector_files import injector
-from tests.desk.export.exported import TERMS, WORN, effect
+from tests.desk.export.exported import TERMS, WORN
 from tests.pages import Page
 
 
@@ -133,31 +133,6 @@ def test_the_page(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (program,) = page.fenced("python")
     shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert float(shown) == pytest.approx(5e6)  # that of the chamber: nothing was put in
-
-
-LATE = """
-from observer_rt.model.effect import Effect, Likeness, Place, Relation, added, parameter
-
-EFFECT = Effect(
-    id="slow_lift",
-    place=Place.LIFT_SENSOR,
-    parameters=(parameter("tau", 0.0, 150.0, 2.0, (5.0, 60.0), "us", 1e-6),),
-    apply=added("inputs", "lift_lag"),
-    sentence="The lift is slow.",
-    signature="Rounded ramps.",
-    relations=(Relation(("lift_offset",), Likeness.NEAR, "a step of the lift"),),
-)
-"""
-
-
-def test_an_effect_that_needs_samples_to_come(command: Command, tmp_path: Path) -> None:
-    own, model = tmp_path / "own.py", tmp_path / "injector.toml"
-    own.write_text(LATE)
-    injector(model, end=effect("slow_lift", tau=(30, "us")))
-    said = command.refused("export", "--c", tmp_path / "c", "--model", model, "--effects", own)
-    assert "has an effect that delays the lift" in said
-    assert "remedy: take the effect out" in said
-    assert not (tmp_path / "c").exists()
 
 
 def test_a_state_of_another_model(command: Command, tmp_path: Path, worn: Path) -> None:

@@ -1,4 +1,4 @@
-"""A batch on a scheduler that is there already, which serves others too; effects of the user's own."""
+"""A batch on a scheduler that is there already, which serves others too; an effect in force."""
 
 import subprocess
 import sys
@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.config.own_effects import use_effects
 from observer_rt.desk.fleet.dataset import read_injections
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
@@ -17,7 +16,6 @@ from observer_rt.files.formats import write_recording
 from observer_rt.model.effects import sized
 from tests.desk.fleet.rows import masses
 from tests.desk.fleet.running import ended, started
-from tests.pages import Page
 
 pytestmark = pytest.mark.slow
 CLUSTER = """
@@ -29,7 +27,7 @@ if __name__ == "__main__":
         print(cluster.scheduler_address, flush=True)
         sys.stdin.read()
 """
-IN_FORCE = '\n[[effects]]\nid = "sac_volume"\nparameters = { r = { value = 2.0, unit = "-" } }\n'
+IN_FORCE = '\n[[effects]]\nid = "orifice_area"\nparameters = { v_H = { value = 0.3, unit = "-" } }\n'
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +49,7 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Desk:
-    """A folder with a recording of a large sac, effects of the user's own and a model that has them in force."""
+    """A folder with a recording of a worn nozzle, and a model that has the wear in force."""
 
     folder: Path
 
@@ -62,38 +60,27 @@ class Desk:
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     folder = tmp_path_factory.mktemp("desk")
-    (folder / "my_effects.py").write_text(Page("docs/effects.md").fenced("python")[0])
     (folder / "amended.toml").write_text(NOMINAL_INJECTOR.read_text() + IN_FORCE)
-    try:
-        use_effects([folder / "my_effects.py"])
-        schedule = make_schedule([60e6, 140e6], 2, 0.05, [0.6e-3])
-        hidden = (sized("sac_volume", r=2.0),)
-        made = simulate(load_injector(), schedule, 100e3, hidden, SimulatedNoise(), seed=3)
-    finally:
-        use_effects([])
+    schedule = make_schedule([60e6, 140e6], 2, 0.05, [0.6e-3])
+    hidden = (sized("orifice_area", v_H=0.3),)
+    made = simulate(load_injector(), schedule, 100e3, hidden, SimulatedNoise(), seed=3)
     write_recording(folder / "injector_a.csv", made.recording)
     return Desk(folder)
 
 
-def test_effects_of_ones_own_are_in_force_and_found_on_a_scheduler_that_is_there(
-    scheduler: str, desk: Desk
-) -> None:
+def test_effects_are_in_force_and_found_on_a_scheduler_that_is_there(scheduler: str, desk: Desk) -> None:
     """Its workers find files by the paths of the command."""
-    common = ("injector_a.csv", "--scheduler", scheduler, "--effects", "my_effects.py")
+    common = ("injector_a.csv", "--scheduler", scheduler)
     found = ended(started(*common, "--out", "found", "--discover", cwd=desk.folder))
     (row,) = found["discovered"]["injectors"]
-    assert (row["injector"], row["verdict"], row["effects"]) == ("a", "named", "sac_volume")
-    assert row["size"] == pytest.approx(2.0, abs=0.3)
+    assert (row["injector"], row["verdict"], row["effects"]) == ("a", "named", "orifice_area")
+    assert row["size"] == pytest.approx(0.3, abs=0.05)
     assert (desk.folder / "found" / row["report"]).exists()
 
     own = ended(started(*common, "--out", "own", "--model", "amended.toml", cwd=desk.folder))
     assert (own["done"], own["failed"]) == (1, 0)
     nominal = masses(desk.folder / "injector_a.csv")
-    try:
-        use_effects([desk.folder / "my_effects.py"])
-        with_sac = masses(desk.folder / "injector_a.csv", desk.folder / "amended.toml")
-    finally:
-        use_effects([])
+    with_wear = masses(desk.folder / "injector_a.csv", desk.folder / "amended.toml")
     assert desk.masses("found") == pytest.approx(nominal, rel=1e-12)
-    assert desk.masses("own") == pytest.approx(with_sac, rel=1e-12)
-    assert nominal != pytest.approx(with_sac, rel=1e-6)
+    assert desk.masses("own") == pytest.approx(with_wear, rel=1e-12)
+    assert nominal != pytest.approx(with_wear, rel=1e-6)

@@ -8,7 +8,6 @@ import pyarrow as pa
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench
-from observer_rt.config.own_effects import use_effects
 from observer_rt.desk.fleet.groups import (
     MOST_RECORDINGS,
     NEEDED,
@@ -22,7 +21,6 @@ from observer_rt.desk.fleet.groups import (
 )
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import rows
-from tests.pages import Page
 from tests.several_injectors import write_bench
 from tests.three_injectors import NAMES, three_injectors
 
@@ -79,7 +77,7 @@ def test_a_bench_that_names_its_injector_leaves_no_doubt(tmp_path: Path) -> None
     assert doubt_of_one([Path("a.csv"), Path("b.csv")], None, named) == ""
 
 
-def test_an_answer_is_that_of_its_recordings_model_healthy_ones_and_vocabulary(tmp_path: Path) -> None:
+def test_an_answer_is_that_of_its_recordings_model_and_healthy_ones(tmp_path: Path) -> None:
     (group,) = grouped(rows("aa", "one", [0.1]), rows("bb", "one", [0.1], day=1))
     key = group.key(("hh",))
     assert replace(group, files=group.files[::-1]).key(("hh",)) == key
@@ -89,14 +87,6 @@ def test_an_answer_is_that_of_its_recordings_model_healthy_ones_and_vocabulary(t
     model.write_text(NOMINAL_INJECTOR.read_text() + "# by drawing\n")
     (other,) = kinds_of(load_bench(model=model), None)
     assert replace(group, kind=other).key(("hh",)) != key
-    own = tmp_path / "my_effects.py"
-    own.write_text(Page("docs/effects.md").fenced("python")[0])
-    try:
-        use_effects([own])
-        assert group.key(("hh",)) != key
-    finally:
-        use_effects([])
-    assert group.key(("hh",)) == key
 
 
 @pytest.mark.parametrize("name", ["a/b", "..", ".", "é 7", "C:x"])

@@ -30,7 +30,6 @@ from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect, SizedEffect
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.effects import added_digests
 from observer_rt.model.parameters import InjectorParameters
 
 WORTH_FITTING = 10.0  # predicted gain from which on a second effect is fitted
@@ -272,16 +271,14 @@ def _predicted_gain(base: Residuals, there: Residuals, spanned: NDArray[np.float
 def problem_key(
     parameters: InjectorParameters, recording_hashes: Sequence[str], stated: Sequence[SizedEffect] = ()
 ) -> str:
-    """Hashes the problem that fits belong to: model, recordings (SHA-256 of each), added effects and this program.
+    """Hashes the problem that fits belong to: model, recordings (SHA-256 of each) and this program.
 
     stated: what is known of the recordings' channels.
     """
     why = {"__all__": {"origin", "evidence", "date"}}
     model = parameters.model_dump(mode="json", exclude={"format": True, "effects": why, "terms": why})
     channels = [(each.effect.id, *each.values) for each in stated]
-    content = json.dumps(
-        [source_digest(), added_digests(), model, list(recording_hashes), channels], sort_keys=True
-    )
+    content = json.dumps([source_digest(), model, list(recording_hashes), channels], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()
 
 

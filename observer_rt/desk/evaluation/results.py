@@ -189,7 +189,8 @@ def print_evaluation(
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")
         if reason is Reason.OUTSIDE_LEARNED_RANGE:
-            say(console, f"({beyond_learned(evaluation.reports[numbers[-1] - 1])})")
+            last = next(each.report for each in evaluation.injections if each.report.number == numbers[-1])
+            say(console, f"({beyond_learned(last)})")
     # with a learned state only the first is not valid, and there is nothing to gain any more
     if len(not_valid.get(Reason.TOO_FEW_EVENTS, ())) > 1 and sum(map(len, not_valid.values())) < count:
         say(

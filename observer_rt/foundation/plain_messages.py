@@ -9,6 +9,7 @@ import json
 import math
 import re
 import struct
+from io import BufferedReader
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -32,11 +33,11 @@ def write_message(stream: BinaryIO, value: Any) -> None:
         raise TypeError(f"{len(text)} bytes of text are too many at once: send arrays, or less")
     stream.write(_LENGTH.pack(len(text)) + text)
     for array in arrays:
-        stream.write(memoryview(np.ascontiguousarray(array).reshape(-1).view(np.uint8)))
+        stream.write(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
     stream.flush()
 
 
-def read_message(stream: BinaryIO, most_bytes: int) -> Any:
+def read_message(stream: BufferedReader, most_bytes: int) -> Any:
     """Read a value; most_bytes: of one array. Raises `EOFError` at the end, and `MessageError`."""
     start = stream.read(_LENGTH.size)
     if not start:
@@ -75,7 +76,7 @@ def _packed(value: Any, arrays: list[NDArray[Any]]) -> Any:
     )
 
 
-def _unpacked(value: Any, stream: BinaryIO, most_bytes: int) -> Any:
+def _unpacked(value: Any, stream: BufferedReader, most_bytes: int) -> Any:
     if isinstance(value, list):
         return [_unpacked(item, stream, most_bytes) for item in value]
     if not isinstance(value, dict):
@@ -95,7 +96,7 @@ def _type_of(described: Any) -> np.dtype[Any]:
 
 
 def _read_array(
-    kind: np.dtype[Any], shape: tuple[int, ...], stream: BinaryIO, most_bytes: int
+    kind: np.dtype[Any], shape: tuple[int, ...], stream: BufferedReader, most_bytes: int
 ) -> NDArray[Any]:
     size = math.prod(shape) * kind.itemsize
     if min(shape, default=0) < 0 or size > most_bytes:
@@ -103,7 +104,7 @@ def _read_array(
     data = np.empty(size, np.uint8)
     place = 0
     while place < size:
-        count = stream.readinto(memoryview(data)[place:])  # type: ignore[attr-defined]
+        count = stream.readinto(data.data[place:])
         if not count:
             raise MessageError("ends within an array")
         place += count

@@ -19,8 +19,9 @@ from collections.abc import Iterator
 from contextlib import suppress
 from enum import StrEnum
 from importlib import import_module
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -101,7 +102,7 @@ def checked(kind: TypeAdapter[T], answer: Any) -> T:
         raise WorkerError(f"its reader gave something else than was asked for: {problem['msg']}") from None
 
 
-def _answer(pipe: BinaryIO, most_bytes: int) -> tuple[_Kind, Any]:
+def _answer(pipe: BufferedReader, most_bytes: int) -> tuple[_Kind, Any]:
     try:
         kind, content = read_message(pipe, most_bytes)
         return _Kind(kind), content

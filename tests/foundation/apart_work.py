@@ -64,7 +64,7 @@ def taken_over(path: Path) -> Iterator[Any]:
         with suppress(OSError):
             if number > 2 and stat.S_ISFIFO(os.fstat(number).st_mode):
                 os.write(number, path.read_bytes())
-    os._exit(0)
+    os.kill(os.getpid(), signal.SIGKILL)
     yield
 
 

@@ -16,7 +16,8 @@ def _of_this_folder() -> dict[str, Effect]:
     return {effect.id: effect for effect in sorted(effects, key=lambda effect: effect.id)}
 
 
-VOCABULARY: Mapping[str, Effect] = MappingProxyType(_of_this_folder())
+_in_use = _of_this_folder()
+VOCABULARY: Mapping[str, Effect] = MappingProxyType(_in_use)
 """All effects by id."""
 
 

@@ -14,8 +14,6 @@ from tests.pages import PAGES, Page, needs_bus, serves_a_page
 LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that have them
     ("docs/CONTRIBUTING.md", "toml"): (1, "here"),
     ("docs/evidence.md", "toml"): (1, "tests/desk/cli/test_pages.py"),
-    ("docs/export.md", "c"): (1, "tests/desk/cli/test_export.py"),
-    ("docs/export.md", "python"): (1, "tests/desk/cli/test_export.py"),
     ("docs/library.md", "python"): (
         6,
         "tests/desk/cli/test_pages.py, tests/identification/ode/test_find_terms.py",
@@ -35,7 +33,6 @@ LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that ha
 RUN = {  # commands that need no bus, by page; the others: tests/daemon/test_on_vcan_pages.py
     "docs/buses.md": "tests/desk/cli/test_dbc_page.py",
     "docs/dbc.md": "tests/desk/cli/test_dbc_page.py",
-    "docs/export.md": "tests/desk/cli/test_export.py",
     "docs/journal.md": "tests/daemon/test_on_vcan_pages.py",
     "docs/tutorial.md": "tests/desk/cli/test_tutorial.py",
 } | dict.fromkeys(

@@ -159,8 +159,8 @@ ensure_venv() { # extras ("" or "[dev]"); several at once take turns
     export PATH="$venv/bin:$PATH"
 }
 
-# For the tests of what `observer-rt export` writes: where this machine has no `cc`, and no rights to install one, that of
-# ziglang, under the same name in the environment.
+# For the tests that compile: where this machine has no `cc`, and no rights to install one, that of ziglang, under the same
+# name in the environment.
 ensure_compiler() {
     if command -v cc >/dev/null || { may_install && install_packages gcc libc6-dev; }; then return; fi
     say "no C compiler on this machine: fetching ziglang, which is one, into $venv"

@@ -9,7 +9,6 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from observer_rt import __version__
-from observer_rt.desk.cli.export import export
 from observer_rt.desk.cli.fleet import batch, trend
 from observer_rt.desk.cli.live import check, demo, journal, monitor, run, take_over
 from observer_rt.desk.cli.logs import convert, record, replay
@@ -161,7 +160,6 @@ for _heading, _commands in {
         (evaluate, "worn.csv --output trace.csv --plot worn.png"),
         (convert, "bus.blf recording.csv --bench bench.toml"),
         (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
-        (export, "--c ecu --fmu rig --model injector.toml --state learned.json"),
         (project, "report my_injector"),
         (reproduce, "--out reproduced"),
     ),

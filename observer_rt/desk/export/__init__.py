@@ -1,1 +1,0 @@
-"""Export of a frozen observer and its model: C99, FMU, MATLAB, JSON."""

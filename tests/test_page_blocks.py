@@ -14,10 +14,7 @@ from tests.pages import PAGES, Page, needs_bus, serves_a_page
 LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that have them
     ("docs/CONTRIBUTING.md", "toml"): (1, "here"),
     ("docs/evidence.md", "toml"): (1, "tests/desk/cli/test_pages.py"),
-    ("docs/library.md", "python"): (
-        6,
-        "tests/desk/cli/test_pages.py, tests/identification/ode/test_find_terms.py",
-    ),
+    ("docs/library.md", "python"): (5, "tests/desk/cli/test_pages.py"),
     ("docs/measurement-tools.md", "python"): (2, "tests/files/test_foreign_readers.py"),
     ("docs/operating.md", "toml"): (1, "here"),
     ("docs/own-injector.md", "csv"): (1, "tests/own_injector.py"),

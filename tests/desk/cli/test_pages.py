@@ -354,7 +354,7 @@ def printed(program: str, folder: Path) -> list[str]:
 
 @pytest.mark.slow
 def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
-    first, loop, recorded, reported, framed, *_ = PROGRAMS
+    first, loop, recorded, reported, framed = PROGRAMS
     made = simulate(load_injector(), make_schedule([100e6], 3, 0.05, [1.1e-3]), 100e3, noise=SimulatedNoise())
     write_recording(tmp_path / "worn.csv", made.recording)
     *lines, lag = printed(recorded + reported, tmp_path)

@@ -1,17 +1,12 @@
 """The search for missing terms, on systems that have nothing to do with an injector."""
 
-import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import product
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-from numba import njit
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import least_squares
 
 from observer_rt.identification.discovery.search.term_fit import Each, TermFit
 from observer_rt.identification.discovery.search.term_search import TermSearch, TermSearchResult
@@ -23,12 +18,10 @@ PARTS = 8  # of the data, left out in turn
 
 @dataclass(frozen=True)
 class Term:
-    """A coefficient times max(quantity - threshold, 0) in one equation."""
+    """A coefficient in one equation; numbers: within its law."""
 
     equation: str
     range: Range
-    quantity: str = ""
-    threshold: float = 0.0
     numbers: int = 0
 
 
@@ -209,129 +202,3 @@ def test_a_term_is_made_even_where_no_candidate_says_anything() -> None:
     problem = Bumps(u, 3.0 * bump(u, 0.5) + np.random.default_rng(3).normal(size=800))
     problem._columns[:, :2] = 0.0
     assert len(TermSearch(problem, in_turn).run().best.chosen) == 1
-
-
-# Two cascaded tanks, the lower level measured in V every 4 s. M. Schoukens, P. Mattsson, T. Wigren, J.-P. Noel:
-# Cascaded Tanks benchmark, 4TU.ResearchData 10.4121/12960104.
-
-EQUATIONS, QUANTITIES = ("upper", "lower"), ("1", "u", "x1", "x2", "x1^2", "x2^2")
-# k1, k2, k4, x1, x2, fitted as logarithms; k3 = k2 by the unit of x1, which none measures
-START = np.log([0.05, 0.05, 0.05, 5.0, 5.0])
-# Signs of what leaves a tank, and of what gets from the upper into the lower one; sizes of other terms.
-FLOWS = {("upper", "x1"): (-1, 0), ("lower", "x1"): (0, 1), ("lower", "x2"): (-1, 0)}
-SIZES = dict(zip(QUANTITIES, (0.05, 0.03, 0.02, 0.02, 0.002, 0.002), strict=True))
-OVERFLOWS = [
-    Term(equation, Range(0.5 * least, 0.5 * most, 0.002), quantity, full)
-    for full, ((equation, quantity), (least, most)) in product((7.0, 8.0, 9.0, 10.0), FLOWS.items())
-]
-OTHERS = [
-    Term(equation, Range(least * size, most * size, 0.01 * size), quantity)
-    for equation, (quantity, size) in product(EQUATIONS, SIZES.items())
-    for least, most in [FLOWS.get((equation, quantity[:2]), (-1, 1))]
-]
-
-
-@njit
-def lower_level(
-    model: Floats, u: Floats, where: NDArray[np.int64], theta: Floats, thresholds: Floats
-) -> Floats:
-    """Level (n,) by Euler steps of 2 s; where: (m, 2) equation and quantity of each term."""
-    k1, k2, k4, x1, x2 = model
-    level, rate = np.empty(u.size), np.empty(2)
-    for n in range(u.size):
-        level[n] = x2
-        for _ in range(2):
-            rate[0], rate[1] = k4 * u[n] - k1 * np.sqrt(x1), k2 * (np.sqrt(x1) - np.sqrt(x2))
-            values = (1.0, u[n], x1, x2, x1 * x1, x2 * x2)
-            for i in range(theta.size):
-                rate[where[i, 0]] += theta[i] * max(values[where[i, 1]] - thresholds[i], 0.0)
-            x1, x2 = min(max(x1 + 2.0 * rate[0], 0.0), 100.0), min(max(x2 + 2.0 * rate[1], 0.0), 100.0)
-    return level
-
-
-def errors(p: Floats, terms: Sequence[Term], u: Floats, y: Floats) -> Floats:
-    """Of a free run; p: logarithms of base parameters, coefficients, thresholds."""
-    where = np.array(
-        [(EQUATIONS.index(one.equation), QUANTITIES.index(one.quantity)) for one in terms], np.int64
-    )
-    theta, thresholds = p[5:].reshape(2, -1)
-    return np.asarray(lower_level(np.exp(p[:5]), u, where.reshape(-1, 2), theta, thresholds) - y)
-
-
-class Tanks(LibraryOnly):
-    """Base parameters are fitted anew with every choice of terms."""
-
-    def __init__(self, u: Floats, y: Floats, sigma: float) -> None:
-        self.candidates = (*OTHERS, *OVERFLOWS)
-        self._data, self._sigma, self._base = (u, y), sigma, START
-        self._base = self._fit((), np.zeros(0)).x[:5]
-
-    def _fit(self, chosen: Sequence[int], theta: Floats) -> OptimizeResult:
-        terms = [self.candidates[number] for number in chosen]
-        rest = [*theta, *(one.threshold for one in terms)]
-        return least_squares(
-            lambda model: errors(np.append(model, rest), terms, *self._data), self._base, method="lm"
-        )
-
-    def residuals(self, chosen: Sequence[int], theta: Floats) -> Residuals:
-        return residuals_of(self._fit(chosen, theta).fun, self._sigma)
-
-    def is_adequate(self, chosen: Sequence[int], theta: Floats) -> bool:
-        return bool(np.mean(self.residuals(chosen, theta).z ** 2) < 1.2)
-
-    def validation_rmse(self, chosen: Sequence[int], theta: Floats, u: Floats, y: Floats) -> float:
-        """With base, coefficients and thresholds fitted together to the estimation data."""
-        terms = [self.candidates[number] for number in chosen]
-        start = [*self._fit(chosen, theta).x, *theta, *(one.threshold for one in terms)]
-        ranges = [Range(-np.inf, np.inf, 0.1)] * 5 + [one.range for one in terms]
-        ranges += [
-            Range(t - 2.0, t + 2.0, 0.1) if t else Range(-1e-9, 1e-9, 0.1) for t in start[5 + len(terms) :]
-        ]
-        lowest, highest, steps = np.array([(one.lowest, one.highest, one.step) for one in ranges]).T
-        bounds, scale = (lowest - 1e-9, highest + 1e-9), 10.0 * steps
-        fitted = least_squares(errors, start, bounds=bounds, x_scale=scale, args=(terms, *self._data))
-        return float(np.sqrt(np.mean(errors(fitted.x, terms, u, y) ** 2)))
-
-    def proposed(self, validation: tuple[Floats, Floats]) -> tuple[float, float]:
-        """RMSE on validation data without and with the terms proposed; overflow of the upper tank is among them."""
-        best = TermSearch(self, in_turn).run().best
-        found = {
-            (one.equation, one.quantity) for n in best.chosen if (one := self.candidates[n]) in OVERFLOWS
-        }
-        assert found >= {("upper", "x1"), ("lower", "x1")}
-        without = self.validation_rmse((), np.zeros(0), *validation)
-        return without, self.validation_rmse(best.chosen, best.theta, *validation)
-
-
-def overflowing_tanks(noise: np.random.Generator) -> tuple[Floats, Floats]:
-    """Input and level; the upper tank holds 10 V, and 40 % of what overflows falls into the lower one."""
-    phases, n = noise.uniform(0.0, 2.0 * np.pi, 60), np.arange(1024)
-    sines = np.cos(2.0 * np.pi * np.outer(n, np.arange(1, 61)) / 1024 + phases).sum(axis=1)
-    u = np.maximum(2.8 + sines / sines.std(), 0.0)
-    level, x1, x2 = np.empty(1024), 5.0, 5.0
-    for k in range(1024):
-        level[k] = x2
-        for _ in range(20):
-            between, filled = np.sqrt(x1), x1 + 0.01 * (u[k] - np.sqrt(x1))
-            x1 = min(filled, 10.0)
-            x2 += 0.01 * (between - np.sqrt(x2)) + 0.4 * (filled - x1)
-    return u, level + 0.03 * noise.normal(size=1024)
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_overflow_of_simulated_tanks_is_proposed(seed: int) -> None:
-    noise = np.random.default_rng(seed)
-    without, with_terms = Tanks(*overflowing_tanks(noise), 0.03).proposed(overflowing_tanks(noise))
-    assert with_terms < 0.5 * without
-
-
-def test_overflow_of_measured_tanks_is_proposed() -> None:
-    file = Path(os.environ.get("OBSERVER_RT_TEST_DATA", "."), "cascaded_tanks.csv")
-    if not file.is_file():
-        pytest.skip(
-            "OBSERVER_RT_TEST_DATA names no folder with cascaded_tanks.csv (4TU.ResearchData 10.4121/12960104)"
-        )
-    u, u_later, y, y_later = pd.read_csv(file)[["uEst", "uVal", "yEst", "yVal"]].to_numpy().T.copy()
-    without, with_terms = Tanks(u, y, 0.05).proposed((u_later, y_later))
-    assert without == pytest.approx(0.67, abs=0.01)
-    assert with_terms <= 0.35

@@ -9,7 +9,6 @@ from pydantic import Field
 
 from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.toml_file import Section, unknown_key, validated
-from observer_rt.config.xcp import XcpConfig
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN XL
@@ -32,18 +31,16 @@ class LinkConfig(Section):
     fd: bool = True
     bit_rate: BitRate = 500e3  # bit/s, for the rules of `check`
     data_bit_rate: BitRate = 5e6
-    xcp: XcpConfig | None = None  # ECU on it that is asked for measurements
 
 
 class FurtherLinkConfig(Section):
-    """A further bus; what is left out is as in `[link]`, but for its ECU."""
+    """A further bus; what is left out is as in `[link]`."""
 
     channel: Channel
     interface: str | None = None
     fd: bool | None = None
     bit_rate: BitRate | None = None  # bit/s
     data_bit_rate: BitRate | None = None
-    xcp: XcpConfig | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +65,7 @@ def named_links(first: LinkConfig, further: Mapping[str, FurtherLinkConfig]) -> 
     """Buses of a bench, complete; their places are the bus numbers."""
     links = [NamedLink("", first)]
     for name, config in further.items():
-        stated = {key: value for key, value in config if value is not None or key == "xcp"}
+        stated = {key: value for key, value in config if value is not None}
         links.append(NamedLink(name, first.model_copy(update=stated)))
     return tuple(links)
 

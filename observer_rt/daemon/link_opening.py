@@ -6,12 +6,10 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 
-from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.listening import first_heard
 from observer_rt.bus.links.opening import SharedBus, open_link
-from observer_rt.bus.links.xcp import XcpLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import NamedLink
@@ -107,7 +105,7 @@ def shared_buses(bench: Bench, maps: Iterable[BusMap]) -> dict[int, SharedBus]:
     for number, named in enumerate(bench.config.buses):
         users = [bus for bus in maps if number in buses_of(bus)]
         config = named.config
-        if len(users) > 1 and (config.interface not in OPENED_OFTEN or config.xcp is not None):
+        if len(users) > 1 and config.interface not in OPENED_OFTEN:
             wanted = list(dict.fromkeys(each for bus in users for each in _wanted_on(bus, number)))
             computer_time = any(len(buses_of(bus)) > 1 for bus in users)
             shared[number] = SharedBus(partial(_connected, named, wanted, computer_time))
@@ -121,12 +119,8 @@ def _wanted_on(bus: BusMap, number: int) -> list[tuple[int, bool]]:
 
 def _connected(named: NamedLink, wanted: list[tuple[int, bool]], computer_time: bool) -> Link:
     """A link as the bench file says; wanted, computer_time: as of `open_link`."""
-    config, ecu = named.config, named.config.xcp
-    if ecu is None or (ecu.sample_id, True) not in wanted:
-        return open_link(config.interface, config.channel, config.fd, wanted, computer_time)
-    wanted = [each for each in wanted if each != (ecu.sample_id, True)]
-    wanted.append((ecu.slave_id, ecu.slave_id > STANDARD_MASK))
-    return XcpLink(open_link(config.interface, config.channel, config.fd, wanted, computer_time), ecu)
+    config = named.config
+    return open_link(config.interface, config.channel, config.fd, wanted, computer_time)
 
 
 def _own(bus: BusMap, number: int) -> list[tuple[int, bool]]:

@@ -15,7 +15,6 @@ from cantools.database.can import Database, Message
 
 from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
 from observer_rt.bus.database.lookup import find_message
-from observer_rt.bus.database.measurements import measurements
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
 
@@ -171,11 +170,6 @@ class BenchDatabases:
         self._databases = [
             (path, entry.lenient, load_database(path, entry.lenient), bench.config.bus_number(entry.link))
             for path, entry in zip(bench.databases, bench.config.dbc, strict=True)
-        ]
-        self._databases += [
-            (bench.path, False, measurements(link.xcp), number)
-            for number, link in enumerate(self.links)
-            if link.xcp is not None
         ]
 
     def find(self, place: str, name: str, link: str | None) -> BusMessage:

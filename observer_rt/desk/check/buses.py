@@ -153,10 +153,8 @@ def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
     """Messages that no frame of their kind can hold on their bus, or one finding that all can be."""
     fit = True
     for number, link in enumerate(bench.config.buses):
-        place, ecu = f"{link.place}.fd", link.config.xcp
+        place = f"{link.place}.fd"
         for layout in mapped.layouts:
-            if ecu is not None and layout.frame_id == ecu.sample_id:
-                continue  # as it comes from its link, not as the ECU packs it
             if layout.bus == number and layout.is_fd and not link.config.fd:
                 fit = False
                 problem = f"{layout.name} is a CAN FD message, but {place} is false"

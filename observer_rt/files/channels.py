@@ -3,7 +3,6 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from observer_rt.bus.can_frame import GroupIdentifier, ParameterGroups
 from observer_rt.bus.links.link import BusFrame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench_file import NamedLink, of_links
@@ -87,22 +86,14 @@ class InputFrames:
                 identifier = layout.frame_id, layout.is_extended
                 self._wanted.setdefault(identifier, []).append((layout.bus, layout.name))
         self._log: LogReader = open_log(path)
-        self._groups: dict[str, ParameterGroups] = {}  # by channel
 
     def __iter__(self) -> Iterator[BusFrame]:
         channel_of: dict[tuple[int, str], str] = {}
         others: dict[tuple[int, bool], None] = {}
         channels: dict[str, None] = {}
-        self._groups = {}
-        has_groups = any(isinstance(layout.received_id, GroupIdentifier) for layout in self._bus.received)
         for entry in self._log:
             frame = entry.frame
             channels[entry.channel] = None
-            if has_groups and frame.is_extended:
-                if entry.channel not in self._groups:
-                    received = (layout.received_id for layout in self._bus.received)
-                    self._groups[entry.channel] = ParameterGroups(received)
-                frame = frame._replace(frame_id=self._groups[entry.channel].own(frame.frame_id))
             messages = self._wanted.get((frame.frame_id, frame.is_extended))
             if messages is None:
                 others[frame.frame_id, frame.is_extended] = None
@@ -131,13 +122,7 @@ class InputFrames:
                 f"{channel} is {self._bus.labels[bus]}" for bus, channel in sorted(self._channels.items())
             )
             notes.append(f"{self.path}: channel {', '.join(pairs)}")
-        return notes + [
-            f"{self.path}: {layout.name} of the source address 0x{groups.sender(layout.frame_id):02X} counts, also "
-            f"there are {', '.join(f'0x{address:02X}' for address in sorted(groups.left_out[layout.frame_id]))}"
-            for groups in self._groups.values()
-            for layout in self._bus.received
-            if layout.frame_id in groups.left_out
-        ]
+        return notes
 
     @property
     def share_read(self) -> float:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from cantools.database.can import Database, Message, Signal
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH, GroupIdentifier, frame_key
-from observer_rt.bus.database.e2e import DATA_IDS, PROFILE_2, protection_of
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, frame_key
+from observer_rt.bus.database.e2e import PROFILES, protection_of
 from observer_rt.foundation.errors import UserError, nearest
 from observer_rt.foundation.units import factor_of
 
@@ -23,7 +23,7 @@ IN_CONTAINERS = (
     "or, where every frame has the same PDUs in the same order, describe their signals at their places in a DBC"
 )
 ERROR_NAMES = ("error", "err", "signal_error")
-_DATA_ID, _DATA_ID_LIST = "E2EDataId", "E2EDataIdList"
+_DATA_ID = "E2EDataId"
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,7 @@ class MessageLayout:
     """Layout of a message besides its signals.
 
     `length` is in bytes. Time between two samples, time between two frames and number of samples in one are None
-    where the database does not state them. `e2e_profile` is the AUTOSAR profile number, None without protection;
-    `e2e_data_id` of profile 2 its data ids, one for every value of the counter.
+    where the database does not state them. `e2e_profile` is the AUTOSAR profile number, None without protection.
     """
 
     name: str
@@ -44,11 +43,9 @@ class MessageLayout:
     sample_period_ns: int | None
     cycle_time_ns: int | None
     e2e_profile: int | None
-    e2e_data_id: int | bytes | None
+    e2e_data_id: int | None
     bus: int = 0
     """Number of the bus it is on."""
-    is_j1939: bool = False
-    """Whether its parameter group names it, whatever the source address."""
 
     @cached_property
     def protection(self) -> np.void:
@@ -60,11 +57,6 @@ class MessageLayout:
         """The `frame_key` of its frames."""
         return frame_key(self.frame_id, self.is_extended, self.bus)
 
-    @property
-    def received_id(self) -> int:
-        """Identifier for who receives the message: of one of J1939 a number that stands for its parameter group."""
-        return GroupIdentifier(self.frame_id) if self.is_j1939 and self.is_extended else self.frame_id
-
     @classmethod
     def of(cls, message: Message, bus: int = 0) -> "MessageLayout":
         """Read the layout of `message`, which is on the bus of this number.
@@ -72,14 +64,12 @@ class MessageLayout:
         Raises `UserError`: an attribute is not a number, or a protected message has no data id.
         """
         e2e_profile = _integer_attribute(message, "E2EProfile") or None
-        has_list = e2e_profile == PROFILE_2
-        e2e_data_id = _data_ids(message) if has_list else _integer_attribute(message, _DATA_ID)
-        if e2e_profile is not None and e2e_data_id is None:
-            attribute = _DATA_ID_LIST if has_list else _DATA_ID
+        e2e_data_id = _integer_attribute(message, _DATA_ID)
+        if e2e_profile in PROFILES and e2e_data_id is None:
             raise UserError(
                 f"message {message.name}",
-                f"is protected by E2E profile {e2e_profile}, but has no attribute {attribute}",
-                f'add BA_ "{attribute}" to the message, or set its E2EProfile to 0',
+                f"is protected by E2E profile {e2e_profile}, but has no attribute {_DATA_ID}",
+                f'add BA_ "{_DATA_ID}" to the message, or set its E2EProfile to 0',
             )
         return cls(
             name=message.name,
@@ -93,7 +83,6 @@ class MessageLayout:
             e2e_profile=e2e_profile,
             e2e_data_id=e2e_data_id if e2e_profile is not None else None,
             bus=bus,
-            is_j1939=message.protocol == "j1939",
         )
 
 
@@ -200,25 +189,6 @@ def _raw_code(signal: Signal, attribute: str, names: Collection[str]) -> int | N
 
 def _plain(name: str) -> str:
     return name.strip().lower().replace(" ", "_").replace("-", "_")
-
-
-def _data_ids(message: Message) -> bytes | None:
-    """The data ids of profile 2, hexadecimal as in "1A 2B .." or "0x1A, 0x2B, ..": 16 of a byte each."""
-    attributes = message.dbc.attributes if message.dbc is not None else None
-    if not attributes or _DATA_ID_LIST not in attributes:
-        return None
-    stated = str(attributes[_DATA_ID_LIST].value)
-    try:
-        found = bytes(int(each, 16) for each in stated.replace(",", " ").split())
-    except ValueError:
-        found = b""
-    if len(found) != DATA_IDS:
-        raise UserError(
-            f"message {message.name}, attribute {_DATA_ID_LIST}",
-            f"{stated!r} is not {DATA_IDS} bytes",
-            f'write {DATA_IDS} hexadecimal numbers, as in "1A 2B 3C", one for every value of the counter',
-        )
-    return found
 
 
 def _integer_attribute(owner: Message | Signal, name: str) -> int | None:

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import can
 
-from observer_rt.bus.can_frame import ParameterGroups
 from observer_rt.bus.links.link import (
     SWITCHED,
     BusCondition,
@@ -63,7 +62,6 @@ class PythonCanLink(Link):
         self._interface, self._channel, self._fd = interface, channel, fd
         self._name = f"{interface} channel {channel}"
         self._receive_ids = None if receive_ids is None else frozenset(receive_ids)
-        self._groups = ParameterGroups(frame_id for frame_id, _ in receive_ids or ())
         self._by_arrival = computer_time or interface == "virtual"
         self._computer_time = computer_time
         self._condition = BusCondition()
@@ -99,16 +97,13 @@ class PythonCanLink(Link):
                 continue
             if message.is_remote_frame:
                 continue
-            identifier = message.arbitration_id
-            if self._groups and message.is_extended_id:
-                identifier = self._groups.own(identifier)
-            key = (identifier, message.is_extended_id)
+            key = (message.arbitration_id, message.is_extended_id)
             if self._own.has_back(*key, bytes(message.data)):
                 continue
             if self._receive_ids is None or key in self._receive_ids:
                 stamp_ns = 0 if self._computer_time else round(message.timestamp * 1e9)
                 return Frame(
-                    identifier,
+                    message.arbitration_id,
                     bytes(message.data),
                     stamp_ns or time.time_ns(),  # not every driver has stamps
                     message.is_extended_id,

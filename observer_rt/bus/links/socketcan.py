@@ -21,8 +21,6 @@ from observer_rt.bus.can_frame import (
     ERROR_STATE,
     FD_LENGTHS,
     FD_MTU,
-    GroupIdentifier,
-    ParameterGroups,
 )
 from observer_rt.bus.links.link import (
     SWITCHED,
@@ -138,7 +136,6 @@ class SocketCanLink(Link):
         self._channel = channel
         self._fd = fd
         self._receive_ids = receive_ids
-        self._groups = ParameterGroups(frame_id for frame_id, _ in receive_ids or ())
         self._computer_time = computer_time
         self._dropped = 0
         self._condition = BusCondition()
@@ -232,10 +229,6 @@ class SocketCanLink(Link):
             is_extended = bool(identifier & socket.CAN_EFF_FLAG)
             is_fd = len(data) == _FD_FRAME.size
             identifier &= socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK
-            if self._groups and is_extended:
-                identifier = self._groups.own(identifier)
-                if (identifier, is_extended) not in (self._receive_ids or ()):
-                    continue  # of a source address that does not count
             return Frame(
                 identifier,
                 payload,
@@ -360,7 +353,5 @@ def _filters(receive_ids: Sequence[tuple[int, bool]] | None) -> bytes:
     filters = b""
     for frame_id, is_extended in receive_ids:
         bits = socket.CAN_EFF_MASK if is_extended else socket.CAN_SFF_MASK
-        if is_extended and isinstance(frame_id, GroupIdentifier):
-            bits = frame_id.mask
         filters += _FILTER.pack(frame_id | (socket.CAN_EFF_FLAG if is_extended else 0), bits | exact)
     return filters

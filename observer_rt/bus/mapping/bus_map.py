@@ -94,7 +94,7 @@ class BusMap:
         """
         wanted = [layout for layout in self.received if layout.bus == bus]
         wanted = wanted or [layout for layout in self.sent if layout.bus == bus]
-        return [(layout.received_id, layout.is_extended) for layout in wanted]
+        return [(layout.frame_id, layout.is_extended) for layout in wanted]
 
     def name_of(self, layout: MessageLayout) -> str:
         """Name of a message and, where there are several, of its bus."""

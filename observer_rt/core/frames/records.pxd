@@ -8,7 +8,6 @@ cdef enum:
     MAX_INPUTS = 3
     MAX_SIGNALS = 512
     LONGEST_FRAME = 64
-    DATA_IDS = 16
     POINTS = 16
 
 
@@ -39,8 +38,7 @@ cdef struct Condition:
 
 cdef struct Protection:
     int64_t profile
-    int64_t data_id  # of any but profile 2
-    uint8_t data_ids[DATA_IDS]
+    int64_t data_id
 
 
 cdef struct Supervision:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES, GroupIdentifier
+from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES
 from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.receiver import LONGEST_WAIT, BusDownError
@@ -169,7 +169,7 @@ class FramePump:
     """Takes frames from links through a core and sends the rates they cause; bus numbers are the places of links.
 
     The loop runs until `close`; what it needs of Python it asks for through a descriptor. It reads raw sockets
-    itself; other links, and messages of J1939, whose identifiers change with the sender, are fed to it.
+    itself; other links are fed to it.
     """
 
     def __init__(
@@ -371,6 +371,5 @@ class FramePump:
 def _to_be_fed(links: Sequence[Link], bus: BusMap) -> set[int]:
     """Buses the loop cannot read itself; if one of these has samples, all that have, so that none gets ahead."""
     fed = {number for number, link in enumerate(links) if not isinstance(link, SocketCanLink)}
-    fed |= {layout.bus for layout in bus.received if isinstance(layout.received_id, GroupIdentifier)}
     with_samples = {layout.bus for layout in bus.input_layouts}
     return fed | with_samples if fed & with_samples else fed

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from observer_rt.bus.can_frame import ParameterGroups, frame_key
+from observer_rt.bus.can_frame import frame_key
 from observer_rt.bus.links.link import SWITCHED, BusFrame, FdFlags, Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.links.receiver import EnduringReading
@@ -205,11 +205,6 @@ class Watching:
         self._labels = {bus: link.label for bus, link in enumerate(links) if bus in used}
         self._loads = [BusLoadMeter(link.config) for link in links]
         self._injectors = [WatchedInjector(alone) for alone in bench.each]
-        received = [layout for each in self._injectors for layout in each.bus.received]
-        self._groups = [
-            ParameterGroups(each.received_id for each in received if each.bus == bus)
-            for bus in range(len(links))
-        ]
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._now = 0  # of the last frame
@@ -274,18 +269,10 @@ class Watching:
                 self._begin(now)
             self._now = now
             self._loads[came.bus].note(came.frame, now)
-            came = self._own(came)
             key = frame_key(came.frame.frame_id, came.frame.is_extended, came.bus)
             for injector in self._injectors:
                 if key in injector.keys:
                     injector.take(came, now)
-
-    def _own(self, came: BusFrame) -> BusFrame:
-        """Under the identifier of the bench: a message of J1939 may come from another source address."""
-        identifier = came.frame.frame_id
-        if not came.frame.is_extended or (own := self._groups[came.bus].own(identifier)) == identifier:
-            return came
-        return BusFrame(came.bus, came.frame._replace(frame_id=own))
 
 
 class BusLoadMeter:

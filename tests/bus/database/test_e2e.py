@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import e2e.p01
-import e2e.p02
 import e2e.p05
-import e2e.p07
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,11 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.e2e import (
-    DATA_IDS,
     PROFILE_1,
-    PROFILE_2,
     PROFILE_5,
-    PROFILE_7,
     SUPERVISION,
     UNPROTECTED,
     E2EState,
@@ -100,7 +95,7 @@ def test_frames_of_the_wrong_length_fail() -> None:
 
 @pytest.mark.parametrize(
     ("profile", "modulus", "most"),
-    [(PROFILE_1, 15, 7), (PROFILE_2, 16, 8), (PROFILE_5, 256, 5), (PROFILE_5, 256, 1)],
+    [(PROFILE_1, 15, 7), (PROFILE_5, 256, 5), (PROFILE_5, 256, 1)],
 )
 def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
     """most: the largest step that is taken; with 1 no loss is tolerated."""
@@ -133,9 +128,6 @@ def test_profile_1_needs_two_bytes() -> None:
     assert not check_frame(np.zeros(1, np.uint8), 2, protection_of(PROFILE_1, 0))
 
 
-Id = int | bytes
-
-
 @dataclass(frozen=True)
 class Reference:
     """A profile as the package autosar-e2e has it, for frames of so many bytes whose count comes round."""
@@ -143,12 +135,11 @@ class Reference:
     profile: int
     lengths: tuple[int, int]
     modulus: int
-    ids: st.SearchStrategy[Id]
     count: Callable[[bytearray, int], None]
     protect: Callable[[bytearray, Any], None]
     check: Callable[[bytes, Any], bool]
 
-    def protected(self, payload: bytes, data_id: Id, counter: int) -> bytes:
+    def protected(self, payload: bytes, data_id: int, counter: int) -> bytes:
         made = bytearray(payload)
         self.count(made, counter)
         self.protect(made, data_id)
@@ -164,37 +155,17 @@ REFERENCES = {
         PROFILE_1,
         (2, 8),
         15,
-        st.integers(0, 0xFFFF),
         in_nibble,
         lambda made, own: e2e.p01.e2e_p01_protect(made, own, length=len(made), increment_counter=False),
         lambda payload, own: e2e.p01.e2e_p01_check(bytearray(payload), own, length=len(payload)),
-    ),
-    "2": Reference(
-        PROFILE_2,
-        (2, 64),
-        16,
-        st.binary(min_size=DATA_IDS, max_size=DATA_IDS),
-        in_nibble,
-        lambda made, own: e2e.p02.e2e_p02_protect(made, own, increment_counter=False),
-        e2e.p02.e2e_p02_check,
     ),
     "5": Reference(
         PROFILE_5,
         (3, 64),
         256,
-        st.integers(0, 0xFFFF),
         lambda made, counter: made.__setitem__(2, counter),
         lambda made, own: e2e.p05.e2e_p05_protect(made, own, length=len(made), increment_counter=False),
         lambda payload, own: e2e.p05.e2e_p05_check(payload, own, length=len(payload)),
-    ),
-    "7": Reference(
-        PROFILE_7,
-        (20, 64),
-        1 << 32,
-        st.integers(0, 0xFFFFFFFF),
-        lambda made, counter: made.__setitem__(slice(12, 16), counter.to_bytes(4, "big")),
-        lambda made, own: e2e.p07.e2e_p07_protect(made, own, increment_counter=False),
-        e2e.p07.e2e_p07_check,
     ),
 }
 
@@ -205,36 +176,18 @@ def test_a_profile_is_that_of_the_reference(name: str, data: st.DataObject, numb
     """Whatever comes in, what goes out, and with any bit flipped on the way."""
     it = REFERENCES[name]
     payload = data.draw(st.binary(min_size=it.lengths[0], max_size=it.lengths[1]))
-    data_id = data.draw(it.ids)
+    data_id = data.draw(st.integers(0, 0xFFFF))
     frame, length, row = frame_of(payload), len(payload), protection_of(it.profile, data_id)
     assert check_frame(frame, length, row) == it.check(payload, data_id)
     protect_frame(frame, length, row, number)
     assert frame.tobytes() == it.protected(payload, data_id, number % it.modulus)
     assert check_frame(frame, length, row)
     assert counter_in(frame, it.profile) == number % it.modulus
-    other = data_id ^ 1 if isinstance(data_id, int) else bytes(each ^ 1 for each in data_id)
-    assert not check_frame(frame, length, protection_of(it.profile, other))
+    assert not check_frame(frame, length, protection_of(it.profile, data_id ^ 1))
     for bit in range(8 * length):
         frame[bit // 8] ^= 1 << (bit % 8)
         assert check_frame(frame, length, row) == it.check(frame.tobytes(), data_id), f"bit {bit}"
         frame[bit // 8] ^= 1 << (bit % 8)
-
-
-def crc8h2f_of(content: bytes) -> int:
-    """By its definition, bit by bit."""
-    crc = 0xFF
-    for byte in content:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc << 1 ^ (0x2F if crc & 0x80 else 0)) & 0xFF
-    return crc ^ 0xFF
-
-
-def test_the_crc_of_profile_2_is_crc_8h2f_of_the_catalogue() -> None:
-    assert crc8h2f_of(b"123456789") == 0xDF
-    frame = frame_of(b"\0" + b"\x32" + b"345678")
-    protect_frame(frame, 8, protection_of(PROFILE_2, bytes(DATA_IDS)), 2)
-    assert frame[0] == crc8h2f_of(b"2345678\0")
 
 
 GOOD = (E2EStatus.OK, E2EStatus.OK_SOME_LOST, E2EStatus.INITIAL)

@@ -236,29 +236,10 @@ def test_missing_database(tmp_path: Path) -> None:
         load_database(tmp_path)
 
 
-PROFILE_2 = (
-    'BA_ "E2EProfile" BO_ 2147484672 2;\nBA_DEF_ BO_ "E2EDataIdList" STRING ;\n'
-    'BA_DEF_DEF_ "E2EDataIdList" "";\nBA_ "E2EDataIdList" BO_ 2147484672 '
-)
-
-
-@pytest.mark.parametrize(
-    "written", ["0 1 2 3 4 5 6 7 8 9 A b C d E 0xFF", ", ".join(f"0x{n:02X}" for n in [*range(15), 255])]
-)
-def test_the_data_ids_of_profile_2_are_a_list(tmp_path: Path, written: str) -> None:
-    text = f'{USER_DBC}{PROFILE_2}"{written}";\n'
-    layout = MessageLayout.of(find_message(load_text(tmp_path, text), "Pressures"))
-    assert (layout.e2e_profile, layout.e2e_data_id) == (2, bytes([*range(15), 255]))
-    assert bytes(layout.protection["data_ids"]) == layout.e2e_data_id
-
-
 @pytest.mark.parametrize(
     ("attribute", "said"),
     [
         ('BA_ "E2EProfile" BO_ 2147484672 5;', "no attribute E2EDataId"),
-        ('BA_ "E2EProfile" BO_ 2147484672 2;', "no attribute E2EDataIdList"),
-        (PROFILE_2 + '"1 2 3";', "'1 2 3' is not 16 bytes"),
-        (PROFILE_2 + '"100 1 2 3 4 5 6 7 8 9 A B C D E F";', "is not 16 bytes"),
         ('BA_ "GenSigSNA" SG_ 2147484672 Rail2 "none";', "'none' is not a whole number"),
         ('BA_ "GenSigSNA" SG_ 2147484672 Rail2 "70000";', "16 bits cannot hold"),
     ],

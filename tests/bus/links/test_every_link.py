@@ -7,7 +7,6 @@ from uuid import uuid4
 import can
 import pytest
 
-from observer_rt.bus.can_frame import GroupIdentifier
 from observer_rt.bus.links.link import FdFlags, Frame, Link
 from observer_rt.bus.links.opening import open_link
 
@@ -99,16 +98,6 @@ def test_only_wanted_data_frames_are_received(connect: Connect, interface: str, 
         ]
         assert [(frame.frame_id, frame.is_extended) for frame in waiting(everything)] == sent
         assert waiting(sender) == []
-
-
-def test_messages_of_j1939_come_from_any_source(connect: Connect) -> None:
-    group = GroupIdentifier(0x18FEF1FE)
-    with connect([]) as sender, connect([(group, True), (0x100, False)]) as receiver:
-        for identifier in (0x18FEF200, 0x0CFEF103, 0x18FEF104):
-            sender.send(identifier, b"\1", True, False)
-        sender.send(0x100, b"\2", False, False)
-        found = [(frame.frame_id, frame.is_extended) for frame in waiting(receiver)]
-    assert found == [(0x18FEF1FE, True), (0x100, False)]
 
 
 def test_own_frames_are_not_received(connect: Connect) -> None:

@@ -115,8 +115,8 @@ def test_number_of_an_extended_frame_is_another() -> None:
         (
             {"rail_pressure": 'message = "Guarded"\nsignal = "Rail"'},
             "rail_pressure.message",
-            "but has no attribute E2EDataIdList",
-            "set its E2EProfile to 0",
+            "is protected by E2E profile 2",
+            "only the profiles 1, 5 are supported; 0 takes its frames without a check",
         ),
     ],
 )

@@ -1,20 +1,17 @@
 """Links that the loop cannot read itself: fed to it frame by frame, and its rates sent for it."""
 
-import socket
 from pathlib import Path
 
 import pytest
 
-from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.links.receiver import BusDownError
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
-from tests.bus.j1939_bench import GROUP, write_j1939_bench
+from tests.bus.extended_bench import write_extended_bench
 from tests.daemon.end_to_end import RATE, payloads
 from tests.daemon.participants import Pumped, TroubledLink, bench_file, until
 from tests.device import core_of, frames_of, worn_recording
@@ -38,14 +35,14 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def grouped(tmp_path: Path) -> Path:
-    """A bench of J1939 without sample indices, whose clock is that of the stamps."""
-    path = write_j1939_bench(tmp_path)
+def without_index(tmp_path: Path) -> Path:
+    """A bench without sample indices, whose clock is that of the stamps."""
+    path = write_extended_bench(tmp_path)
     path.write_text(f"{path.read_text()}[sampling]\nrate_hz = {SAMPLE_RATE}\n")
     return path
 
 
-def test_stamps_are_kept_to_the_nanosecond(grouped: Path) -> None:
+def test_stamps_are_kept_to_the_nanosecond(without_index: Path) -> None:
     """The clock of frames without an index is that of the core alone."""
 
     class StampingLink(TroubledLink):
@@ -55,33 +52,15 @@ def test_stamps_are_kept_to_the_nanosecond(grouped: Path) -> None:
 
     wanted = [BEGIN + 20_000 * n + n * 7919 % 1013 for n in range(FRAMES)]
     stamps = iter(wanted)
-    frames = device_frames(grouped)[:FRAMES]
-    alone = core_of(grouped)
+    frames = device_frames(without_index)[:FRAMES]
+    alone = core_of(without_index)
     for frame, stamp in zip(frames, wanted, strict=True):
         alone.handle(frame.frame_id, frame.is_extended, frame.payload, stamp)
-    with Pumped(grouped, StampingLink(frames)) as it:
+    with Pumped(without_index, StampingLink(frames)) as it:
         it.serve_until_taken(FRAMES)
     clocks, expected = (core.compiled.pipeline.keeping.clocks for core in (it.core, alone))
     assert clocks.tobytes() == expected.tobytes()
     assert it.core.processed == alone.processed > 0
-
-
-def test_messages_of_j1939_come_under_any_source_address(grouped: Path) -> None:
-    """From a raw socket, too, which the loop would read by itself."""
-    wanted = map_bus(load_bench(grouped)).received_on(0)
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with (
-        ours,
-        theirs,
-        DescriptorLink(str(ours.fileno()), True, wanted) as link,
-        DescriptorLink(str(theirs.fileno()), True, None) as device,
-        Pumped(grouped, link) as it,
-    ):
-        for frame in device_frames(grouped)[:FRAMES]:
-            device.send((GROUP & ~0xFF) | 0x42, frame.payload, True, False)
-        it.serve_until_taken(FRAMES)
-    assert it.core.counters.frames == FRAMES
-    assert it.core.counters.length_errors == 0
 
 
 def test_rates_that_found_no_room_are_handed_over_in_order(path: Path) -> None:

@@ -15,7 +15,7 @@ from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.live_page.samples import PublishedRates, Rates, ResultReader
 from observer_rt.engine.service.messages import FrameWriter, OutputFrame
-from tests.bus.j1939_bench import write_j1939_bench
+from tests.bus.extended_bench import write_extended_bench
 
 _COUNT = st.integers(0, 6).map(float)
 _PHYSICAL = st.one_of(st.just(math.nan), st.floats(0.0, 1.0))
@@ -26,7 +26,7 @@ def bus(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     """Our layouts: of the classic one every result takes several frames."""
     if request.param == "fd":
         return map_bus(load_bench())
-    return map_bus(load_bench(write_j1939_bench(tmp_path_factory.mktemp("classic"))))
+    return map_bus(load_bench(write_extended_bench(tmp_path_factory.mktemp("classic"))))
 
 
 def came(sent: OutputFrame) -> BusFrame:

@@ -1,17 +1,15 @@
 """A bench listened to live, through python-can: another participant of a bus with a daemon at work."""
 
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.live_page.watching import FrameSource, LiveSource, Taker, Watching
+from observer_rt.desk.live_page.watching import LiveSource, Watching
 from tests.benches import block_bench
-from tests.bus.j1939_bench import write_j1939_bench
 from tests.daemon.participants import bench_file, over_bus, until
 from tests.device import frames_of, worn_recording
 
@@ -66,32 +64,3 @@ def test_every_interface_that_is_not_there_is_down_and_the_others_are_heard(
     finally:
         watching.close()
     assert watching.failure is None
-
-
-class Logged(FrameSource):
-    """Frames of an identifier, a hundred a second for ten seconds."""
-
-    def __init__(self, identifier: int) -> None:
-        self._identifier = identifier
-
-    def run(self, take: Taker, stop: threading.Event) -> None:
-        for number in range(1000):
-            stamp = (1 + number) * 10_000_000
-            payload = bytes(6) + bytes([number % 256, 0])
-            take(BusFrame(0, Frame(self._identifier, payload, stamp, True, False)), stamp)
-
-
-@pytest.mark.parametrize(
-    ("identifier", "is_heard"), [(0x18FEF100, True), (0x0CFEF133, True), (0x18FEF200, False)]
-)
-def test_messages_of_j1939_come_from_any_source_address(
-    tmp_path: Path, identifier: int, is_heard: bool
-) -> None:
-    watching = Watching(load_bench(write_j1939_bench(tmp_path)), Logged(identifier))
-    watching.start()
-    until(lambda: watching.now == 10_000_000_000)
-    (seen,) = watching.injectors()
-    watching.close()
-    assert watching.failure is None
-    silent = [fault.what for fault in seen.faults if "Daq" in fault.what]
-    assert bool(silent) is not is_heard

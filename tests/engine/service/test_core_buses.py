@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import e2e.p02
 import pytest
 
 from observer_rt.bus.can_frame import frame_key
@@ -41,23 +40,6 @@ def test_equal_messages_of_three_buses_are_three_messages(twins: Traffic) -> Non
     assert (counters.frames, counters.lost_samples, counters.injections) == (len(twins.frames), 0, 4)
     assert (counters.sequence_errors, counters.repeated_frames, counters.old_frames) == (0, 0, 0)
     assert {frame.bus for frame in twins.result.frames} == {0}
-
-
-def test_profile_2_is_sent_and_taken(tmp_path: Path) -> None:
-    ids = bytes(range(16, 32))
-    path = twin_bench(tmp_path)
-    database = path.parent / "amplifier.dbc"
-    with_list = (
-        'BA_ "E2EProfile" BO_ 291 2;\nBA_DEF_ BO_ "E2EDataIdList" STRING ;\nBA_DEF_DEF_ "E2EDataIdList" "";\n'
-        f'BA_ "E2EDataIdList" BO_ 291 "{ids.hex(" ")}";'
-    )
-    database.write_text(database.read_text().replace('BA_ "E2EProfile" BO_ 291 5;', with_list))
-    frames = frames_of(path, worn_recording(1))
-    assert all(e2e.p02.e2e_p02_check(frame.payload, ids) for frame in frames)
-    assert [frame.payload[1] & 0x0F for frame in frames[::3]] == [n % 16 for n in range(len(frames) // 3)]
-    counters = run(path, frames).core.counters
-    assert (counters.frames, counters.crc_errors, counters.sequence_errors) == (len(frames), 0, 0)
-    assert (counters.lost_samples, counters.injections) == (0, 1)
 
 
 def test_a_frame_on_another_bus_is_not_ours(twins: Traffic) -> None:

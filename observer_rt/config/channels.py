@@ -50,11 +50,6 @@ def effects_on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
     return _effects(signals, rail * MICROSECOND, line * MICROSECOND)
 
 
-def with_channels_of(signals: SignalsConfig, other: SignalsConfig) -> SignalsConfig:
-    """Signals with the delays and lags that `other` states."""
-    return _changed(signals, lambda role: other.of(role).model_dump(include=_KEYS))
-
-
 def as_sent(signals: SignalsConfig) -> SignalsConfig:
     """Signals without delays and lags."""
     return _changed(signals, lambda _: dict.fromkeys(_KEYS, 0.0))

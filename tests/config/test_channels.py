@@ -11,7 +11,6 @@ from observer_rt.config.channels import (
     effects_after_alignment,
     effects_on_one_raster,
     undone_in_alignment,
-    with_channels_of,
 )
 from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
@@ -72,11 +71,9 @@ def test_too_far_apart_for_recordings(tmp_path: Path) -> None:
     assert "70 us" in refused.value.problem
 
 
-def test_what_is_stated_goes_to_other_signals_or_away(tmp_path: Path) -> None:
+def test_what_is_stated_goes_away_in_samples_as_sent(tmp_path: Path) -> None:
     signals = stated(tmp_path, needle_lift="filter_delay_us = 12\nlag_us = 15.9").config.signals
-    plain = stated(tmp_path).config.signals
-    assert as_sent(signals) == plain
-    assert with_channels_of(plain, signals) == signals
+    assert as_sent(signals) == stated(tmp_path).config.signals
 
 
 def test_evidence_leaves_only_the_line_pressure_to_be_mended(tmp_path: Path) -> None:

@@ -208,7 +208,6 @@ def discover(
     from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
     from observer_rt.desk.evaluation.guessing import as_confirmed
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
-    from observer_rt.desk.second_opinion import second_opinion
     from observer_rt.desk.simulation.simulate import two_injections
     from observer_rt.identification.discovery.discover import (
         AMENDED,
@@ -265,13 +264,12 @@ def discover(
     make_folder("--out", out)
     for one in (*asked.measured, *asked.healthy):
         say(messages, coverage(one))
-    ask = partial(second_opinion, signals=None if decoder is None else decoder.injector.config.signals)
     store = fits_in(out, task, asked.stated)
     if store.taken_over:
         say(messages, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
         try:
-            found = answer(task, store, ask, progress, AMENDED)
+            found = answer(task, store, progress, AMENDED)
         except KeyboardInterrupt:
             raise InterruptionError(
                 f"interrupted; {store.kept} fitted candidates are kept in {out / FITS}\n"

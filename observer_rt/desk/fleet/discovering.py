@@ -23,7 +23,6 @@ from observer_rt.desk.fleet.cluster import Broken, Jobs, Work
 from observer_rt.desk.fleet.dataset import Results, read_injections
 from observer_rt.desk.fleet.groups import NEEDED, Group, ModelGroup, groups_of, kinds_of
 from observer_rt.desk.fleet.job import NO_MEMORY, FailedFile
-from observer_rt.desk.second_opinion import second_opinion
 from observer_rt.foundation.console import progress_bar, results, say
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.files import file_errors, file_hash
@@ -110,9 +109,8 @@ def _look(inquiry: Inquiry, group: Group, left_out: list[FailedFile]) -> None:
     refuse_incomparable(task, group.kind.file.name)
     folder = inquiry.out / group.folder
     make_folder("--out", folder)
-    ask = partial(second_opinion, signals=injector.config.signals)
     with fits_in(folder, task, stated) as store:
-        found = answer(task, store, ask, lambda _: None, AMENDED, inquiry.threads)
+        found = answer(task, store, lambda _: None, AMENDED, inquiry.threads)
     found = replace(found, seconds=time.monotonic() - begin)
     write_findings(folder, task, found, group.kind.file, inquiry.healthy)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -16,7 +16,6 @@ from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.desk.library.notes import CallNotes, screen
-from observer_rt.desk.second_opinion import second_opinion
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import UserError
@@ -174,9 +173,8 @@ def discovered(
         observer_remainder if wanted.in_part else None,
     )
     refuse_incomparable(task, file.name)
-    ask = partial(second_opinion, signals=bench.injector.config.signals)
     with progress_bar(screen, "looking for what is missing", 1.0) as progress:
-        found = answer(task, NoMemory(), ask, progress, AMENDED)
+        found = answer(task, NoMemory(), progress, AMENDED)
     said = (*notes, *map(coverage, (*measured, *healthy)))
     references = tuple(one.recording.path for one in healthy if one.recording.path is not None)
     return DiscoveryResult(file, task, found, references, said, load)

@@ -13,7 +13,7 @@ from observer_rt.config.injector_file import InjectorFile
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, holds_at
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation import file_kinds
-from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import check_own_file, write_text
 from observer_rt.foundation.units import MEGAPASCAL
@@ -26,7 +26,6 @@ from observer_rt.identification.discovery.amend import (
 )
 from observer_rt.identification.discovery.findings import (
     Findings,
-    Opinion,
     Sources,
     is_level_measured,
     is_like_inertance,
@@ -82,8 +81,6 @@ _FIRST = {
 }
 """Remedies, by what discovery finds on healthy recordings."""
 
-ObserverCheck = Callable[[InjectorParameters, Sequence[Recording]], Opinion | None]
-"""Asks the learning observer for its opinion of recordings; raises `ObserverError` where it cannot take them."""
 ObserverRemainder = Callable[
     [InjectorParameters, Baseline | None, Sequence[Recording]], HealthyRemainder | None
 ]
@@ -138,7 +135,6 @@ def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
 def answer(
     task: DiscoveryTask,
     memory: FitMemory,
-    observer_check: ObserverCheck,
     progress: Callable[[float], None],
     amended_model: str,
     threads: int | None = None,
@@ -205,7 +201,6 @@ def answer(
         checks=standstill_checks(
             task.measured, likelihood, nominal, amended, known.line_pressure_offset_MPa * MEGAPASCAL
         ),
-        opinion=_opinion(observer_check, task),
         healthy_warning=warning,
         like_inertance=is_like_inertance(nominal, amended),
         level_measured=is_level_measured(nominal),
@@ -313,13 +308,6 @@ def _judged_by_healthy(
         f"On the healthy recordings discovery says '{headline(found)}': the model itself is not that of this "
         f"injector, and what is named here may be its error. {_FIRST[found.verdict]}"
     )
-
-
-def _opinion(observer_check: ObserverCheck, task: DiscoveryTask) -> Opinion | None:
-    try:
-        return observer_check(task.parameters, [one.recording for one in task.measured])
-    except ObserverError:
-        return None  # not a matter of discovery: the report says that there is none
 
 
 def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:

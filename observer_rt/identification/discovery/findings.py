@@ -1,6 +1,5 @@
-"""Findings of `discover`: what they rest on, the learning observer's opinion, and caveats."""
+"""Findings of `discover`: what they rest on, and caveats."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -22,7 +21,7 @@ from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct
 from observer_rt.identification.planning.plan import MeasurementPlan
-from observer_rt.model.baseline import Appearance, Remainder
+from observer_rt.model.baseline import Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce
@@ -30,9 +29,6 @@ from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.term import Term
 from observer_rt.model.terms.variable import Variable
 
-NOTHING_USUAL: Mapping[str, Appearance] = {}
-SIGNIFICANT = 4.0  # standard deviations
-AGREES = 0.1  # of the larger size, that both may differ besides their intervals
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 _COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
 RECORD_MORE = "record at least three rail pressures and two durations"
@@ -46,109 +42,6 @@ class PrintedFigure(DocumentPart):
     low: Number = None
     high: Number = None
     unit: str
-
-
-class Opinion(DocumentPart):
-    """The learning observer after it learned from all recordings, one after another.
-
-    valid: injections it declared valid; reasons: counts of the reasons for `not valid`, but for those of a start;
-    indicators: at the last injection, by effect; contradictions: statements that cannot be true beside the findings.
-    """
-
-    valid: int
-    injections: int
-    reasons: dict[str, int]
-    indicators: dict[str, PrintedFigure]
-    contradictions: tuple[str, ...] = ()
-
-
-def stands_out(effect_id: str, learned: PrintedFigure, usual: Appearance | None = None) -> bool:
-    """Whether an indicator is beyond its own uncertainty and the effect's dead zone.
-
-    usual: what the effect appears to be on the healthy injector, which is taken off.
-    """
-    value, sigma = _si(effect_id, learned)
-    if usual is not None:
-        si = VOCABULARY[effect_id].parameters[0].si
-        value -= usual.mean * si
-        sigma = math.hypot(sigma, usual.uncertainty * si, usual.scatter * si)
-    return abs(value) > max(VOCABULARY[effect_id].parameters[0].dead_zone, SIGNIFICANT * sigma)
-
-
-def _si(effect_id: str, learned: PrintedFigure) -> tuple[float, float]:
-    """Value and standard deviation; 0 where nothing was learned."""
-    si = VOCABULARY[effect_id].parameters[0].si
-    return si * (learned.value or 0.0), si * (learned.sigma or 0.0)
-
-
-def contradictions(
-    found: Discovery, opinion: Opinion, usual: Mapping[str, Appearance] = NOTHING_USUAL
-) -> tuple[str, ...]:
-    """Contradictions of discovery and learning observer, each in a sentence.
-
-    usual: effects the healthy injector appears to have, by id.
-    """
-    if found.verdict is Verdict.UNKNOWN:
-        return ()
-    if found.verdict is Verdict.NONE:
-        return tuple(_of_nothing(opinion, usual))
-    return tuple(_of_effects(found, opinion, usual))
-
-
-def remark(found: Discovery, opinion: Opinion) -> str:
-    """Warns of the observer's figures, in a sentence."""
-    foreign = [effect.id for effect in found.effects if effect.id not in opinion.indicators]
-    if foreign:
-        return (
-            f"The observer has no term for {' and '.join(foreign)} and puts it down to what it knows; with the "
-            "amended model in force it need not."
-        )
-    if _inadequate(opinion):
-        return (
-            "It finds its model inadequate on some of these injections: its figures are not to be believed."
-        )
-    return ""
-
-
-def _of_nothing(opinion: Opinion, usual: Mapping[str, Appearance]) -> list[str]:
-    result = [
-        f"discovery finds nothing missing, the observer learned {name}"
-        for name, learned in opinion.indicators.items()
-        if stands_out(name, learned, usual.get(name))
-    ]
-    inadequate = _inadequate(opinion)
-    if inadequate:
-        result.append(
-            f"discovery finds the model adequate, the observer finds it inadequate in {inadequate} of "
-            f"{opinion.injections} injections"
-        )
-    return result
-
-
-def _inadequate(opinion: Opinion) -> int:
-    """Injections that contradict the observer's model, whichever cause it names."""
-    return opinion.reasons.get("MODEL_INADEQUATE", 0) + opinion.reasons.get("LIFT_SENSOR_LAG", 0)
-
-
-def _of_effects(found: Discovery, opinion: Opinion, usual: Mapping[str, Appearance]) -> list[str]:
-    """Compared only where the observer has a term for everything found: elsewhere it must put it down to others."""
-    named = {effect.id: effect for effect in found.effects}
-    if not named.keys() <= opinion.indicators.keys():
-        return []
-    result = []
-    for effect_id, effect in named.items():
-        ours, (low, high) = effect.parameters[0].value, effect.parameters[0].ci95
-        theirs, sigma = _si(effect_id, opinion.indicators[effect_id])
-        sigma = math.hypot((high - low) / 4.0, sigma)
-        if abs(ours - theirs) > SIGNIFICANT * sigma + AGREES * max(abs(ours), abs(theirs)):
-            result.append(f"both see {effect_id}, but of different size")
-    like = {other for effect in found.effects for other in effect.indistinguishable_from}
-    result += [
-        f"the observer learned {name} besides"
-        for name, learned in opinion.indicators.items()
-        if stands_out(name, learned, usual.get(name)) and name not in like | named.keys()
-    ]
-    return result
 
 
 @dataclass(frozen=True)
@@ -179,17 +72,10 @@ def is_like_inertance(nominal: EffectiveModel, amended: EffectiveModel) -> bool:
     return looks_like_inertance(nozzle - 1.0, stiffness[1] / stiffness[0] - 1.0)
 
 
-def _of_opponents(findings: "Findings") -> Iterator[Caveat]:
+def _of_healthy_recordings(findings: "Findings") -> Iterator[Caveat]:
     if findings.healthy_warning:
         yield Caveat(
             "healthy_recordings", "what is named may be the model's own error", findings.healthy_warning
-        )
-    if findings.contradictions:
-        yield Caveat(
-            "observer",
-            "the learning observer does not agree",
-            f"The learning observer does not agree: {'; '.join(findings.contradictions)}. Do not act before this is "
-            "understood.",
         )
 
 
@@ -280,17 +166,15 @@ def _of_counting(findings: "Findings") -> Iterator[Caveat]:
 class Findings:
     """Results of a discovery with what they rest on.
 
-    opinion: of the learning observer, None where it could not be run; healthy_warning: what healthy recordings
-    say against the model, empty when nothing; like_inertance: the change found is one that another inertance of
-    the line would make as well; level_measured: whether the fit of the model had a measured rate or mass; chosen:
-    effects the user chose among those that explain as much; amended_model: name of the file beside the document,
-    None when nothing is added; in_force, terms: all effects and terms that it has then; not_accepted: why a proposal
-    that the user accepts is not in it, empty where it is; accepted: number of the proposal in it, 0 for none;
-    remainder: what that leaves where it is accepted in part; overlays: injections to be shown; injections: what is
-    missed of each; masses: by operating point; files:
-    names of the recordings; in_part: which of these were too long to be judged as a whole, and how injections
-    were chosen of them; points: of their operating points, each of which counts as a recording; fitted_on,
-    held_out: of these; seconds: it took; healthy:
+    healthy_warning: what healthy recordings say against the model, empty when nothing; like_inertance: the change
+    found is one that another inertance of the line would make as well; level_measured: whether the fit of the model
+    had a measured rate or mass; chosen: effects the user chose among those that explain as much; amended_model: name
+    of the file beside the document, None when nothing is added; in_force, terms: all effects and terms that it has
+    then; not_accepted: why a proposal that the user accepts is not in it, empty where it is; accepted: number of the
+    proposal in it, 0 for none; remainder: what that leaves where it is accepted in part; overlays: injections to be
+    shown; injections: what is missed of each; masses: by operating point; files: names of the recordings; in_part:
+    which of these were too long to be judged as a whole, and how injections were chosen of them; points: of their
+    operating points, each of which counts as a recording; fitted_on, held_out: of these; seconds: it took; healthy:
     what the model leaves of the healthy injector, None where nothing is known of it; plan: what to measure next, None
     where that was not asked or nothing is left to decide.
     """
@@ -299,7 +183,6 @@ class Findings:
     where: tuple[Disagreement, ...]
     gaps: ModelGaps
     checks: tuple[StandstillFigure, ...]
-    opinion: Opinion | None
     healthy_warning: str
     like_inertance: bool
     level_measured: bool
@@ -334,16 +217,6 @@ class Findings:
         return shown_of(self.discovery, self.accepted)
 
     @property
-    def contradictions(self) -> tuple[str, ...]:
-        """Contradictions by the learning observer."""
-        return () if self.opinion is None else contradictions(self.discovery, self.opinion, self.usual)
-
-    @property
-    def usual(self) -> Mapping[str, Appearance]:
-        """Effects the healthy injector appears to have, by id."""
-        return NOTHING_USUAL if self.healthy is None else self.healthy.appears
-
-    @property
     def held_apart(self) -> bool:
         """Whether the gaps are those of operating points that the sizes were not fitted to."""
         return set(self.held_out) != set(self.fitted_on)
@@ -351,7 +224,7 @@ class Findings:
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """Reservations, the gravest first."""
-        every = (_of_opponents, _of_bench, _of_coverage, _of_names, _of_counting, _of_level)
+        every = (_of_healthy_recordings, _of_bench, _of_coverage, _of_names, _of_counting, _of_level)
         return tuple(caveat for arising in every for caveat in arising(self))
 
     @property

@@ -1,18 +1,15 @@
 """Shared by the tests of discovery: a worn injector and everything `discover` says of it."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 import pytest
 
-from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
-from observer_rt.identification.discovery.findings import Findings, Opinion, PrintedFigure, Sources
+from observer_rt.identification.discovery.findings import Findings, Sources
 from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.model.effects import VOCABULARY, sized
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.effects import sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 WEAR = 0.1
@@ -30,26 +27,10 @@ class Worn:
     findings: Findings
 
 
-def agrees(_: InjectorParameters, __: Sequence[Recording]) -> Opinion:
-    """A learning observer that says the same."""
-    return opinion_of({"orifice_area": (WEAR, 0.002)})
-
-
-def opinion_of(learned: Mapping[str, tuple[float, float]], reasons: dict[str, int] | None = None) -> Opinion:
-    """10 of 12 injections valid. learned: value and standard deviation [SI] by effect."""
-    indicators = {}
-    for name, (value, sigma) in learned.items():
-        parameter = VOCABULARY[name].parameters[0]
-        indicators[name] = PrintedFigure(
-            value=value / parameter.si, sigma=sigma / parameter.si, unit=parameter.unit
-        )
-    return Opinion(valid=10, injections=12, reasons=reasons or {}, indicators=indicators)
-
-
 @pytest.fixture(scope="session")
 def worn() -> Worn:
     """Four operating points of a worn injector."""
     made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True, points=WORN_POINTS)
     names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
     task = DiscoveryTask(NOMINAL, measurements(made), (), names)
-    return Worn(task, answer(task, NoMemory(), agrees, lambda _: None, "amended.toml"))
+    return Worn(task, answer(task, NoMemory(), lambda _: None, "amended.toml"))

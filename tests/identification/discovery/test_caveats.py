@@ -18,7 +18,7 @@ from observer_rt.identification.discovery.search.results import FittedParameter,
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.baselines import baseline
-from tests.identification.discovery.conftest import SOURCES, Worn, agrees, opinion_of
+from tests.identification.discovery.conftest import SOURCES, Worn
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 
@@ -43,7 +43,7 @@ def _at_one_pressure(findings: Findings) -> Findings:
 def _slow_lift_sensor(findings: Findings) -> Findings:
     lag = FittedParameter("tau", 16e-6, (15e-6, 17e-6))
     effect = replace(findings.discovery.effects[0], id="needle_lift_sensor_lag", parameters=(lag,))
-    return replace(findings, discovery=replace(findings.discovery, effects=(effect,)), opinion=None)
+    return replace(findings, discovery=replace(findings.discovery, effects=(effect,)))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,6 @@ def _slow_lift_sensor(findings: Findings) -> Findings:
         ("mass_not_measured", _without_rate),
         ("line_inertance", lambda f: _without_rate(replace(f, like_inertance=True))),
         ("healthy_recordings", lambda f: replace(f, healthy_warning="the model is another")),
-        ("observer", lambda f: replace(f, opinion=opinion_of({"orifice_area": (0.0, 0.002)}))),
     ],
 )
 def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, changed: object) -> None:
@@ -92,13 +91,13 @@ def test_the_level_is_what_the_fit_of_the_model_says(level: str, measured: bool)
 def test_what_looks_the_same_in_every_signal_is_told(worn: Worn) -> None:
     (effect,) = worn.findings.discovery.effects
     found = replace(worn.findings.discovery, effects=(replace(effect, id="bulk_modulus"),))
-    caveats = _by_id(replace(worn.findings, discovery=found, opinion=None))
+    caveats = _by_id(replace(worn.findings, discovery=found))
     assert caveats["same_signals"].words == "line_volume would look the same"
 
 
 def test_nothing_is_said_of_masses_nobody_believes(worn: Worn) -> None:
     found = replace(worn.findings.discovery, verdict=Verdict.UNKNOWN, effects=())
-    assert _by_id(_without_rate(replace(worn.findings, discovery=found, opinion=None))) == {}
+    assert _by_id(_without_rate(replace(worn.findings, discovery=found))) == {}
 
 
 @pytest.mark.parametrize(("v_h", "r", "alike"), [(0.2, -1 / 6, True), (0.2, 0.0, False), (0.2, 0.2, False)])
@@ -112,7 +111,7 @@ def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
 def test_what_is_of_the_bench_is_told_and_never_amended() -> None:
     made = recordings((sized("needle_lift_sensor_lag", tau=16e-6),))
     task = DiscoveryTask(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
-    findings = answer(task, NoMemory(), agrees, lambda _: None, "amended.toml")
+    findings = answer(task, NoMemory(), lambda _: None, "amended.toml")
     assert [effect.id for effect in findings.discovery.effects] == ["needle_lift_sensor_lag"]
     assert "state the lag of the lift sensor in the bench file" in as_text(findings).splitlines()[0]
     assert (findings.amended_model, findings.in_force) == (None, ())

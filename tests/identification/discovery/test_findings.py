@@ -82,13 +82,11 @@ def test_the_ranking_holds_the_model_as_given(document: dict[str, Any]) -> None:
     assert by_ids[()]["moves"] == {"line_pressure_rms_MPa": 0.0, "injected_mass_mean_mg": 0.0}
 
 
-def test_checks_and_the_observer_are_in_it(document: dict[str, Any]) -> None:
+def test_checks_are_in_it(document: dict[str, Any]) -> None:
     noise = [check for check in document["checks"] if check["id"] == "line_pressure_noise"]
     assert [check["recording"] for check in noise] == [f"<{number}>.csv" for number in range(4)]
     assert all(check["value"] == pytest.approx(0.15, rel=0.05) for check in noise)
     assert all(check["sigma"] is None for check in noise)
-    assert document["observer"]["indicators"]["orifice_area"]["value"] == WEAR
-    assert document["observer"]["contradictions"] == []
 
 
 def test_the_shares_of_two_effects_do_not_exceed_the_whole() -> None:

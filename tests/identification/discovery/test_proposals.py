@@ -26,7 +26,7 @@ from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
-from tests.identification.discovery.conftest import SOURCES, WORN_POINTS, agrees
+from tests.identification.discovery.conftest import SOURCES, WORN_POINTS
 from tests.identification.discovery.hidden import NOMINAL, recordings
 from tests.identification.discovery.terms import effect_of
 
@@ -41,7 +41,7 @@ def question_of(*effects: SizedEffect) -> DiscoveryTask:
 
 
 def answered(task: DiscoveryTask) -> Findings:
-    return answer(task, NoMemory(), agrees, lambda _: None, "amended.toml")
+    return answer(task, NoMemory(), lambda _: None, "amended.toml")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILL
 from observer_rt.identification.discovery.findings import (
     Caveat,
     Findings,
-    Opinion,
     PrintedFigure,
     Sources,
     gap_share,
@@ -72,7 +71,6 @@ class FindingsDocument(Document):
     smallest_visible: tuple[VisibleSize, ...] = ()
     gap: dict[str, Gap | None]
     checks: tuple[StandstillCheck, ...] = ()
-    observer: Opinion | None = None
     healthy_warning: str = ""
     amended_model: str | None
     accepted_proposal: int = Field(
@@ -139,8 +137,6 @@ def document_of(findings: Findings, sources: Sources) -> FindingsDocument:
         checks=tuple(
             StandstillCheck(**vars(one) | {"recording": files.get(one.recording)}) for one in findings.checks
         ),
-        observer=findings.opinion
-        and findings.opinion.model_copy(update={"contradictions": findings.contradictions}),
         healthy_warning=findings.healthy_warning,
         amended_model=findings.amended_model,
         accepted_proposal=findings.accepted,

@@ -1,7 +1,7 @@
 """Builds report.html: the answer first, then what it rests on, in words and units."""
 
 from observer_rt.foundation.files import templates_of
-from observer_rt.identification.discovery.findings import Findings, Sources, remark, stands_out
+from observer_rt.identification.discovery.findings import Findings, Sources
 from observer_rt.identification.discovery.report import page_answer, page_figures, page_tables, text
 from observer_rt.identification.discovery.report.figures import laws_figure, overlay_figure
 from observer_rt.identification.discovery.report.gap_map import gap_map, legend, violated_words
@@ -12,8 +12,6 @@ _PAGES = templates_of(__package__)
 for _module in (text, page_answer, page_figures, page_tables):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {
-    "remark": remark,
-    "stands_out": stands_out,
     "overlay_figure": overlay_figure,
     "laws_figure": laws_figure,
     "PLAN_HEADINGS": HEADINGS,

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
-from observer_rt.identification.discovery.findings import LEAST_MASS, Findings, PrintedFigure
+from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
 from observer_rt.identification.discovery.report.formula import formula, law_text
 from observer_rt.identification.discovery.report.law_words import as_if
 from observer_rt.identification.discovery.report.numbers import shown, sign, significant
@@ -213,28 +213,3 @@ def visible_rows(findings: Findings) -> list[VisibleRow]:
             apparent = f"{one.parameter} = {words.rstrip()}"
         rows.append(VisibleRow(one.id, apparent, visible_words(one)))
     return rows
-
-
-def learned(indicator: PrintedFigure) -> str:
-    """Prints the observer's size of an effect, with its 95 % interval."""
-    if indicator.value is None or not indicator.sigma:
-        return "not needed"
-    step = significant(indicator.sigma)
-    interval = shown(1.96 * indicator.sigma, step)
-    return f"{shown(indicator.value, step)} ± {interval} {sign(indicator.unit)}"
-
-
-def usual_size(findings: Findings, effect_id: str) -> str:
-    """Prints the size an effect appears to have on the healthy injector."""
-    known = findings.usual.get(effect_id)
-    if known is None:
-        return "–"
-    sigma = math.hypot(known.uncertainty, known.scatter)
-    step = significant(sigma)
-    return f"{shown(known.mean, step)} ± {shown(1.96 * sigma, step)} {sign(known.unit)}"
-
-
-def found_size(found: Discovery, effect_id: str) -> str:
-    """Prints the size found of an effect."""
-    sized = [size_words(printed(e.id, e.parameters[:1])) for e in found.effects if e.id == effect_id]
-    return sized[0][0] if sized else "–"

@@ -61,7 +61,6 @@ def test_the_papers_scheme_is_scored_on_the_same_recording(worn: CaseScore) -> N
     peer = score_paper(shortened("orifice_area"))
     (paper,) = peer.estimators
     assert paper.name == PAPER
-    assert peer.limits_mg == ()
     joined = replace(worn, estimators=(*worn.estimators, paper))
     nominal, trained = (abs(joined.event_errors_pct(name)) for name in (NOMINAL, PAPER))
     assert trained[0] == pytest.approx(nominal[0])  # phi = 0 up to the first training

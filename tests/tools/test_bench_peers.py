@@ -1,4 +1,4 @@
-"""The benchmark's peers: filters equal to filterpy's, and the information limit."""
+"""The benchmark's peers: filters equal to filterpy's."""
 
 import numpy as np
 import pytest
@@ -7,14 +7,9 @@ from numpy.typing import NDArray
 
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record
-from tests.plants.windows import windows_of
-from tools.benchmarks.information_limit import mass_limits_mg
 from tools.benchmarks.kalman_peers import UNSCENTED_SHAPE, joint_ekf, joint_ukf, start_of
 from tools.benchmarks.peer_equations import PeerInputs, Stream, joint_jacobian, joint_step, peer_inputs, rest
 from tools.benchmarks.peers import TUNING
-
-WORN = Faults(orifice_area=0.3, line_friction=1.0, line_pressure_sensor_offset=0.5e6)
-DENSITY = 830.0
 
 
 def recorded(faults: Faults, events: int) -> Outcome:
@@ -84,15 +79,3 @@ def test_joint_filters_find_nozzle_wear() -> None:
     inputs = peer_inputs(recorded(Faults(orifice_area=0.3), 4).measured)
     for run in (joint_ukf, joint_ekf):
         assert run(inputs, TUNING).states[-1, 3] == pytest.approx(0.3, abs=0.02)
-
-
-def test_limit_falls_with_events() -> None:
-    outcome = recorded(WORN, 6)
-    inputs = peer_inputs(outcome.measured)
-    windows = windows_of(outcome, 100e3)
-    limits = np.array(mass_limits_mg(inputs, windows, (WORN,) * 6, DENSITY))
-    true = np.array(windows.event_masses_mg(outcome.truth.injection_rate, DENSITY))
-    relative = limits / true
-    assert relative[0] > 0.1  # nothing known but the prior
-    assert relative[1] < 0.01
-    assert relative[5] < relative[1]

@@ -102,10 +102,8 @@ def test_only_valid_events_can_be_wrong_while_valid() -> None:
     assert score(estimators=(rough, score().estimator(NOMINAL))).wrong_valid == 18
 
 
-def test_coverage_and_half_width() -> None:
-    covered = score(limits_mg=(0.25,) * 20)
-    assert covered.covered(14) is True
-    assert covered.halfwidth_vs_limit(14) == pytest.approx(1.0 / (1.96 * 0.25))
+def test_coverage() -> None:
+    assert score().covered(14) is True
     assert score(mass_ci95_mg=((50.1, 51.0),) * 20).covered(14) is False
     assert score(mass_ci95_mg=(None,) * 20).covered(14) is None
 

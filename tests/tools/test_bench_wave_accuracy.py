@@ -20,8 +20,9 @@ from tests.tools.made_scores import factors, score
 from tests.tools.test_bench_accuracy import bench
 from tools.benchmarks.bars import wave_violations
 from tools.benchmarks.kalman_peers import joint_ukf
+from tools.benchmarks.lump_fit import fitted_lump
 from tools.benchmarks.peer_equations import lump_model, peer_inputs
-from tools.benchmarks.peers import TUNING, fitted_lump
+from tools.benchmarks.peers import TUNING
 from tools.benchmarks.wave_recordings import (
     NEW_PART,
     faulty_bench,

@@ -9,8 +9,6 @@ from tools.benchmarks import (  # noqa: F401
     accuracy,
     batch,
     damage,
-    formats,
-    history,
     loop,
     surgery,
     twice,
@@ -20,7 +18,6 @@ from tools.benchmarks.command_line import app, messages
 from tools.benchmarks.discovery import command as discovery  # noqa: F401
 from tools.benchmarks.faults import run as faults  # noqa: F401
 from tools.benchmarks.kills import campaign, power  # noqa: F401
-from tools.benchmarks.live_page import measure as live_page  # noqa: F401
 from tools.benchmarks.realism import run as realism  # noqa: F401
 from tools.benchmarks.speed import measure as speed  # noqa: F401
 

@@ -105,8 +105,7 @@ def joined(scores: dict[str, CaseScore], parts: dict[str, peers.PeerScore]) -> d
     both = dict(scores)
     for label, part in parts.items():
         if score := scores.get(label):
-            limits = part.limits_mg or score.limits_mg
-            both[label] = replace(score, estimators=score.estimators + part.estimators, limits_mg=limits)
+            both[label] = replace(score, estimators=score.estimators + part.estimators)
     return both
 
 
@@ -179,25 +178,21 @@ def _interval(found: Sequence[bool]) -> str:
 
 
 def has_peer(score: CaseScore) -> bool:
-    """Whether anything but our observer and the model beside it ran on the case, or was worked out for it."""
-    return bool(score.limits_mg) or any(e.name not in (OBSERVER, NOMINAL) for e in score.estimators)
+    """Whether anything but our observer and the model beside it ran on the case."""
+    return any(e.name not in (OBSERVER, NOMINAL) for e in score.estimators)
 
 
 def peer_tables(scores: Sequence[CaseScore]) -> tuple[Table, Table]:
-    """Every estimator, class by class, median and largest of mass error and of RMSE; and the information limit."""
+    """Every estimator, class by class, median and largest of mass error and of RMSE."""
     names = list(dict.fromkeys(e.name for s in scores for e in s.estimators))
     mass, rate = (
         ruled(f"{what}, from the fifth event on, median / max", ("class",), names, no_wrap=True)
         for what in ("mass error % of single valid injections", "RMSE mm3/ms of cases")
     )
-    mass.add_column("limit %\n1 sigma", justify="right")
-    mass.add_column("half-width\nvs limit", justify="right")
     for class_name, members in bars.by_class(scores).items():
         if cases := [s for s in members if has_peer(s)]:
-            limits, widths = [limit for s in cases for limit in s.limits_pct], bars.halfwidths(cases)
             errors = _peer_cells(names, cases, bars.mass_errors_pct)
-            limit = f"{np.median(limits):.3f}" if limits else ""
-            mass.add_row(class_name, *errors, limit, f"{np.median(widths):.2f}" if widths else "")
+            mass.add_row(class_name, *errors)
             rate.add_row(class_name, *_peer_cells(names, cases, rate_errors))
     return mass, rate
 
@@ -235,7 +230,6 @@ def json_document(
             "coverage_95_share": mean(bars.coverage(main)),
             "wrong_valid": sum(s.wrong_valid for s in scores),
             "valid_share_min": min(shares, default=None),
-            "interval_halfwidth_vs_limit_median": median(bars.halfwidths(main)),
             "rate_coverage_share": mean(bars.rate_coverages(main)),
             "first_useful_phi_share": mean([bars.useful_at_third(s) for s in worn]),
             "recovered_after_three_share": mean([bars.recovered(s) for s in changed]),
@@ -276,7 +270,6 @@ def _class_details(cases: Sequence[CaseScore]) -> dict[str, Any]:
         "coverage_95_share": mean(covered),
         "coverage_95_share_ci99": clopper_pearson(sum(covered), len(covered)) if covered else None,
         "rate_coverage_share": mean(bars.rate_coverages(cases)),
-        "interval_halfwidth_vs_limit_median": median(bars.halfwidths(cases)),
         "within_1_pct_in_time_share": mean(known(bars.followed(s) for s in cases)),
         "training_ms_median": median(training),
         "training_ms_p99": percentile(training, 99),

@@ -13,7 +13,6 @@ from tools.benchmarks.cases import CLASSES, Group
 from tools.benchmarks.report import clopper_pearson
 from tools.benchmarks.score import OBSERVER, CaseScore
 
-MEDIAN_OF_NORMAL = 0.674  # of the absolute value, in sigmas
 COLOURS = ("#d1495b", "#8d99ae", "#00798c", "#66a182", "#edae49", "#5f4b8b")
 
 
@@ -84,19 +83,6 @@ def _learning_curve(scores: Sequence[CaseScore], path: Path) -> Path:
         axes.plot(events, np.median(errors, axis=0), **style)
         axes.plot(
             events, np.percentile(errors, 95, axis=0), color=style["color"], linestyle=":", linewidth=1.0
-        )
-    if all(s.limits_mg for s in scores):
-        limits = (
-            MEDIAN_OF_NORMAL
-            * 100.0
-            * np.array([np.array(s.limits_mg) / np.array(s.true_mass_mg) for s in scores])
-        )
-        axes.plot(
-            events,
-            np.median(limits, axis=0),
-            color="black",
-            linewidth=1.0,
-            label="information limit (median)",
         )
     axes.set(yscale="log", xlabel="event", ylabel="mass error [%]: median, 95 % of cases dotted")
     axes.set_xticks(events)

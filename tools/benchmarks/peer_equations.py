@@ -1,4 +1,4 @@
-"""The peers' model and filters: the nominal equations with named parameters, joint UKF and EKF, a predictor; and a
+"""The peers' model and filters: the nominal equations with a worn nozzle, joint UKF and EKF, a predictor; and a
 recording as they take it, with its seat area, rests and events.
 
 States are normalised as in (24). Shares no code, and so no mistake, with the package.
@@ -19,8 +19,6 @@ from tests.plants.plant import Measured
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
 DIFFERENCE = 1e-5  # of normalised states, for the Jacobian
-V_H, V_S, FRICTION, LEAK, OFFSET, LAG, STIFFNESS = range(7)
-PARAMETERS = 7
 RICCATI_STEPS = 400
 PRESSURE_SCALE, FLOW_SCALE, AREA_SCALE = 1e8, 6e-5, 7e-7  # Pa, m3/s, m2
 TRANSITION = 0.5e6  # Pa
@@ -39,7 +37,6 @@ class Model(NamedTuple):
     a4: float
     a5: float
     a6: float
-    leak: float  # K_L/V_L, Pa/m3
     transition: float  # of the orifice laws, in units of p0
     nozzle_flow: float  # m3/s at x3 = 1
     sac_follows: bool = False  # no volume of its own: x3 is where seat and nozzle flow are equal
@@ -79,33 +76,32 @@ def root(difference: float, transition: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def between(x1: float, area: float, theta: Array, m: Model) -> float:
+def between(x1: float, area: float, v_h: float, m: Model) -> float:
     """x3 at which as much flows through the seat as through the nozzle."""
-    seat, nozzle = m.a5 * (1.0 + theta[V_S]) * area, m.a6 * (1.0 + theta[V_H])
+    seat, nozzle = m.a5 * area, m.a6 * (1.0 + v_h)
     share: float = seat * seat / (seat * seat + nozzle * nozzle)
     return x1 * share
 
 
 @njit(cache=True, nogil=True)
 def _rates(
-    x1: float, x2: float, x3: float, rail: float, area: float, theta: Array, m: Model
+    x1: float, x2: float, x3: float, rail: float, area: float, v_h: float, m: Model
 ) -> tuple[float, float, float]:
-    line_flow = m.a3 * (rail - x1) - m.a4 * (1.0 + theta[FRICTION]) * x2 * math.fabs(x2)
-    stiffness = 1.0 + theta[STIFFNESS]
-    inflow = m.a1 * x2 - m.leak * theta[LEAK] * x1
+    line_flow = m.a3 * (rail - x1) - m.a4 * x2 * math.fabs(x2)
+    inflow = m.a1 * x2
     if m.sac_follows:
-        q_h = (1.0 + theta[V_H]) * root(between(x1, area, theta, m), m.transition)
-        return stiffness * (inflow - m.a2 * q_h), line_flow, 0.0
+        q_h = (1.0 + v_h) * root(between(x1, area, v_h, m), m.transition)
+        return inflow - m.a2 * q_h, line_flow, 0.0
     if area == 0.0 and x3 == 0.0:
-        return stiffness * inflow, line_flow, 0.0
-    q_h = (1.0 + theta[V_H]) * root(x3, m.transition)
-    q_s = (1.0 + theta[V_S]) * area * root(x1 - x3, m.transition)
-    return stiffness * (inflow - m.a2 * q_h), line_flow, m.a5 * q_s - m.a6 * q_h
+        return inflow, line_flow, 0.0
+    q_h = (1.0 + v_h) * root(x3, m.transition)
+    q_s = area * root(x1 - x3, m.transition)
+    return inflow - m.a2 * q_h, line_flow, m.a5 * q_s - m.a6 * q_h
 
 
 @njit(cache=True, nogil=True)
 def advance(
-    x1: float, x2: float, x3: float, k: int, stream: Stream, theta: Array, m: Model
+    x1: float, x2: float, x3: float, k: int, stream: Stream, v_h: float, m: Model
 ) -> tuple[float, float, float]:
     """State one sample after sample k: RK4, inputs linear."""
     r0, a0 = stream.inputs[k, 0], stream.inputs[k, 1]
@@ -116,31 +112,30 @@ def advance(
     h = stream.interval / steps
     for i in range(steps):
         s0, s1, s2 = i / steps, (i + 0.5) / steps, (i + 1.0) / steps
-        k1 = _rates(x1, x2, x3, r0 + s0 * dr, a0 + s0 * da, theta, m)
+        k1 = _rates(x1, x2, x3, r0 + s0 * dr, a0 + s0 * da, v_h, m)
         g = 0.5 * h
-        k2 = _rates(x1 + g * k1[0], x2 + g * k1[1], x3 + g * k1[2], r0 + s1 * dr, a0 + s1 * da, theta, m)
-        k3 = _rates(x1 + g * k2[0], x2 + g * k2[1], x3 + g * k2[2], r0 + s1 * dr, a0 + s1 * da, theta, m)
-        k4 = _rates(x1 + h * k3[0], x2 + h * k3[1], x3 + h * k3[2], r0 + s2 * dr, a0 + s2 * da, theta, m)
+        k2 = _rates(x1 + g * k1[0], x2 + g * k1[1], x3 + g * k1[2], r0 + s1 * dr, a0 + s1 * da, v_h, m)
+        k3 = _rates(x1 + g * k2[0], x2 + g * k2[1], x3 + g * k2[2], r0 + s1 * dr, a0 + s1 * da, v_h, m)
+        k4 = _rates(x1 + h * k3[0], x2 + h * k3[1], x3 + h * k3[2], r0 + s2 * dr, a0 + s2 * da, v_h, m)
         x1 += h / 6.0 * (k1[0] + 2.0 * (k2[0] + k3[0]) + k4[0])
         x2 += h / 6.0 * (k1[1] + 2.0 * (k2[1] + k3[1]) + k4[1])
         x3 += h / 6.0 * (k1[2] + 2.0 * (k2[2] + k3[2]) + k4[2])
     if m.sac_follows:
-        x3 = between(x1, stream.inputs[k + 1, 1], theta, m)
+        x3 = between(x1, stream.inputs[k + 1, 1], v_h, m)
     return x1, x2, x3
 
 
 @njit(cache=True, nogil=True)
-def _joint_advance(x: Array, k: int, stream: Stream, m: Model, theta: Array) -> None:
-    """`joint_step` in place; theta (PARAMETERS,) is room to work in."""
-    theta[V_H] = x[3]
-    x[0], x[1], x[2] = advance(x[0], x[1], x[2], k, stream, theta, m)
+def _joint_advance(x: Array, k: int, stream: Stream, m: Model) -> None:
+    """`joint_step` in place."""
+    x[0], x[1], x[2] = advance(x[0], x[1], x[2], k, stream, x[3], m)
 
 
 @njit(cache=True, nogil=True)
 def joint_step(x: Array, k: int, stream: Stream, m: Model) -> Array:
     """[x1, x2, x3, v_H] one sample after sample k."""
     after = x.copy()
-    _joint_advance(after, k, stream, m, np.zeros(PARAMETERS))
+    _joint_advance(after, k, stream, m)
     return after
 
 
@@ -180,12 +175,12 @@ def unscented(
     of_covariance[0] = of_mean[0] + 1.0 - alpha * alpha + beta
     x, covariance = start.x.copy(), start.covariance.copy()
     states[0] = x
-    points, theta = np.empty((9, 4)), np.zeros(PARAMETERS)
+    points = np.empty((9, 4))
     for k in range(stream.output.shape[0] - 1):
         if not _points(x, covariance, spread, points):
             return False
         for i in range(9):
-            _joint_advance(points[i], k, stream, m, theta)
+            _joint_advance(points[i], k, stream, m)
         x = of_mean @ points
         away = points - x
         covariance = start.process + (of_covariance * away.T) @ away
@@ -222,11 +217,11 @@ def _points(x: Array, covariance: Array, spread: float, points: Array) -> bool:
 def extended(stream: Stream, m: Model, start: Start, states: Array) -> bool:
     """Joint extended Kalman filter into `states` (n, 4); False when a state stopped being a number."""
     x, covariance = start.x.copy(), start.covariance.copy()
-    theta, identity = np.zeros(PARAMETERS), np.eye(4)
+    identity = np.eye(4)
     states[0] = x
     for k in range(stream.output.shape[0] - 1):
         jacobian = joint_jacobian(x, k, stream, m)
-        _joint_advance(x, k, stream, m, theta)
+        _joint_advance(x, k, stream, m)
         covariance = start.process + jacobian @ covariance @ jacobian.T
         gain = covariance[:, 0] / (covariance[0, 0] + start.measurement)
         x += gain * (stream.output[k + 1] - x[0])
@@ -242,27 +237,19 @@ def extended(stream: Stream, m: Model, start: Start, states: Array) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def predict(
-    stream: Stream, m: Model, theta: Array, gain: Array, span: Span, innovations: Array, sac: Array
-) -> None:
-    """Predictor over a span, from x1 = y, x2 = 0; its gain (3,) is on [x1, x2, lagged x1].
+def predict(stream: Stream, m: Model, gain: Array, span: Span, innovations: Array, sac: Array) -> None:
+    """Predictor over a span, from x1 = y, x2 = 0; its gain is on [x1, x2].
 
     innovations and sac (x3) hold one value a sample; with `release` = end the gain never stops.
     """
     first, release, end = span
-    x1, x2, x3 = stream.output[first] - theta[OFFSET], 0.0, 0.0
-    seen = x1
+    x1, x2, x3 = stream.output[first], 0.0, 0.0
     innovations[0], sac[0] = 0.0, 0.0
-    lag = theta[LAG]
-    decay = math.exp(-stream.interval / lag) if lag > 0.0 else 0.0
     for k in range(first, end - 1):
-        before = x1
-        x1, x2, x3 = advance(x1, x2, x3, k, stream, theta, m)
-        late = lag * (x1 - before) / stream.interval
-        seen = x1 - late + (seen - before + late) * decay
-        e = stream.output[k + 1] - theta[OFFSET] - seen
+        x1, x2, x3 = advance(x1, x2, x3, k, stream, 0.0, m)
+        e = stream.output[k + 1] - x1
         if k + 1 < release:
-            x1, x2, seen = x1 + gain[0] * e, x2 + gain[1] * e, seen + gain[2] * e
+            x1, x2 = x1 + gain[0] * e, x2 + gain[1] * e
         if stream.resting[k + 1]:
             x3 = 0.0
         innovations[k + 1 - first], sac[k + 1 - first] = e, x3
@@ -316,7 +303,6 @@ def lump_model(part: Injector, sac_follows: bool = False) -> Model:
         a4=part.line_loss * FLOW_SCALE / (2.0 * part.line_area * part.line_length),
         a5=sac * part.seat_coefficient * AREA_SCALE * jet / PRESSURE_SCALE,
         a6=sac * nozzle / PRESSURE_SCALE,
-        leak=line,
         transition=TRANSITION / PRESSURE_SCALE,
         nozzle_flow=nozzle,
         sac_follows=sac_follows,

@@ -1,4 +1,4 @@
-"""The peers on one case, and the information limit beside them.
+"""The peers on one case.
 
 On the plant of the nominal structure: joint Kalman filters, the paper's scheme. On the richer
 plant: the joint UKF on the paper's lump, as its maker says, fitted, and fitted with a measured rate. The sac of a few
@@ -6,31 +6,23 @@ mm3 follows without delay: filling it takes a thousandth of the mass.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from observer_rt.config.bench import Bench
 from observer_rt.config.injector import LearningConfig, Training
 from observer_rt.desk.evaluation.evaluate import evaluate
 from tests.observed_plants import bench_at, recording_of
 from tests.plants.arrays import Array
-from tests.plants.parameters import Injector
 from tests.plants.plant import Outcome, record
 from tests.plants.wave import new_part
 from tests.plants.windows import windows_of
 from tools.benchmarks.campaign import Task
 from tools.benchmarks.cases import CLASSES, Case, Group
-from tools.benchmarks.information_limit import (
-    innovations,
-    mass_limits_mg,
-    open_loop_rate,
-    segments_of,
-    steady_gain,
-)
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
-from tools.benchmarks.peer_equations import PARAMETERS, Model, PeerInputs, lump_model, peer_inputs
+from tools.benchmarks.lump_fit import fitted_lump
+from tools.benchmarks.peer_equations import Model, PeerInputs, lump_model, peer_inputs
 from tools.benchmarks.score import EKF, PAPER, UKF, EstimatorScore, score_rate
 
 TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see kalman_peers.py
@@ -43,11 +35,7 @@ PEERS: dict[str, Callable[[PeerInputs], Array]] = {
 scores of its own, for it is the package's."""
 IDENTIFICATION_GAIN = 1e5  # 1/s
 LEFT_OUT = ("bulk_modulus", "entrained_air")  # line faults; friction and leakage are there
-RATE_NOISE = 0.5e-6  # m3/s, of a sample of a measured rate
-EVENTS_USED = 2  # of each recording
-SPREAD = 1.0  # of the logarithms of stiffness, loss, seat and nozzle: they may be off by some factor
 NOMINAL_LUMP, FITTED_LUMP, RATE_LUMP = "UKF nominal lump", "UKF fitted lump", "UKF lump, rate"
-NO_FAULT = np.zeros(PARAMETERS)
 
 
 @dataclass(frozen=True)
@@ -55,8 +43,6 @@ class PeerScore(Task):
     """Peers' part of a case; tuples are per event."""
 
     estimators: tuple[EstimatorScore, ...]
-    limits_mg: tuple[float, ...]
-    """The information limit, smallest standard deviation of the mass; empty where it is not computed."""
 
 
 def has_peers(class_name: str) -> bool:
@@ -69,17 +55,14 @@ def score_peers(case: Case) -> PeerScore:
     """Record a case and score every peer on the recording."""
     outcome = record(case.bench)
     inputs = peer_inputs(outcome.measured)
-    injected = tuple(event.faults for event in case.bench.events if event.shots)
-    scored = peer_score(case, outcome, {name: rate_of(inputs) for name, rate_of in PEERS.items()})
-    windows = windows_of(outcome, case.bench.sample_rate)
-    return replace(scored, limits_mg=mass_limits_mg(inputs, windows, injected, case.bench.injector.density))
+    return peer_score(case, outcome, {name: rate_of(inputs) for name, rate_of in PEERS.items()})
 
 
 def peer_score(case: Case, outcome: Outcome, rates: Mapping[str, Array]) -> PeerScore:
-    """Score of the rates [m3/s] (n,) that peers tell of a recorded case; no limit."""
+    """Score of the rates [m3/s] (n,) that peers tell of a recorded case."""
     windows, density = windows_of(outcome, case.bench.sample_rate), case.bench.injector.density
     scores = tuple(score_rate(name, rate, outcome.truth, windows, density) for name, rate in rates.items())
-    return PeerScore(case.class_name, case.master_seed, case.number, scores, ())
+    return PeerScore(case.class_name, case.master_seed, case.number, scores)
 
 
 def has_paper(class_name: str) -> bool:
@@ -116,40 +99,3 @@ def wave_peers(lumps: Mapping[str, Model], case: Case) -> PeerScore:
     outcome = record(case.bench)
     inputs = {name: peer_inputs(outcome.measured, model) for name, model in lumps.items()}
     return peer_score(case, outcome, {name: joint_ukf(each, TUNING).rate for name, each in inputs.items()})
-
-
-def fitted_lump(outcomes: Sequence[Outcome], part: Injector, with_rate: bool) -> Model:
-    """The lump whose innovations, and rates, are smallest."""
-
-    def residuals(logs: Array) -> Array:
-        model = lump_of(part, logs)
-        return np.concatenate([_residuals(outcome, model, with_rate) for outcome in outcomes])
-
-    found = least_squares(residuals, np.zeros(4), bounds=(-2.0, 2.0), x_scale=SPREAD, diff_step=1e-3)
-    return lump_of(part, found.x)
-
-
-def lump_of(part: Injector, logs: Array) -> Model:
-    """The lump with stiffness, loss, seat and nozzle times exp(logs) (4,)."""
-    stiffness, loss, seat, nozzle = np.exp(logs)
-    changed = part._replace(
-        bulk_modulus_line=part.bulk_modulus_line * stiffness,
-        line_loss=part.line_loss * loss,
-        seat_coefficient=part.seat_coefficient * seat,
-        nozzle_area=part.nozzle_area * nozzle,
-    )
-    return lump_model(changed, sac_follows=True)
-
-
-def _residuals(outcome: Outcome, model: Model, with_rate: bool) -> Array:
-    inputs = peer_inputs(outcome.measured, model)
-    gain, sigma = steady_gain(inputs, lag=0.0)
-    found = []
-    for segment in segments_of(inputs)[:EVENTS_USED]:
-        found.append(innovations(inputs, segment, NO_FAULT, gain) / sigma)
-        if with_rate:
-            rate = open_loop_rate(inputs, segment, NO_FAULT, gain)
-            noise = np.random.default_rng(segment.first).normal(0.0, RATE_NOISE, rate.size)
-            measured = outcome.truth.injection_rate[segment.first : segment.closed] + noise
-            found.append((measured - rate) / RATE_NOISE)
-    return np.concatenate(found)

@@ -74,8 +74,6 @@ class CaseScore(Task):
     """Samples with an open needle and a standard deviation of the rate."""
     rate_covered: tuple[int, ...]
     """Of these, samples whose 95 % interval holds the true rate."""
-    limits_mg: tuple[float, ...] = ()
-    """Information limit of every event's mass (one sigma); empty without peers."""
 
     def estimator(self, name: str) -> EstimatorScore:
         """The score of an estimator. Raises KeyError when it did not run."""
@@ -150,19 +148,6 @@ class CaseScore(Task):
         """Share of the open samples from the fifth event on whose interval of the rate holds the truth, if any."""
         judged = sum(self.rate_judged[SCORED])
         return sum(self.rate_covered[SCORED]) / judged if judged else None
-
-    @property
-    def limits_pct(self) -> list[float]:
-        """Information limit of the mass of every event from the fifth on (one sigma); empty without peers."""
-        pairs = zip(self.limits_mg[SCORED], self.true_mass_mg[SCORED], strict=False)
-        return [100.0 * limit / true for limit, true in pairs]
-
-    def halfwidth_vs_limit(self, event: int) -> float | None:
-        """Half-width of an event's (from 0) interval over 1.96 sigma of the limit; None without either."""
-        interval = self.mass_ci95_mg[event]
-        if interval is None or not self.limits_mg:
-            return None
-        return 0.5 * (interval[1] - interval[0]) / (1.96 * self.limits_mg[event])
 
     def _errors_pct(self, injections: Sequence[Injection], name: str) -> Array:
         estimated, true = (

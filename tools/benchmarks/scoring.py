@@ -29,7 +29,6 @@ from observer_rt.files.replay.framing import Span, windows
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.model.effects import sized
-from observer_rt.model.parameters import InjectorParameters
 from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
 from tests.plants.plant import Outcome, record
@@ -197,16 +196,10 @@ def bench_text(*changes: tuple[str, str]) -> str:
     return text
 
 
-def worn_injector(
-    schedule: Schedule,
-    sample_rate: float,
-    wear: float = 0.2,
-    seed: int = 1,
-    injector: InjectorParameters | None = None,
-) -> Simulation:
+def worn_injector(schedule: Schedule, sample_rate: float, wear: float = 0.2, seed: int = 1) -> Simulation:
     """What an injector with a worn nozzle [v_H] does, of the package's own simulation, with usual noise."""
     worn = (sized("orifice_area", v_H=wear),) if wear else ()
-    return simulate(injector or load_injector(), schedule, sample_rate, worn, SimulatedNoise(), seed=seed)
+    return simulate(load_injector(), schedule, sample_rate, worn, SimulatedNoise(), seed=seed)
 
 
 def x3_of_rate(rate: Array, bench: Bench) -> Array:

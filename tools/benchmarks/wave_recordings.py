@@ -31,7 +31,7 @@ from tests.plants.wave import Variant, new_part
 from tools.benchmarks.campaign import Plan
 from tools.benchmarks.cases import drawn_events
 from tools.benchmarks.command_line import app, messages, tracked
-from tools.benchmarks.peers import RATE_NOISE
+from tools.benchmarks.lump_fit import RATE_NOISE
 
 OUR_PROGRAM = (sys.executable, "-m", "observer_rt")
 NEW_PART, FITTED, MADE_BY = "new_part.toml", "fitted.toml", "made_by.txt"

@@ -54,14 +54,10 @@ class Served:
 
 
 @contextmanager
-def served(
-    command: Sequence[str | Path], folder: Path | None = None, descriptors: Sequence[int] = ()
-) -> Iterator[Served]:
+def served(command: Sequence[str | Path], folder: Path | None = None) -> Iterator[Served]:
     """Start a program that tells its address on stderr; end it with SIGTERM. Raises UserError where it tells none."""
     words = list(map(str, command))
-    with subprocess.Popen(
-        words, cwd=folder, stderr=subprocess.PIPE, text=True, pass_fds=descriptors
-    ) as process:
+    with subprocess.Popen(words, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None
             told = []

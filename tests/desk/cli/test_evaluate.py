@@ -9,7 +9,7 @@ import pytest
 
 from observer_rt.files.formats import read_recording, write_recording
 from tests.desk.cli.conftest import Command, document
-from tests.device import candump_lines, frames_of
+from tests.device import candump_lines, frames_of, simulated
 
 RECORDING_KEYS = {
     *("file", "samples", "sample_rate_hz", "lost_samples", "spikes", "bridged_samples"),
@@ -174,6 +174,15 @@ def test_no_learning(command: Command, worn: Path, bench: Path, said_by: str) ->
     for injection in recording["injections"]:
         assert injection["mass_mg"] == pytest.approx(injection["nominal_mass_mg"])
         assert injection["phi_version"] == 0
+
+
+def test_a_later_recording_of_a_chain_may_leave_the_learned_range(command: Command, tmp_path: Path) -> None:
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    write_recording(paths[0], simulated(5, 0.25, (60e6,), seed=1))
+    write_recording(paths[1], simulated(1, 0.25, (180e6,), seed=1))
+    said = command.done("evaluate", *paths, "--chain").out
+    assert "not valid for OUTSIDE_LEARNED_RANGE: 6" in said
+    assert "record injections at 180 MPa" in said
 
 
 def test_chain_is_one_history_and_apart_are_several(command: Command, worn: Path) -> None:

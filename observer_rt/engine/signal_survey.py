@@ -189,7 +189,7 @@ def _exchanged(name: str, pressure: SignalSurvey, lift: SignalSurvey) -> Iterato
 
 
 def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
-    """Raise `UserError` for a signal without a value, and for a lift that stays although the needle opens."""
+    """Raise `UserError` for a signal without a value, and a lift or line pressure that stays as the needle opens."""
     for name in Role:
         signal = survey.signals.get(name)
         if signal is not None and not signal.count:
@@ -198,14 +198,19 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
     rail, lift, line = (survey.signals.get(name) for name in Role)
     if rail is None or line is None or lift is None:
         return
+    problems = {}
     if lift.swing == 0.0 and line.swing > rail.swing + DIPS:
-        dead = Implausible(
-            "needle_lift",
+        problems["needle_lift"] = (
             f"is {lift.highest / MILLIMETRE:.4g} mm all the time, though the line pressure moves by "
-            f"{line.swing / MEGAPASCAL:.3g} MPa",
-            "mind its column, and check its sensor",
+            f"{line.swing / MEGAPASCAL:.3g} MPa"
         )
-        raise dead.error(path, (columns or {}).get("needle_lift", ""))
+    if line.swing == 0.0 and lift.highest > OPEN:
+        problems["line_pressure"] = (
+            f"never moves: it is {line.highest / MEGAPASCAL:.4g} MPa all the time, though the needle opens"
+        )
+    for name, problem in problems.items():
+        dead = Implausible(name, problem, "mind its column, and check its sensor")
+        raise dead.error(path, (columns or {}).get(name, ""))
 
 
 def swapped(survey: Survey) -> tuple[str, str] | None:

@@ -164,9 +164,14 @@ def test_missing_values_are_told_and_refused_where_they_are_many() -> None:
     refuse_perforated(None, HeldSignals(once).survey)
 
 
-def test_a_signal_without_values_and_a_dead_lift_are_refused() -> None:
+def test_a_signal_without_values_and_one_that_never_moves_are_refused() -> None:
     whole = recorded(100e6, True)
-    for name, value in (("rail_pressure", np.nan), ("needle_lift", np.nan), ("needle_lift", 0.0)):
+    for name, value in (
+        ("rail_pressure", np.nan),
+        ("needle_lift", np.nan),
+        ("needle_lift", 0.0),
+        ("line_pressure", 1e8),
+    ):
         dead = whole.with_arrays({name: np.full(whole.samples, value)})
         with pytest.raises(UserError, match=name):
             refuse_dead(None, HeldSignals(dead).survey)

@@ -135,7 +135,8 @@ def chosen_pressures(candidates: Sequence[ColumnCandidate], lift: Chosen | None)
 
     rail, line = max(permutations(likely, 2), key=score)
     doubt = ""
-    if _is_line(rail, line, moves):
+    never_moves = np.nanmin(line.values) == np.nanmax(line.values)  # a dead sensor is no rail pressure
+    if _is_line(rail, line, moves) and not never_moves:
         doubt = (
             f"'{rail.column.name}' moves farther than '{line.column.name}' while the needle is open, as a line's "
             "pressure does: most likely the two are exchanged, and are so here"

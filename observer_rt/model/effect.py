@@ -6,6 +6,7 @@ With it: measurements that tell effects apart which rail pressure, lift and line
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 
 from observer_rt.model.effective import EffectiveModel
 
@@ -183,17 +184,20 @@ class SizedEffect:
 
 def scaled(section: str, *names: str) -> Law:
     """Law of a share: the parameters `names` of a section of the injector file times 1 + value [-]."""
-
-    def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-        return model.with_section(section, **dict.fromkeys(names, 1.0 + values[0]))
-
-    return apply
+    return partial(_scaled, section, names)
 
 
 def added(terms: str, name: str) -> Law:
     """Law of a sum: the value [SI] added to `name` of the model's `departures`, `inputs` or `sensor`, its `terms`."""
+    return partial(_added, terms, name)
 
-    def apply(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
-        return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})
 
-    return apply
+# functions of the module, so that results which hold effects can be pickled
+def _scaled(
+    section: str, names: tuple[str, ...], model: EffectiveModel, values: Sequence[float]
+) -> EffectiveModel:
+    return model.with_section(section, **dict.fromkeys(names, 1.0 + values[0]))
+
+
+def _added(terms: str, name: str, model: EffectiveModel, values: Sequence[float]) -> EffectiveModel:
+    return model.with_terms(terms, **{name: getattr(getattr(model, terms), name) + values[0]})

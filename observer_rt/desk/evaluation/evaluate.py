@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -59,16 +60,17 @@ class Evaluation:
         self.curves: Spool[RateCurves] = Spool()
         """Curves of every injection, in their order, where any are drawn."""
         self.source = source
+        self.samples = source.samples
+        """Number of samples of the recording."""
         self._curves_of = curves_of
         self._held: InjectionResult | None = None  # until no measured mass can come for it
         self.writer: TableWriter | None = None
         """Writes the trace, where it goes to a file."""
         self._traces: list[tuple[Signal, Trace]] | None = [] if keeps_trace else None
 
-    @property
-    def samples(self) -> int:
-        """Number of samples of the recording."""
-        return self.source.samples
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy is a result: it holds no open file."""
+        return {**vars(self), "source": None, "writer": None}
 
     @cached_property
     def trace(self) -> Trace:

@@ -4,7 +4,7 @@ import pickle
 import tempfile
 import weakref
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
@@ -31,6 +31,9 @@ class Spool(Sequence[T], Generic[T]):
             pickle.dump(self._newest, self._file, pickle.HIGHEST_PROTOCOL)
             self._newest = []
 
+    def __reduce__(self) -> tuple[Callable[..., "Spool[T]"], tuple[int, list[T]]]:
+        return _filled, (self._size, list(self))
+
     def __len__(self) -> int:
         return len(self._starts) * self._size + len(self._newest)
 
@@ -44,3 +47,11 @@ class Spool(Sequence[T], Generic[T]):
             self._file.seek(self._starts[block])
             self._read = block, pickle.load(self._file)
         return self._read[1][place]
+
+
+def _filled(in_memory: int, things: Sequence[T]) -> Spool[T]:
+    """A copy, in a file of its own."""
+    spool: Spool[T] = Spool(in_memory)
+    for thing in things:
+        spool.append(thing)
+    return spool

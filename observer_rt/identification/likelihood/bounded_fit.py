@@ -169,7 +169,8 @@ def fit(
         here = linearise(problem, theta, residuals, ranges)
         lower, damping = _lower(problem, here, ranges, damping)
         if lower is None:
-            return _ended_at(here, math.isinf(damping))
+            stuck = math.isinf(damping)
+            return Minimum(here.theta, here.residuals, True, stuck, partial(_as_it_is, here))
         theta, residuals = lower
         converged = here.statistic - residuals.statistic < TOLERANCE
         if converged:
@@ -177,8 +178,9 @@ def fit(
     return Minimum(theta, residuals, converged, False, partial(linearise, problem, theta, residuals, ranges))
 
 
-def _ended_at(here: Quadratic, stuck: bool) -> Minimum:
-    return Minimum(here.theta, here.residuals, True, stuck, lambda: here)
+def _as_it_is(here: Quadratic) -> Quadratic:
+    """What a minimum gives that was expanded already: a function that can be pickled with it."""
+    return here
 
 
 def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:

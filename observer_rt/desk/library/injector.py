@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from html import escape
 from os import PathLike
@@ -22,7 +22,7 @@ from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.library.discovery import DiscoveryResult, Wanted, discovered
 from observer_rt.desk.library.fit import FitResult
 from observer_rt.desk.library.notes import CallNotes, noted, screen
-from observer_rt.desk.library.recordings import Recordings, digests, sources_of
+from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.learners import LearnerFactory
@@ -41,16 +41,16 @@ Pathlike = str | PathLike[str]
 _FITTED = "fitted.toml"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class Injector:
     """Model of an injector, from an injector file, and the bench it is on. Never changes: `fit` gives another.
 
-    calibration: of one that `fit` gave; None of one loaded from a file.
+    Two of the same files are equal. calibration: of one that `fit` gave; None of one loaded from a file.
     """
 
     bench: Bench
     file: InjectorFile
-    calibration: FitResult | None = None
+    calibration: FitResult | None = field(default=None, compare=False)
 
     @classmethod
     def load(
@@ -71,10 +71,16 @@ class Injector:
         ------
         UserError
             Naming file, key, problem and remedy.
+        TypeError
+            For what is no path.
         """
-        model = None if path is None else Path(path)
-        found = load_bench(EXAMPLE_BENCH if bench is None else Path(bench), model, off_bus=True).of(injector)
+        model = None if path is None else path_of("path", path)
+        stated = EXAMPLE_BENCH if bench is None else path_of("bench", bench)
+        found = load_bench(stated, model, off_bus=True).of(injector)
         return cls(found, InjectorFile.read(found.injector.parameters_path))
+
+    def __hash__(self) -> int:
+        return hash(self.file)
 
     @property
     def parameters(self) -> InjectorParameters:
@@ -133,7 +139,7 @@ class Injector:
             found = self._measured(sources, notes, most)
             refuse_rates_missing([one.recording for one in found])
             refuse_clipped(found)
-            weighed = {} if masses is None else read_masses(Path(masses), found)
+            weighed = {} if masses is None else read_masses(path_of("masses", masses), found)
             doubted = warnings(found)
             with progress_bar(screen, "fitting", 1.0) as progress:
                 fitted = fitted_model(self.parameters, found, weighed, digests(sources), progress)
@@ -182,7 +188,7 @@ class Injector:
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
             look_over(self.bench, sources, notes.console)
-            before = None if state is None else Path(state)
+            before = None if state is None else path_of("state", state)
             refuse_missing_state("state", before)
             knowledge = read_state(before, self.parameters, partial(say, notes.console))
             learning = learn and self.bench.injector.config.learning.enabled

@@ -1,11 +1,13 @@
 """Notes of a call: what the command line would print besides its result; its warnings become Python's."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from io import StringIO
 
 from rich.console import Console
+
+from observer_rt.foundation.errors import UserError
 
 screen = Console(stderr=True)
 """Shows progress, on a terminal or in a notebook."""
@@ -32,6 +34,15 @@ class CallNotes(list[str]):
                 self[-1] += f"\n{line}"
             else:
                 self.append(line)
+
+
+@contextmanager
+def naming_parameters(names: Mapping[str, str]) -> Iterator[None]:
+    """Name the parameter of a call in what is refused within. names: parameters by options of the command line."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(names.get(error.place, error.place), error.problem, error.remedy) from None
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.injector import SamplingConfig
+from observer_rt.config.toml_file import validated
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state, write_state
+from observer_rt.desk.library.recordings import path_of
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
@@ -64,14 +66,19 @@ class SampleObserver:
         state: str | PathLike[str] | None = None,
     ) -> None:
         sampling = injector.bench.injector.config.sampling
-        rate = SamplingConfig.model_validate({**sampling.model_dump(), "rate_hz": sample_rate_Hz})
+        rate = validated(
+            SamplingConfig,
+            {**sampling.model_dump(), "rate_hz": np.asarray(sample_rate_Hz).item()},
+            lambda *_: "sample_rate_Hz",
+            "bench",
+        )
         bench = injector.bench.with_sections(sampling=rate)
         self._parameters = injector.parameters
         self._coefficients = effective_model(injector.parameters).coefficients
         self._reports: list[InjectionReport] = []
         self._rate = sample_rate_Hz
         bus = map_bus(bench)
-        before = None if state is None else Path(state)
+        before = None if state is None else path_of("state", state)
         refuse_missing_state("state", before)
         known = read_state(before, injector.parameters, lambda _: None)
         fuel = injector.parameters.fluid.reference_temperature
@@ -160,6 +167,12 @@ class SampleObserver:
         """Write what was learned to a path; force: a state there is replaced. Raises `UserError`, `RunError`."""
         check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
         write_state(Path(path), self._core.knowledge, self._parameters)
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "an Observer at work cannot be pickled or copied: keep its tables, or call save_state(path) and begin "
+            "another from that: Observer(injector, state=path)"
+        )
 
     def _take(self, news: Any) -> None:
         if isinstance(news, InjectionReport):

@@ -30,6 +30,13 @@ RecordingLike: TypeAlias = str | PathLike[str] | Recording | pd.DataFrame | Mapp
 Recordings: TypeAlias = RecordingLike | Sequence[RecordingLike]
 
 
+def path_of(parameter: str, given: str | PathLike[str]) -> Path:
+    """Path that a parameter gives. Raises `TypeError` for what is no path."""
+    if not isinstance(given, str | PathLike):
+        raise TypeError(f"{parameter}: {type(given).__name__} is no path; give a str or a pathlib.Path")
+    return Path(given)
+
+
 def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Recording:
     """Read a recording into memory.
 
@@ -57,7 +64,7 @@ def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Reco
     --------
     >>> recording = ort.read("worn.csv")  # doctest: +SKIP
     """
-    found = load_bench(EXAMPLE_BENCH if bench is None else Path(bench), off_bus=True)
+    found = load_bench(EXAMPLE_BENCH if bench is None else path_of("bench", bench), off_bus=True)
     with noted() as notes:
         (source,) = sources_of([given], found, notes.console)
         return source.collected()

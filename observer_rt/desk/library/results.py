@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.desk.evaluation.curves import RESULT_FIELDS, SHOWN, InjectionResult, numbers_shown
+from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN, InjectionResult, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.learned_state import write_state
+from observer_rt.desk.library.notes import naming_parameters
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -97,7 +98,8 @@ class EvaluationResult:
         from observer_rt.desk.evaluation.figures import injections_figure, picture_of
 
         there = {one.report.number for each in self.evaluations for one in each.injections}
-        shown = numbers_shown(injections, there)
+        with naming_parameters({OPTION: "injections"}):
+            shown = numbers_shown(injections, there)
         return injections_figure([picture_of(each, shown) for each in self.evaluations], "measured")
 
     def save_state(self, path: str | PathLike[str], force: bool = False) -> None:

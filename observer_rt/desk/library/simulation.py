@@ -1,14 +1,24 @@
 """Simulated recordings for notebooks: rail pressures and durations in, a recording with its truth out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from observer_rt.config.bench import load_injector
+from observer_rt.desk.library.notes import naming_parameters
 from observer_rt.desk.library.units import with_units
-from observer_rt.desk.simulation.schedule import make_schedule
-from observer_rt.desk.simulation.simulate import SimulatedNoise, parse_effects
+from observer_rt.desk.simulation.schedule import (
+    ENERGIZING_TIME_OPTION,
+    INJECTIONS_OPTION,
+    PERIOD_OPTION,
+    RAIL_PRESSURE_OPTION,
+    make_schedule,
+    parse_energizing_times,
+    parse_rail_pressures,
+)
+from observer_rt.desk.simulation.simulate import OPTION as EFFECT_OPTION
+from observer_rt.desk.simulation.simulate import SAMPLE_RATE_OPTION, SimulatedNoise, parse_effects
 from observer_rt.desk.simulation.simulate import simulate as simulated
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, MM3_PER_MS
@@ -17,6 +27,14 @@ if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
 
 TRUTH = "truth"
+_PARAMETERS = {
+    RAIL_PRESSURE_OPTION: "rail_pressure_MPa",
+    ENERGIZING_TIME_OPTION: "energizing_ms",
+    INJECTIONS_OPTION: "injections",
+    PERIOD_OPTION: "period_ms",
+    SAMPLE_RATE_OPTION: "sample_rate_Hz",
+    EFFECT_OPTION: "effects",
+}
 
 
 def simulate(
@@ -26,7 +44,7 @@ def simulate(
     injections: int = 10,
     period_ms: float = 60.0,
     sample_rate_Hz: float = 100e3,  # noqa: N803
-    effects: Mapping[str, float] | None = None,
+    effects: Mapping[str, float | Mapping[str, float]] | None = None,
     noise: bool = True,
     measured_rate: bool = False,
     seed: int = 0,
@@ -46,7 +64,8 @@ def simulate(
     sample_rate_Hz : float
         Of all signals.
     effects : dict, optional
-        Sizes by id, or by `id:parameter`, in the units of `observer-rt effects`, such as `{"orifice_area": 0.3}`.
+        Sizes by id, or by id and parameter, in the units of `observer-rt effects`, such as `{"orifice_area": 0.3}` or
+        `{"orifice_area": {"v_H": 0.3}}`.
     noise : bool
         Whether signals have noise and the resolution of the bus.
     measured_rate : bool
@@ -67,15 +86,16 @@ def simulate(
         For an effect or a schedule that cannot be.
     """
     parameters = load_injector() if injector is None else injector.parameters
-    schedule = make_schedule(
-        [pressure * MEGAPASCAL for pressure in _listed(rail_pressure_MPa)],
-        injections,
-        period_ms * MILLISECOND,
-        [duration * MILLISECOND for duration in _listed(energizing_ms)],
-    )
-    sizes = parse_effects([f"{name}={size:.17g}" for name, size in (effects or {}).items()])
-    levels = SimulatedNoise() if noise else None
-    made = simulated(parameters, schedule, sample_rate_Hz, sizes, levels, measured_rate, seed)
+    with naming_parameters(_PARAMETERS):
+        schedule = make_schedule(
+            parse_rail_pressures(_as_text(rail_pressure_MPa)),
+            injections,
+            period_ms * MILLISECOND,
+            parse_energizing_times(_as_text(energizing_ms)),
+        )
+        sizes = parse_effects([text for one in (effects or {}).items() for text in _effect_texts(*one)])
+        levels = SimulatedNoise() if noise else None
+        made = simulated(parameters, schedule, sample_rate_Hz, sizes, levels, measured_rate, seed)
     truth = made.truth
     return made.recording, with_units(
         pd.DataFrame(
@@ -91,5 +111,17 @@ def simulate(
     )
 
 
-def _listed(values: float | Sequence[float]) -> list[float]:
-    return [float(values)] if isinstance(values, int | float) else [float(value) for value in values]
+def _as_text(values: float | Sequence[float]) -> str:
+    """Numbers as the command line has them, where their limits are."""
+    return (
+        ",".join(map(str, values))
+        if isinstance(values, Iterable) and not isinstance(values, str)
+        else str(values)
+    )
+
+
+def _effect_texts(effect: str, sizes: float | Mapping[str, float]) -> list[str]:
+    """An effect as the command line has it."""
+    if isinstance(sizes, Mapping):
+        return [f"{effect}:{name}={size}" for name, size in sizes.items()] or [effect]
+    return [f"{effect}={sizes}"]

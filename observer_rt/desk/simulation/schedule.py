@@ -24,6 +24,7 @@ MAX_RAIL_PRESSURE = 300e6  # Pa, beyond any rail and near the end of the bus's r
 MAX_ENERGIZING_TIME = 0.1  # s
 RAMP_SHARE = 0.5  # of the gap between two events, in its middle
 
+INJECTIONS_OPTION = "--injections"
 RAIL_PRESSURE_OPTION = "--rail-pressure"
 ENERGIZING_TIME_OPTION = "--energizing-time"
 SHOTS_OPTION = "--shots"
@@ -105,7 +106,7 @@ def make_schedule(
     is nothing to inject.
     """
     if injections < 1:
-        raise UserError("--injections", f"{injections} is not a number of injections", "give 1 or more")
+        raise UserError(INJECTIONS_OPTION, f"{injections} is not a number of injections", "give 1 or more")
     if not (math.isfinite(period) and period > 0.0):
         raise UserError(PERIOD_OPTION, f"{period / MILLISECOND:g} ms is not a period", "give ms above 0")
     if not rail_pressures:
@@ -158,8 +159,10 @@ def parse_rail_pressures(text: str) -> tuple[float, ...]:
     for value in values:
         if not 0.0 < value * MEGAPASCAL <= MAX_RAIL_PRESSURE:
             limit = MAX_RAIL_PRESSURE / MEGAPASCAL
-            problem = f"{value:g} MPa is out of range"
-            raise UserError(RAIL_PRESSURE_OPTION, problem, f"give above 0 and up to {limit:g} MPa")
+            remedy = f"give above 0 and up to {limit:g} MPa"
+            if limit < value <= 10.0 * limit:
+                remedy += f"; if it is in bar, {value / 10.0:g}"
+            raise UserError(RAIL_PRESSURE_OPTION, f"{value:g} MPa is out of range", remedy)
     return tuple(value * MEGAPASCAL for value in values)
 
 

@@ -41,6 +41,7 @@ MAX_SAMPLE_RATE = 1e6  # Hz
 SAC_PRESSURE = WrittenColumn("sac_pressure_MPa", "sac_pressure", factor=MEGAPASCAL)
 LINE_FLOW = WrittenColumn("line_flow_mm3_per_ms", "line_flow", factor=MM3_PER_MS)
 OPTION = "--effect"
+SAMPLE_RATE_OPTION = "--sample-rate"
 
 
 class Quantisation(NamedTuple):
@@ -120,7 +121,7 @@ def _simulate(
     """Simulate a schedule of an injector as a model has it, whose needle moves as another's; else as `simulate`."""
     if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
         raise UserError(
-            "--sample-rate",
+            SAMPLE_RATE_OPTION,
             f"{sample_rate:g} Hz is out of range",
             f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
         )

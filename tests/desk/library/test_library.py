@@ -1,9 +1,13 @@
 """The library: recordings in whichever form, injectors, results, discoveries, an observer fed in blocks."""
 
+import copy
+import pickle
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -128,8 +132,9 @@ def test_result_shows_itself(result: ort.EvaluationResult) -> None:
     assert "<table" in result._repr_html_()
     figure = result.plot(injections=[4])
     assert any("injection 4" in axes.get_title() for axes in figure.axes)
-    with pytest.raises(ort.UserError, match="no injection 9"):
+    with pytest.raises(ort.UserError, match="no injection 9") as refused:
         result.plot(injections=[9])
+    assert refused.value.place == "injections"
 
 
 def test_learned_state_goes_on(
@@ -177,9 +182,107 @@ def test_observer_refuses_signals_of_different_length() -> None:
         ort.Observer(ort.Injector.load()).feed([100.0, 100.0], 0.0, [100.0, 100.0])
 
 
-def test_discovery_names_effect_and_amends(worn: tuple[Recording, pd.DataFrame], tmp_path: Path) -> None:
+def test_observer_at_work_says_what_to_keep_of_it() -> None:
+    rate: Any = np.int64(50_000)
+    observer = ort.Observer(ort.Injector.load(), sample_rate_Hz=rate)
+    attempts: list[Callable[[Any], Any]] = [pickle.dumps, copy.copy, copy.deepcopy]
+    for attempt in attempts:
+        with pytest.raises(TypeError, match=r"save_state\(path\)"):
+            attempt(observer)
+
+
+@pytest.mark.parametrize("rate", [0, float("nan"), "fast"])
+def test_observer_refuses_a_sample_rate_by_its_parameter(rate: float) -> None:
+    with pytest.raises(ort.UserError) as refused:
+        ort.Observer(ort.Injector.load(), sample_rate_Hz=rate)
+    assert refused.value.place == "sample_rate_Hz"
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda result: pickle.loads(pickle.dumps(result))])
+def test_results_are_copied_whole(
+    worn: tuple[Recording, pd.DataFrame],
+    result: ort.EvaluationResult,
+    discovery: ort.Discovery,
+    copied: Callable[[Any], Any],
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "worn.parquet"
+    write_recording(path, worn[0])
+    for evaluated in (result, ort.Injector.load().evaluate(path)):
+        again = copied(evaluated)
+        pd.testing.assert_frame_equal(again.injections, evaluated.injections)
+        pd.testing.assert_frame_equal(again.trace, evaluated.trace)
+        assert again.plot().axes
+    found = copied(discovery)
+    assert repr(found) == repr(discovery)
+    assert discovery.amended is not None
+    assert found.amended.parameters == discovery.amended.parameters
+    assert copied(ort.Injector.load()) == ort.Injector.load()
+
+
+def test_injectors_of_the_same_files_are_equal(discovery: ort.Discovery) -> None:
+    assert {ort.Injector.load(), ort.Injector.load()} == {ort.Injector.load()}
+    assert discovery.amended != ort.Injector.load()
+
+
+@pytest.mark.parametrize(
+    ("given", "place", "words"),
+    [
+        ({"rail_pressure_MPa": -3}, "rail_pressure_MPa", "-3 MPa is out of range"),
+        ({"rail_pressure_MPa": 1000}, "rail_pressure_MPa", "if it is in bar, 100"),
+        ({"rail_pressure_MPa": []}, "rail_pressure_MPa", "is not a number"),
+        ({"energizing_ms": [1.0, -1.0]}, "energizing_ms", "-1.0 ms is out of range"),
+        ({"injections": 0}, "injections", "0 is not a number of injections"),
+        ({"period_ms": 0}, "period_ms", "0 ms is not a period"),
+        ({"sample_rate_Hz": 0}, "sample_rate_Hz", "0 Hz is out of range"),
+        ({"effects": {"orifice_aria": 0.3}}, "effects", "the nearest is 'orifice_area'"),
+        ({"effects": {"orifice_area": {"v_X": 0.3}}}, "effects", "has no parameter 'v_X'"),
+        ({"effects": {"orifice_area": {}}}, "effects", "has no '=value'"),
+    ],
+)
+def test_simulate_refuses_by_its_parameters(given: dict[str, Any], place: str, words: str) -> None:
+    with pytest.raises(ort.UserError, match=words) as refused:
+        ort.simulate(**given)
+    assert refused.value.place == place
+
+
+def test_simulate_takes_numbers_and_effects_as_they_come() -> None:
+    forms: list[tuple[Any, Any]] = [("60,100", 0.25), (np.array([60, 100]), {"v_H": 0.25})]
+    texts, arrays = (
+        ort.simulate(rail_pressure_MPa=rail, injections=2, effects={"orifice_area": size})[0]
+        for rail, size in forms
+    )
+    np.testing.assert_array_equal(texts.line_pressure, arrays.line_pressure)
+
+
+@pytest.mark.parametrize("call", ["evaluate", "discover", "fit"])
+@pytest.mark.parametrize("form", ["recording", "frame", "layout"])
+def test_a_line_pressure_that_never_moves_is_refused_by_name(
+    worn: tuple[Recording, pd.DataFrame], call: str, form: str, tmp_path: Path
+) -> None:
+    dead = worn[0].with_arrays({"line_pressure": np.full(worn[0].samples, 99.3e6)})
+    frame = ort.to_frame(dead)
     injector = ort.Injector.load()
-    discovery = injector.discover(worn[0])
+    if form == "layout":
+        bench = tmp_path / "bench.toml"
+        columns = (
+            f'{c.rpartition("_")[0]} = {{column = "{c}", unit = "{c.rpartition("_")[2]}"}}' for c in frame
+        )
+        bench.write_text("[recording]\n" + "\n".join(columns))
+        injector = ort.Injector.load(bench=bench)
+    with pytest.raises(ort.UserError, match=r"never moves: it is 99\.3 MPa") as refused:
+        getattr(injector, call)(dead if form == "recording" else frame)
+    assert "line_pressure" in refused.value.place
+
+
+@pytest.fixture(scope="module")
+def discovery(worn: tuple[Recording, pd.DataFrame]) -> ort.Discovery:
+    return ort.Injector.load().discover(worn[0])
+
+
+def test_discovery_names_effect_and_amends(
+    worn: tuple[Recording, pd.DataFrame], discovery: ort.Discovery, tmp_path: Path
+) -> None:
     assert discovery.verdict == "named"
     (row,) = discovery.effects.itertuples()
     assert row.effect == "orifice_area"
@@ -226,6 +329,13 @@ def test_doubt_becomes_a_warning_or_is_refused(worn: tuple[Recording, pd.DataFra
         ort.Injector.load().evaluate(frame)
 
 
+def test_what_is_no_path_is_named() -> None:
+    nothing: Any = {}
+    for parameter in ("path", "bench"):
+        with pytest.raises(TypeError, match=f"{parameter}: dict is no path"):
+            ort.Injector.load(**{parameter: nothing})
+
+
 @pytest.mark.slow
 def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> None:
     recordings = [
@@ -243,6 +353,9 @@ def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> N
     fitted.save(tmp_path / "fitted.toml")
     assert ort.Injector.load(tmp_path / "fitted.toml").parameters == fitted.parameters
     assert fitted.calibration.plot().axes
+    again = pickle.loads(pickle.dumps(fitted))
+    assert again == fitted
+    assert repr(again.calibration) == repr(fitted.calibration)
     assert fitted.evaluate(recordings[0], chain=True).valid_share > 0
 
 

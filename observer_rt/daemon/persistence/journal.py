@@ -93,7 +93,9 @@ class JournalWriter:
         self.lost = 0
         """Injections and measured masses for which there was no room."""
         self.written = 0
-        """Injections on disk."""
+        """Injections in the file that is there now."""
+        self.removed = 0
+        """Injections of this run in files that were removed or moved away meanwhile."""
         self._path = path
         self._tell = tell
         self._told_lost = 0
@@ -135,6 +137,9 @@ class JournalWriter:
             self._tell(
                 f"warning: {self.name}: {self.lost} injections lost so far, for want of room to keep them"
             )
+        with contextlib.suppress(PermissionError):  # which the next transaction reports
+            if self._identity is not None and not is_at(self._path, self._identity):
+                self._begin_anew()
         while self._waiting or not self._is_begun:
             # by index: the loop may add more meanwhile
             batch = [self._waiting[i] for i in range(min(len(self._waiting), BATCH))]
@@ -160,7 +165,18 @@ class JournalWriter:
                 # then whoever may read the file can, even where nothing can be made beside it
                 connection.execute("PRAGMA journal_mode = DELETE")
         self._give_up()
-        return f"{total} injections in the journal {self._path}, {self.written} of this run"
+        removed = f"; {self.removed} more were in a journal that was removed" if self.removed else ""
+        return f"{total} injections in the journal {self._path}, {self.written} of this run{removed}"
+
+    def _begin_anew(self) -> None:
+        """Say that the file was taken away, and have the next one begun with this run."""
+        self._tell(
+            f"warning: {self.name}: the journal was removed, with {self.written} injections of this run\n"
+            "  remedy: none is needed if that was meant: a new one is begun"
+        )
+        self.removed, self.written = self.removed + self.written, 0
+        self._give_up()
+        self._is_begun = False
 
     def _add(self, connection: sqlite3.Connection, at: int, entry: InjectionReport | MeasuredMass) -> None:
         """at: Unix time [ns]."""
@@ -174,8 +190,6 @@ class JournalWriter:
     def _writing(self) -> Iterator[sqlite3.Connection]:
         """A connection to the file that is there now: all of a transaction reaches the disk, or `RunError`."""
         try:
-            if self._identity is not None and not is_at(self._path, self._identity):
-                self._give_up()
             if self._connection is None:
                 self._connection = _connected(self._path)
                 self._identity = self._path.stat()

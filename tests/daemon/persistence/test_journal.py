@@ -188,6 +188,25 @@ def test_a_file_that_is_moved_away_is_whole_and_a_new_one_begun(path: Path, jour
     assert numbers(path) == [3]
 
 
+def test_a_journal_that_was_removed_is_told_and_counted(
+    path: Path, journal: JournalWriter, told: list[str]
+) -> None:
+    """Nothing new need be written for that: the next one has the run at once."""
+    write(journal, 1, 2, 3)
+    path.unlink()
+    journal.write()
+    journal.write()
+    assert [text.split("\n")[0] for text in told] == [
+        f"warning: journal {path}: the journal was removed, with 3 injections of this run"
+    ]
+    with reading_journal(path) as content:
+        assert (len(content.runs()), content.count()) == (1, 0)
+    write(journal, 4)
+    assert journal.finish() == (
+        f"1 injections in the journal {path}, 1 of this run; 3 more were in a journal that was removed"
+    )
+
+
 def test_what_cannot_be_written_waits(path: Path, journal: JournalWriter, locked: threading.Event) -> None:
     with pytest.raises(RunError, match=r"s\.sqlite: the journal cannot be written: database is locked"):
         write(journal, 1, 2, 3)

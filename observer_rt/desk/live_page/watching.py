@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig, NamedLink
 from observer_rt.daemon.input_monitoring.arrivals import SECOND
 from observer_rt.daemon.link_opening import buses_of
-from observer_rt.desk.live_page.injector import Seen, WatchedInjector
+from observer_rt.desk.live_page.injector import Fault, Seen, WatchedInjector
 from observer_rt.files.channels import chosen_channels
 from observer_rt.files.formats import open_log
 from observer_rt.foundation.errors import UserError
@@ -31,6 +31,8 @@ Taker = Callable[[BusFrame, int], None]
 """Takes a frame that came at a time [ns since 1970]."""
 _WAIT = 0.05  # s that the listener is deaf to its end
 OVER = 1_000_000_000  # ns
+_FULL_REMEDY = "a source that sends windows, or more buses; are the bit rates those of the bench file?"
+FULL = 1.0  # share of the time that frames take, from which on none more has room
 
 
 class FrameSource(ABC):
@@ -205,6 +207,7 @@ class Watching:
         self._labels = {bus: link.label for bus, link in enumerate(links) if bus in used}
         self._loads = [BusLoadMeter(link.config) for link in links]
         self._injectors = [WatchedInjector(alone) for alone in bench.each]
+        self._buses_of = [sorted(buses_of(injector.bus)) for injector in self._injectors]
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._now = 0  # of the last frame
@@ -245,13 +248,20 @@ class Watching:
         """Every injector as it is now."""
         with self._lock:
             now = self.now
-            return tuple(injector.seen(now) for injector in self._injectors)
+            return tuple(
+                self._with_full_buses(injector.seen(now), buses, now)
+                for injector, buses in zip(self._injectors, self._buses_of, strict=True)
+            )
 
     def use_models(self, bench: Bench) -> None:
         """Compare injections with the models that the bench file names now."""
         with self._lock:
             for injector, alone in zip(self._injectors, bench.each, strict=True):
                 injector.use_model(alone.injector)
+
+    def _with_full_buses(self, seen: Seen, buses: Sequence[int], now: int) -> Seen:
+        full = [self._loads[bus].fault(self._labels[bus], now) for bus in buses]
+        return replace(seen, faults=(*seen.faults, *filter(None, full)))
 
     def _begin(self, now: int) -> None:
         for injector in self._injectors:
@@ -285,6 +295,7 @@ class BusLoadMeter:
             )
         )
         self._parts: deque[tuple[int, float]] = deque()  # of a tenth of a second each: begin [ns], busy [s]
+        self._full_since: int | None = None
 
     def note(self, frame: Frame, now: int) -> None:
         """A frame came at a time [ns]."""
@@ -299,3 +310,13 @@ class BusLoadMeter:
         while self._parts and now - self._parts[0][0] > OVER:
             self._parts.popleft()
         return sum(busy for _, busy in self._parts) * 1e9 / OVER
+
+    def fault(self, label: str, now: int) -> Fault | None:
+        """Where frames want more than the bus carries: a real one loses some. None: they do not."""
+        share = self.share(now)
+        if share <= FULL:
+            self._full_since = None
+            return None
+        if self._full_since is None:
+            self._full_since = now
+        return Fault(f"{label} is full: {100 * share:.0f} % load", self._full_since, _FULL_REMEDY)

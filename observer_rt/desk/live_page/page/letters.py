@@ -7,7 +7,7 @@ from observer_rt.daemon.input_monitoring.arrivals import SECOND
 from observer_rt.desk.live_page.injector import Seen
 from observer_rt.desk.live_page.page.columns import SURE
 from observer_rt.desk.live_page.samples import SeenInjection
-from observer_rt.desk.live_page.watching import Watching
+from observer_rt.desk.live_page.watching import FULL, Watching
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, is_good
 from observer_rt.foundation.files import templates_of
@@ -93,4 +93,4 @@ def _clock(moment: int) -> str:
 _TEMPLATES = templates_of(__package__)
 _TEMPLATES.filters["clock"] = _clock
 _TEMPLATES.tests["known"] = math.isfinite
-_TEMPLATES.globals |= {"nan": math.nan, "SURE": SURE, "BUSY": _BUSY}
+_TEMPLATES.globals |= {"nan": math.nan, "SURE": SURE, "BUSY": _BUSY, "FULL": FULL}

@@ -157,6 +157,19 @@ def test_nothing_is_hidden_however_wide_the_window_is(one: Options, serve: Serve
             assert min(across, down) < 1.0, (width, box, other)
 
 
+def test_a_long_reason_wraps_on_a_phone(one: Options, serve: Serve, page: Page) -> None:
+    """Else the whole page is drawn at half its size just when something is wrong."""
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.goto(serve(*one, "--speed", "0.02"))
+    number = page.locator(".letters tr", has_text="injection").locator("td")
+    expect(number).to_contain_text("not valid: ", timeout=PATIENCE)
+    page.get_by_role("button", name="Hold").click()
+    page.get_by_role("button", name="◀").click()
+    expect(number).to_have_text(re.compile(r"^1 not valid: [A-Z_]+, .{20,}"))
+    assert number.evaluate("(cell) => cell.getBoundingClientRect().height > 50")  # lines of some 20 pixels
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
 @pytest.mark.parametrize("scene", ["one", "three"])
 def test_a_screen_on_a_wall_shows_all_without_scrolling(
     scene: str, serve: Serve, page: Page, request: pytest.FixtureRequest

@@ -12,6 +12,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
 from observer_rt.daemon.bus_connection import RETRY, Port
+from observer_rt.daemon.input_monitoring.arrivals import SECOND
 from observer_rt.daemon.input_monitoring.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_monitoring.input_watch import (
     InputWatch,
@@ -25,14 +26,16 @@ from observer_rt.daemon.pump.latency import Latency
 from observer_rt.daemon.pump.pump import FramePump
 from observer_rt.daemon.rights import take_time, touch
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.reports.news import Listener, fan_out
+from observer_rt.engine.reports.news import Listener, Notice, fan_out
 from observer_rt.engine.service.core import Core, status_values
 from observer_rt.engine.service.messages import FrameWriter, OutputFrame
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, contested, state_of_service
+from observer_rt.engine.words import Topic
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
+ASLEEP = 1.0  # s between two looks, from which on the process itself stood still
 LAST_FRAMES = 0.5  # s for the last results to be sent in
 
 
@@ -91,6 +94,7 @@ class Daemon:
         self._down: list[int] = []  # buses
         self._frames_seen = 0
         self._last_input = 0
+        self._looked = 0
         self.ready = threading.Event()
 
     def run(self, stop: threading.Event) -> None:
@@ -148,6 +152,12 @@ class Daemon:
 
     def _look(self, now: int) -> None:
         """Looks for faults of the inputs, and for the state; inputs on a bus that is down are not judged."""
+        slept, self._looked = (now - self._looked) / SECOND if self._looked else 0.0, now
+        if slept > ASLEEP:  # what came meanwhile may be lost, and is no fault of the inputs
+            self.arrivals.begin(now)
+            remedy = "was it stopped or the computer suspended? else give it a processor"
+            text = f"this process stood still for {slept:.1f} s\n  remedy: {remedy}"
+            self._tell(Notice(Topic.INPUT, text))
         if not self._down:
             for notice in self._watch.look(now):
                 self._tell(notice)

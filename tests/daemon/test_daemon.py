@@ -12,6 +12,7 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.words import Topic
 from observer_rt.files.replay.framing import TimedFrame, windows
 from observer_rt.foundation.errors import RunError
 from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
@@ -174,3 +175,18 @@ def test_a_loop_that_hangs_is_not_alive(bench: Path) -> None:
         assert len(alive) == count
         link.may_return.set()
         until(lambda: len(alive) > count + 3)
+
+
+def test_a_process_that_stood_still_does_not_blame_its_inputs(bench: Path) -> None:
+    looks: list[float] = []
+
+    def sleep_at_first() -> None:
+        looks.append(time.monotonic())
+        if len(looks) == 1:
+            time.sleep(2.5)  # longer than a silence that is reported
+
+    daemon = HeardDaemon(bench, ScriptedLink(), on_alive=sleep_at_first)
+    with serving(daemon):
+        until(lambda: len(looks) >= 3)
+    said = [notice.text for notice in daemon.notes.notices if notice.topic is Topic.INPUT]
+    assert said[0].startswith("this process stood still for 2.")

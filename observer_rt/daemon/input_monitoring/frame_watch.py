@@ -1,10 +1,10 @@
 """Faults shown by the frames of the inputs themselves: damaged, twice, samples lost at once, another rate."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from observer_rt.bus.alignment.timekeeping import LARGEST_DRIFT, MessageTiming
-from observer_rt.daemon.input_monitoring.arrivals import WatchedMessage
+from observer_rt.daemon.input_monitoring.arrivals import Arrivals, WatchedMessage
 from observer_rt.daemon.input_monitoring.silence import REPORTED_AFTER
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.messages import Counters
@@ -13,17 +13,28 @@ from observer_rt.engine.words import Topic
 
 LOOKS = 10  # whose frames are judged together
 LEAST = 0.005  # share of these frames, from which on it is reported
+OUT_OF_SEQUENCE = 0.1  # the same of alive counters, which a loss disturbs, too
 LOST_AT_ONCE = 0.1  # s of samples lost from one look to the next
 LASTING = 20  # looks that another rate lasts, while the model is contradicted
 ENOUGH_FRAMES = 100  # whose stamps tell a rate
 
 
 class _Fault(NamedTuple):
-    """A counter of frames, what it means, and what to do."""
+    """A counter of frames, what it means, what to do, the messages it counts, the share from which it is told."""
 
     counter: str
     meaning: str
     remedy: str
+    counts: Callable[[WatchedMessage], bool]
+    least: float = LEAST
+
+
+def _is_protected(source: WatchedMessage) -> bool:
+    return source.layout.e2e_profile is not None
+
+
+def _has_samples(source: WatchedMessage) -> bool:
+    return bool(source.streams)
 
 
 _FAULTS = (
@@ -32,27 +43,46 @@ _FAULTS = (
         "have a wrong CRC",
         "the bus is disturbed: see to cable, termination and bit rate; if it is all of them, E2EProfile and "
         "E2EDataId of the database",
+        _is_protected,
     ),
     _Fault(
-        "length_errors", "have another length than the database says", "correct the database, or the device"
+        "sequence_errors",
+        "have an alive counter that does not count on",
+        "is it stuck in the device? do two devices send one identifier?",
+        _is_protected,
+        OUT_OF_SEQUENCE,
+    ),
+    _Fault(
+        "length_errors",
+        "have another length than the database says",
+        "correct the database, or the device",
+        lambda _: True,
     ),
     _Fault(
         "repeated_frames",
         "come twice, the first of them counts",
         "do two devices send one identifier? does a gateway repeat frames? is an index stuck?",
+        _has_samples,
     ),
-    _Fault("old_frames", "come too late to count", "does a bus or gateway lag by more than 4096 samples?"),
+    _Fault(
+        "old_frames",
+        "come too late to count",
+        "does a bus or gateway lag by more than 4096 samples?",
+        _has_samples,
+    ),
 )
 
 
 class FrameWatch:
     """Looks at what was counted: which share of the frames is of no use and why, and samples lost at once."""
 
-    def __init__(self, sources: Sequence[WatchedMessage], rate: float) -> None:
+    def __init__(self, arrivals: Arrivals, rate: float) -> None:
         """rate: of samples [Hz]."""
-        self._names = ", ".join(source.text for source in sources if source.streams)
+        self._arrivals = arrivals
+        self._names = _names(filter(_has_samples, arrivals.sources))
         self._rate = rate
         self._begin: Counters | None = None  # of the looks judged together
+        self._frames: Mapping[WatchedMessage, int] = {}  # at that begin
         self._last: Counters | None = None
         self._looks = 0
         self._is_explained = False
@@ -62,6 +92,7 @@ class FrameWatch:
         """Notices; is_explained: it is reported already why frames are of no use."""
         if self._begin is None or self._last is None:
             self._begin = self._last = counters
+            self._frames = self._came()
             return
         lost, self._last = counters.lost_samples - self._last.lost_samples, counters
         if LOST_AT_ONCE <= lost / self._rate < REPORTED_AFTER:  # a longer silence is reported by itself
@@ -77,22 +108,30 @@ class FrameWatch:
             if not self._is_explained:
                 yield from self._judged(counters.since(self._begin))
             self._begin, self._looks, self._is_explained = counters, 0, False
+            self._frames = self._came()
+
+    def _came(self) -> Mapping[WatchedMessage, int]:
+        return {source: self._arrivals.heard_of(source).frames for source in self._arrivals.sources}
 
     def _judged(self, lately: Counters) -> Iterator[Notice]:
-        if not lately.frames:
-            return
+        came = {source: frames - self._frames[source] for source, frames in self._came().items()}
         for fault in _FAULTS:
-            share = getattr(lately, fault.counter) / lately.frames
-            if share >= LEAST and fault not in self._reported:
+            counted = [source for source in came if fault.counts(source)]
+            frames = sum(came[source] for source in counted)
+            if not frames:
+                continue
+            share, names = getattr(lately, fault.counter) / frames, _names(counted)
+            if share >= fault.least and fault not in self._reported:
                 self._reported.add(fault)
-                text = (
-                    f"{self._names}: {100 * share:.2g} % of frames {fault.meaning}\n  remedy: {fault.remedy}"
-                )
+                text = f"{names}: {100 * share:.2g} % of frames {fault.meaning}\n  remedy: {fault.remedy}"
                 yield Notice(Topic.INPUT, text)
             elif share == 0.0 and fault in self._reported:
                 self._reported.discard(fault)
-                text = f"{self._names}: no more frames that {fault.meaning}"
-                yield Notice(Topic.INPUT, text, is_over=True)
+                yield Notice(Topic.INPUT, f"{names}: no more frames that {fault.meaning}", is_over=True)
+
+
+def _names(sources: Iterable[WatchedMessage]) -> str:
+    return ", ".join(source.text for source in sources)
 
 
 class RateWatch:

@@ -167,7 +167,7 @@ class InputWatch:
         self._protection = ProtectionWatch(bus, self.arrivals)
         self._senders = SenderWatch(bus, self.arrivals)
         rate = fitted.config.sampling.rate_hz
-        self._faulty, self._rate = FrameWatch(self.arrivals.sources, rate), RateWatch(rate)
+        self._faulty, self._rate = FrameWatch(self.arrivals, rate), RateWatch(rate)
         self._seen = 0
         self._frames = 0
 

@@ -10,7 +10,7 @@ from observer_rt.bus.alignment.timekeeping import MessageTiming
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
-from observer_rt.daemon.input_monitoring.arrivals import sources_of
+from observer_rt.daemon.input_monitoring.arrivals import Arrivals
 from observer_rt.daemon.input_monitoring.frame_watch import LASTING, LOOKS, FrameWatch, RateWatch
 from observer_rt.daemon.input_monitoring.input_watch import IN_A_ROW, SWAPPED, UnitWatch
 from observer_rt.daemon.input_monitoring.input_watch import LOOKS as UNIT_LOOKS
@@ -19,8 +19,13 @@ from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.stream.state import Reason
 
 RATE = 100e3
-SOURCES = sources_of(map_bus(load_bench()))
+SOURCES = Arrivals(map_bus(load_bench())).sources
 SAMPLE_BLOCK = "SampleBlock 0x100 (rail_pressure, needle_lift, line_pressure)"
+
+
+@pytest.fixture
+def arrivals() -> Arrivals:
+    return Arrivals(map_bus(load_bench()))
 
 
 @pytest.fixture
@@ -30,11 +35,19 @@ def counters() -> Counters:
 
 
 def told(
-    watch: FrameWatch, counters: Counters, step: dict[str, int], looks: int, is_explained: bool = False
+    arrivals: Arrivals,
+    watch: FrameWatch,
+    counters: Counters,
+    step: dict[str, int],
+    looks: int,
+    is_explained: bool = False,
 ) -> list[str]:
-    """What is said while each look finds `step` more; the counters go on."""
+    """What is said while each look finds `step` more, and as many frames of each message; the counters go on."""
     found = []
     for _ in range(looks):
+        for source in arrivals.sources:
+            frames = arrivals.heard_of(source).frames
+            arrivals.set(source.layout, frames + step.get("frames", 0), 0)
         vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
         found += [notice.text for notice in watch.look(replace(counters), is_explained)]
     return found
@@ -53,29 +66,38 @@ def told(
             "5 % of frames come twice, the first of them counts\n  remedy: do two devices send one",
         ),
         ("old_frames", "5 % of frames come too late"),
+        (
+            "sequence_errors",
+            "15 % of frames have an alive counter that does not count on\n  remedy: is it stuck",
+        ),
     ],
 )
 def test_frames_of_no_use_are_told_once_by_their_share_and_when_it_is_over(
-    counters: Counters, counter: str, said: str
+    arrivals: Arrivals, counters: Counters, counter: str, said: str
 ) -> None:
-    watch = FrameWatch(SOURCES, RATE)
-    assert told(watch, counters, {"frames": 1000, counter: 1}, 2 * LOOKS + 1) == []
-    (found,) = told(watch, counters, {"frames": 1000, counter: 50}, 4 * LOOKS)
+    watch = FrameWatch(arrivals, RATE)
+    assert told(arrivals, watch, counters, {"frames": 1000, counter: 1}, 2 * LOOKS + 1) == []
+    (found,) = told(
+        arrivals, watch, counters, {"frames": 1000, counter: 10 * int(said.split()[0])}, 4 * LOOKS
+    )
     assert found.startswith(f"{SAMPLE_BLOCK}: ")
     assert said in found
-    (over,) = told(watch, counters, {"frames": 1000}, 3 * LOOKS)
+    (over,) = told(arrivals, watch, counters, {"frames": 1000}, 3 * LOOKS)
     assert "no more frames that" in over
 
 
-def test_what_is_explained_already_is_not_told_again(counters: Counters) -> None:
-    watch = FrameWatch(SOURCES, RATE)
-    assert told(watch, counters, {"frames": 1000, "crc_errors": 900}, 4 * LOOKS, is_explained=True) == []
+def test_what_is_explained_already_is_not_told_again(arrivals: Arrivals, counters: Counters) -> None:
+    watch = FrameWatch(arrivals, RATE)
+    assert (
+        told(arrivals, watch, counters, {"frames": 1000, "crc_errors": 900}, 4 * LOOKS, is_explained=True)
+        == []
+    )
 
 
-def test_an_outage_is_told_by_its_length(counters: Counters) -> None:
-    watch = FrameWatch(SOURCES, RATE)
-    assert told(watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
-    (found,) = told(watch, counters, {"lost_samples": 20_000}, 1)
+def test_an_outage_is_told_by_its_length(arrivals: Arrivals, counters: Counters) -> None:
+    watch = FrameWatch(arrivals, RATE)
+    assert told(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
+    (found,) = told(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
     assert f"{SAMPLE_BLOCK}: 20000 samples were lost at once, 0.2 s\n  remedy: see to cable" in found
 
 

@@ -24,6 +24,7 @@ _FEEDBACK = {
     TermEquation.LINE_PRESSURE: (Variable.LINE_PRESSURE, LEAST_OUTFLOW_SLOPE),
 }
 RUNG = 0.1  # of a change, that a resonance may add: nothing here jumps
+_STEP, _ROUNDED = 1e-6, 1e-6  # of a variable, for slopes; rounding of these
 _POINTS = 20_000  # half of them corners, edges and centres
 
 
@@ -106,12 +107,11 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
         variable, least = _FEEDBACK[term.equation]
         damping = domain.friction * np.abs(domain.points[Variable.LINE_FLOW.word])
         for law in dict.fromkeys((term.law, term.law.settled())):
-            slope = _over(law.slope(variable.word), term, domain)
-            slope = np.where(np.isnan(slope), 0.0, slope)
+            slope = _slope(law, variable, term, domain)
             if term.equation is TermEquation.LINE_FLOW:
                 slope = slope + damping
             at = int(np.argmin(slope))
-            if slope[at] < least:
+            if slope[at] < least - _ROUNDED:
                 fall = f"{-slope[at]:.3g} {term.equation.unit} per {variable.unit} of {variable.word}"
                 problem = f"falls by {fall}, more than {-least:g}, so that it feeds back on itself,"
                 raise _unsound(term, domain, at, problem)
@@ -133,12 +133,26 @@ def _refuse_values(term: Term, value: Values, domain: TermDomain) -> None:
 
 def _over(law: Law, term: Term, domain: TermDomain) -> Values:
     """A law's values (n,); what was before is any value that an argument has elsewhere."""
+    return np.broadcast_to(law.at(domain.points, term.coefficient, _elsewhere), (_POINTS,))
 
-    def elsewhere(law: Lagged | Ringing, values: Values) -> Values:
-        before = np.roll(values, 1) if np.ndim(values) else values
-        return before if isinstance(law, Lagged) else RUNG * (before - values)
 
-    return np.broadcast_to(law.at(domain.points, term.coefficient, elsewhere), (_POINTS,))
+def _elsewhere(law: Lagged | Ringing, values: Values) -> Values:
+    before = np.roll(values, 1) if np.ndim(values) else values
+    return before if isinstance(law, Lagged) else RUNG * (before - values)
+
+
+def _slope(law: Law, by: Variable, term: Term, domain: TermDomain) -> Values:
+    """A law's slopes (n,) by a variable, 0 where undefined; what was before stays, and a jump has none."""
+    before: dict[Law, Values] = {}
+
+    def values(step: float) -> Values:
+        points = domain.points | {by.word: domain.points[by.word] + step}
+        return law.at(points, term.coefficient, lambda one, now: before.setdefault(one, _elsewhere(one, now)))
+
+    here = values(0.0)
+    ahead, behind = ((values(step) - here) / step for step in (_STEP, -_STEP))
+    slope = np.where(np.abs(ahead) < np.abs(behind), ahead, behind)
+    return np.broadcast_to(np.nan_to_num(slope, nan=0.0), (_POINTS,))
 
 
 def _unsound(

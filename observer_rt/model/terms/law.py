@@ -1,4 +1,4 @@
-"""Laws as trees: printed, evaluated over arrays, their slopes by a variable.
+"""Laws as trees: printed and evaluated over arrays.
 
 A law is made of numbers, the coefficient `c`, variables, operations on them, lags and tables. Numbers are in the
 units of `variable`, whatever unit they were written in.
@@ -6,7 +6,7 @@ units of `variable`, whatever unit they were written in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
@@ -104,10 +104,6 @@ class Law:
         with np.errstate(all="ignore"):
             return np.asarray(self._at(values, c, memory), dtype=np.float64)
 
-    def slope(self, variable: str) -> Law:
-        """Derivative by a variable, those of gates, comparisons and what remembers taken as 0."""
-        return ZERO
-
     def settled(self) -> Law:
         """The law once all it remembers is over."""
         return self
@@ -147,9 +143,6 @@ class Quantity(Law):
 
     variable: Variable
 
-    def slope(self, variable: str) -> Law:
-        return ONE if self.variable.word == variable else ZERO
-
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         return np.asarray(values[self.variable.word], dtype=np.float64)
 
@@ -164,12 +157,6 @@ class Applied(Law):
     @property
     def parts(self) -> tuple[Law, ...]:
         return self.arguments
-
-    def slope(self, variable: str) -> Law:
-        slopes = tuple(one.slope(variable) for one in self.arguments)
-        if all(slope == ZERO for slope in slopes):
-            return ZERO
-        return _SLOPES[self.operation](self.arguments, slopes)
 
     def settled(self) -> Law:
         return Applied(self.operation, tuple(one.settled() for one in self.arguments))
@@ -236,13 +223,11 @@ class Tabulated(Law):
             (point.reckoned, value.reckoned) for point, value in zip(self.points, self.values, strict=True)
         ]
         for (start, low), (end, high) in pairwise(knots):
-            done = _call(Operation.MAX, _difference(self.argument, Number(start)), ZERO)
-            part = _call(Operation.MIN, done, Number(end - start))
-            law = _sum(law, _product(Number((high - low) / (end - start)), part))
+            beyond = Applied(Operation.SUBTRACT, (self.argument, Number(start)))
+            part = Applied(Operation.MIN, (Applied(Operation.MAX, (beyond, ZERO)), Number(end - start)))
+            rising = Applied(Operation.MULTIPLY, (Number((high - low) / (end - start)), part))
+            law = Applied(Operation.ADD, (law, rising))
         return law
-
-    def slope(self, variable: str) -> Law:
-        return self.spelled.slope(variable)
 
     def settled(self) -> Law:
         return Tabulated(self.argument.settled(), self.points, self.values)
@@ -273,96 +258,6 @@ _NUMPY: Mapping[Operation, Callable[..., Any]] = {
     Operation.MAX: np.maximum,
 }
 
-
-def negative(law: Law) -> Law:
-    """Minus a law; a number stays one."""
-    return Number(-law.value, law.unit) if isinstance(law, Number) else Applied(Operation.NEGATE, (law,))
-
-
-def _simplified(operation: Operation, *arguments: Law) -> Law:
-    """An operation, where its arguments are bare numbers its value."""
-    applied = Applied(operation, arguments)
-    if all(isinstance(one, Number) and not one.unit for one in arguments):
-        value = float(applied.at({}))
-        return Number(value) if np.isfinite(value) else applied
-    return applied
-
-
-def _sum(a: Law, b: Law) -> Law:
-    if ZERO in (a, b):
-        return b if a == ZERO else a
-    return _simplified(Operation.ADD, a, b)
-
-
-def _difference(a: Law, b: Law) -> Law:
-    if ZERO in (a, b):
-        return negative(b) if a == ZERO else a
-    return _simplified(Operation.SUBTRACT, a, b)
-
-
-def _product(a: Law, b: Law) -> Law:
-    if ZERO in (a, b):
-        return ZERO
-    if ONE in (a, b):
-        return b if a == ONE else a
-    return _simplified(Operation.MULTIPLY, a, b)
-
-
-def _quotient(a: Law, b: Law) -> Law:
-    return a if b == ONE or a == ZERO else _simplified(Operation.DIVIDE, a, b)
-
-
-def _of_power(u: Sequence[Law], d: Sequence[Law]) -> Law:
-    base, exponent = u
-    if exponent == ONE:
-        return d[0]
-    less = _difference(exponent, ONE)
-    power = base if less == ONE else _simplified(Operation.POWER, base, less)
-    return _product(_product(exponent, power), d[0])
-
-
-def _of_choice(chosen: Operation) -> Callable[..., Law]:
-    """The slope of the argument chosen; where both are equal, of the second."""
-
-    def slope(u: Sequence[Law], d: Sequence[Law]) -> Law:
-        first = Applied(chosen, tuple(u))
-        return _sum(_product(first, d[0]), _product(_difference(ONE, first), d[1]))
-
-    return slope
-
-
-def _call(operation: Operation, *arguments: Law) -> Law:
-    return Applied(operation, arguments)
-
-
-_SLOPES: Mapping[Operation, Callable[[Sequence[Law], Sequence[Law]], Law]] = {
-    # u: the arguments, d: their slopes
-    Operation.ADD: lambda u, d: _sum(*d),
-    Operation.SUBTRACT: lambda u, d: _difference(*d),
-    Operation.MULTIPLY: lambda u, d: _sum(_product(d[0], u[1]), _product(u[0], d[1])),
-    Operation.DIVIDE: lambda u, d: _difference(
-        _quotient(d[0], u[1]), _quotient(_product(u[0], d[1]), _call(Operation.POWER, u[1], Number(2.0)))
-    ),
-    Operation.POWER: _of_power,
-    Operation.GREATER: lambda u, d: ZERO,
-    Operation.LESS: lambda u, d: ZERO,
-    Operation.NEGATE: lambda u, d: negative(d[0]),
-    Operation.SQRT: lambda u, d: _quotient(
-        _product(Number(0.5), d[0]), _call(Operation.SQRT, _call(Operation.ABS, u[0]))
-    ),
-    Operation.ABS: lambda u, d: _product(
-        _difference(_call(Operation.GREATER, u[0], ZERO), _call(Operation.LESS, u[0], ZERO)), d[0]
-    ),
-    Operation.EXP: lambda u, d: _product(_call(Operation.EXP, u[0]), d[0]),
-    Operation.LOG: lambda u, d: _quotient(d[0], u[0]),
-    Operation.SIN: lambda u, d: _product(_call(Operation.COS, u[0]), d[0]),
-    Operation.COS: lambda u, d: _product(negative(_call(Operation.SIN, u[0])), d[0]),
-    Operation.TANH: lambda u, d: _product(
-        _difference(ONE, _call(Operation.POWER, _call(Operation.TANH, u[0]), Number(2.0))), d[0]
-    ),
-    Operation.MIN: _of_choice(Operation.LESS),
-    Operation.MAX: _of_choice(Operation.GREATER),
-}
 
 _BINDING = {
     Operation.GREATER: _COMPARISON,

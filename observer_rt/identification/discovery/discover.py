@@ -375,19 +375,20 @@ def write_findings(
         made=datetime.now(),
         folder=str(folder),
     )
-    document = json.dumps(document_of(found, sources).as_json(), indent=2)
+    document = document_of(found, sources)
+    text = json.dumps(document.as_json(), indent=2)
     with file_errors(folder):
-        write_text(folder / FINDINGS, document + "\n")
+        write_text(folder / FINDINGS, text + "\n")
         write_text(folder / REPORT, report(found, sources))
         (folder / PLAN).unlink(missing_ok=True)
         if found.plan is not None:
             write_schedule(folder / PLAN, found.plan)
         remove_data(folder / DATA)
         if data:
-            write_data(folder / DATA, found)
+            write_data(folder / DATA, found, document)
         if found.amended_model is not None:
             cells = stable_cells(task.parameters, found.in_force, task.measured)
             write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms, found.remainder)
         else:
             (folder / AMENDED).unlink(missing_ok=True)
-    return document
+    return text

@@ -1,11 +1,12 @@
-"""Laws as formulas: LaTeX to be copied, and MathML that a browser shows without loading anything."""
+"""Laws as formulas: LaTeX to be copied, of which MathML is made that a browser shows without loading anything."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
+
+from latex2mathml.converter import convert
 
 from observer_rt.identification.discovery.report.law_reading import (
     LIFT_SHARE,
@@ -72,84 +73,48 @@ _SIGNS = {Operation.ADD: "+", Operation.SUBTRACT: "−", Operation.GREATER: ">",
 _LOOSE = (Operation.ADD, Operation.SUBTRACT)  # need parentheses in a product
 
 
-class _Latex:
-    """Pieces of a formula as LaTeX."""
-
-    def symbol(self, name: str, index: str) -> str:
-        plain = name.replace("Δ", r"\Delta ").replace("π", r"\pi")
-        letter = rf"\dot {plain[:-1]}" if plain.endswith("'") else plain
-        upright = index if len(index) == 1 else rf"\mathrm{{{index}}}"
-        return f"{letter}_{{{upright}}}" if index else letter
-
-    def number(self, text: str, unit: str) -> str:
-        mantissa, _, exponent = text.partition("e")
-        value = rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
-        upright = unit.replace("³", "^3")
-        return value if unit in ("", "-") else rf"{value}\,\mathrm{{{upright}}}"
-
-    def row(self, *parts: str) -> str:
-        return " ".join(parts)
-
-    def sign(self, sign: str) -> str:
-        return {"−": "-", "·": r"\cdot", "|": "|"}.get(sign, sign)
-
-    def fraction(self, above: str, below: str) -> str:
-        return rf"\frac{{{above}}}{{{below}}}"
-
-    def power(self, base: str, exponent: str) -> str:
-        return f"{base}^{{{exponent}}}"
-
-    def root(self, of: str) -> str:
-        return rf"\sqrt{{{of}}}"
-
-    def call(self, name: str, *arguments: str) -> str:
-        known = name in ("exp", "log", "sin", "cos", "tanh", "min", "max")
-        upright = f"\\{name}" if known else rf"\mathrm{{{name}}}"
-        return upright + self.fenced(", ".join(arguments))
-
-    def fenced(self, inside: str) -> str:
-        return rf"\left({inside}\right)"
+def _symbol(name: str, index: str) -> str:
+    plain = name.replace("Δ", r"\Delta ").replace("π", r"\pi")
+    letter = rf"\dot {plain[:-1]}" if plain.endswith("'") else plain
+    upright = index if len(index) == 1 else rf"\mathrm{{{index}}}"
+    return f"{letter}_{{{upright}}}" if index else letter
 
 
-class _MathMl:
-    """Pieces of a formula as MathML."""
-
-    def symbol(self, name: str, index: str) -> str:
-        dotted = name.endswith("'")
-        letter = f"<mi>{name.removesuffix(chr(39))}</mi>"
-        letter = f'<mover accent="true">{letter}<mo>˙</mo></mover>' if dotted else letter
-        return f"<msub>{letter}<mi>{index}</mi></msub>" if index else letter
-
-    def number(self, text: str, unit: str) -> str:
-        mantissa, _, exponent = text.partition("e")
-        value = f"<mn>{mantissa.replace('-', '−')}</mn>"
-        if exponent:
-            value += f"<mo>·</mo><msup><mn>10</mn><mn>{int(exponent)}</mn></msup>"
-        return value if unit in ("", "-") else f"{value}<mtext>\u00a0{escape(unit)}</mtext>"
-
-    def row(self, *parts: str) -> str:
-        return f"<mrow>{''.join(parts)}</mrow>"
-
-    def sign(self, sign: str) -> str:
-        return f"<mo>{escape(sign)}</mo>"
-
-    def fraction(self, above: str, below: str) -> str:
-        return f"<mfrac>{self.row(above)}{self.row(below)}</mfrac>"
-
-    def power(self, base: str, exponent: str) -> str:
-        return f"<msup>{self.row(base)}{self.row(exponent)}</msup>"
-
-    def root(self, of: str) -> str:
-        return f"<msqrt>{of}</msqrt>"
-
-    def call(self, name: str, *arguments: str) -> str:
-        return f"<mi>{name}</mi>{self.fenced('<mo>,</mo>'.join(arguments))}"
-
-    def fenced(self, inside: str) -> str:
-        return f"<mrow><mo>(</mo>{inside}<mo>)</mo></mrow>"
+def _number(text: str, unit: str) -> str:
+    mantissa, _, exponent = text.partition("e")
+    value = rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
+    upright = unit.replace("³", "^3")
+    return value if unit in ("", "-") else rf"{value}\,\mathrm{{{upright}}}"
 
 
-_Notation = _Latex | _MathMl
+def _row(*parts: str) -> str:
+    return " ".join(parts)
+
+
+def _sign(sign: str) -> str:
+    return {"−": "-", "·": r"\cdot", "|": "|"}.get(sign, sign)
+
+
+def _fraction(above: str, below: str) -> str:
+    return rf"\frac{{{above}}}{{{below}}}"
+
+
+def _power(base: str, exponent: str) -> str:
+    return f"{base}^{{{exponent}}}"
+
+
+def _root(of: str) -> str:
+    return rf"\sqrt{{{of}}}"
+
+
+def _call(name: str, *arguments: str) -> str:
+    known = name in ("exp", "log", "sin", "cos", "tanh", "min", "max")
+    upright = f"\\{name}" if known else rf"\mathrm{{{name}}}"
+    return upright + _fenced(", ".join(arguments))
+
+
+def _fenced(inside: str) -> str:
+    return rf"\left({inside}\right)"
 
 
 @dataclass(frozen=True)
@@ -162,11 +127,11 @@ class Formula:
 
 def formula(term: Term, largest_lift: float | None = None) -> Formula:
     """A term with its coefficient put in. largest_lift: of the needle [mm], None where it is not known."""
-    mathml = _term(_MathMl(), term, largest_lift)
-    return Formula(_term(_Latex(), term, largest_lift), f'<math display="block">{mathml}</math>')
+    latex = _term(term, largest_lift)
+    return Formula(latex, convert(latex, display="block"))
 
 
-def _term(as_: _Notation, term: Term, largest_lift: float | None) -> str:
+def _term(term: Term, largest_lift: float | None) -> str:
     product = product_of(with_largest_lift(term.law, largest_lift))
     factors, size, unit = product.factors, product.size, sign(str(term.equation.unit))
     line, shell = None, None
@@ -176,29 +141,27 @@ def _term(as_: _Notation, term: Term, largest_lift: float | None) -> str:
         case (one,):
             line = line_of(one)
     if line is None:
-        parts = [_law(as_, one, in_product=True) for one in factors]
+        parts = [_law(one, in_product=True) for one in factors]
         if size == 0.5 and len(parts) == 1:  # (1 + tanh(...))/2
-            size, parts = 1.0, [as_.fraction(_law(as_, factors[0]), as_.number("2", ""))]
+            size, parts = 1.0, [_fraction(_law(factors[0]), _number("2", ""))]
     else:
         falls = shell is not None and line.slope < 0.0
         size *= abs(line.slope) if falls else line.slope
         unit = _per(unit, line.subject.unit)
-        bare, zero = _quantity(as_, line), as_.number(f"{line.zero:.3g}", line.subject.unit)
-        beyond = bare if not line.zero else as_.row(bare, *_signed(as_, -line.zero, line.subject.unit))
-        beyond = as_.row(zero, as_.sign("−"), bare) if falls else beyond
+        bare, zero = _quantity(line), _number(f"{line.zero:.3g}", line.subject.unit)
+        beyond = bare if not line.zero else _row(bare, *_signed(-line.zero, line.subject.unit))
+        beyond = _row(zero, _sign("−"), bare) if falls else beyond
         loose = bool(line.zero) or len(line.subject.of) > 1
-        parts = [
-            as_.call("max", beyond, as_.number("0", "")) if shell else as_.fenced(beyond) if loose else bare
-        ]
+        parts = [_call("max", beyond, _number("0", "")) if shell else _fenced(beyond) if loose else bare]
     number = rounded_size(term, size)
-    parts += [_gate(as_, gate) for gate in product.gates]
-    sized = as_.number(number, unit)
+    parts += [_gate(gate) for gate in product.gates]
+    sized = _number(number, unit)
     for part in parts:
-        sized = as_.row(sized, as_.sign("·"), part)
+        sized = _row(sized, _sign("·"), part)
     above, below = _LEFT[term.equation]
-    left = as_.symbol(*above)
-    left = left if below is None else as_.fraction(left, as_.symbol(*below))
-    return as_.row(left, as_.sign("="), sized)
+    left = _symbol(*above)
+    left = left if below is None else _fraction(left, _symbol(*below))
+    return _row(left, _sign("="), sized)
 
 
 def _per(unit: str, other: str) -> str:
@@ -207,93 +170,93 @@ def _per(unit: str, other: str) -> str:
     return f"{unit or '1'}/({other})" if "/" in other else f"{unit or '1'}/{other}"
 
 
-def _signed(as_: _Notation, value: float, unit: str) -> tuple[str, str]:
+def _signed(value: float, unit: str) -> tuple[str, str]:
     """A number that is added or taken away."""
-    return as_.sign("−" if value < 0.0 else "+"), as_.number(f"{abs(value):.3g}", unit)
+    return _sign("−" if value < 0.0 else "+"), _number(f"{abs(value):.3g}", unit)
 
 
-def _gate(as_: _Notation, gate: Variable) -> str:
-    return as_.symbol("1", _GATES[gate])
+def _gate(gate: Variable) -> str:
+    return _symbol("1", _GATES[gate])
 
 
-def _law(as_: _Notation, law: Law, in_product: bool = False) -> str:
+def _law(law: Law, in_product: bool = False) -> str:
     """A law, or a part of one. in_product: in parentheses, where it is a sum."""
     line = None if isinstance(law, Quantity) else line_of(law)
     if line is not None:
-        return _straight(as_, line, in_product)
+        return _straight(line, in_product)
     match law:
         case Number():
-            return as_.number(f"{law.value:.4g}", sign(law.unit))
+            return _number(f"{law.value:.4g}", sign(law.unit))
         case Quantity(variable):
-            return _gate(as_, variable) if variable in _GATES else as_.symbol(*_SYMBOLS[variable])
+            return _gate(variable) if variable in _GATES else _symbol(*_SYMBOLS[variable])
         case Lagged(argument, milliseconds):
-            return as_.call("lag", _law(as_, argument), as_.number(f"{milliseconds:.3g}", "ms"))
+            return _call("lag", _law(argument), _number(f"{milliseconds:.3g}", "ms"))
         case Ringing(argument, kilohertz, damping):
-            frequency, damped = as_.number(f"{kilohertz:.4g}", "kHz"), as_.number(f"{damping:.3g}", "")
-            return as_.call("ringing", _law(as_, argument), frequency, damped)
+            frequency, damped = _number(f"{kilohertz:.4g}", "kHz"), _number(f"{damping:.3g}", "")
+            return _call("ringing", _law(argument), frequency, damped)
         case Tabulated(argument, points, values):
             numbers = (one for pair in zip(points, values, strict=True) for one in pair)
-            return as_.call("table", _law(as_, argument), *(_law(as_, one) for one in numbers))
+            return _call("table", _law(argument), *(_law(one) for one in numbers))
         case Applied(operation, arguments):
-            return _applied(as_, operation, arguments, in_product)
-    return as_.symbol("c", "")
+            return _applied(operation, arguments, in_product)
+    return _symbol("c", "")
 
 
-def _quantity(as_: _Notation, line: StraightLaw) -> str:
+def _quantity(line: StraightLaw) -> str:
     """The bare quantity of a line."""
-    first, *others = (as_.symbol(*_SYMBOLS[variable]) for variable, sign in line.subject.of.items() if sign)
+    first, *others = (_symbol(*_SYMBOLS[variable]) for variable, sign in line.subject.of.items() if sign)
     if line.subject is LIFT_SHARE:
-        return as_.fraction(first, as_.symbol(*_SYMBOLS[Variable.MAX_LIFT]))
-    return as_.row(first, as_.sign("−"), others[0]) if others else first
+        return _fraction(first, _symbol(*_SYMBOLS[Variable.MAX_LIFT]))
+    return _row(first, _sign("−"), others[0]) if others else first
 
 
-def _straight(as_: _Notation, line: StraightLaw, in_product: bool) -> str:
+def _straight(line: StraightLaw, in_product: bool) -> str:
     """(u - zero) over what makes it 1."""
-    bare, width = _quantity(as_, line), 1.0 / line.slope
-    above = as_.row(bare, *_signed(as_, -line.zero, line.subject.unit)) if line.zero else bare
+    bare, width = _quantity(line), 1.0 / line.slope
+    above = _row(bare, *_signed(-line.zero, line.subject.unit)) if line.zero else bare
     if width == 1.0:
-        return as_.fenced(above) if in_product and (line.zero or len(line.subject.of) > 1) else above
-    share = as_.fraction(above, as_.number(f"{abs(width):.3g}", line.subject.unit))
-    return as_.row(as_.sign("−"), share) if width < 0.0 else share
+        return _fenced(above) if in_product and (line.zero or len(line.subject.of) > 1) else above
+    share = _fraction(above, _number(f"{abs(width):.3g}", line.subject.unit))
+    return _row(_sign("−"), share) if width < 0.0 else share
 
 
-def _turns(as_: _Notation, line: StraightLaw) -> str:
+def _turns(line: StraightLaw) -> str:
     """2 pi times a frequency times time, and a phase."""
-    frequency = as_.number(f"{line.slope / (2.0 * math.pi):.6g}", _PER_TIME.get(line.subject.unit, ""))
-    turns = as_.row(
-        as_.number("2", ""),
-        as_.symbol("π", ""),
-        as_.sign("·"),
+    frequency = _number(f"{line.slope / (2.0 * math.pi):.6g}", _PER_TIME.get(line.subject.unit, ""))
+    turns = _row(
+        _number("2", ""),
+        _symbol("π", ""),
+        _sign("·"),
         frequency,
-        as_.sign("·"),
-        _quantity(as_, line),
+        _sign("·"),
+        _quantity(line),
     )
     phase = math.remainder(-line.slope * line.zero, 2.0 * math.pi)
-    return as_.row(turns, *_signed(as_, phase, ""))
+    return _row(turns, *_signed(phase, ""))
 
 
-def _applied(as_: _Notation, operation: Operation, arguments: tuple[Law, ...], in_product: bool) -> str:
+def _applied(operation: Operation, arguments: tuple[Law, ...], in_product: bool) -> str:
     match operation:
         case Operation.SIN if (line := line_of(arguments[0])) is not None and line.slope > 0.0:
-            return as_.call("sin", _turns(as_, line))
+            return _call("sin", _turns(line))
         case Operation.NEGATE:
-            return as_.row(as_.sign("−"), _law(as_, arguments[0], in_product=True))
+            return _row(_sign("−"), _law(arguments[0], in_product=True))
         case Operation.MULTIPLY:
-            one, other = (_law(as_, part, in_product=True) for part in arguments)
-            return as_.row(one, as_.sign("·"), other)
+            one, other = (_law(part, in_product=True) for part in arguments)
+            return _row(one, _sign("·"), other)
         case Operation.DIVIDE:
-            return as_.fraction(*(_law(as_, part) for part in arguments))
+            return _fraction(*(_law(part) for part in arguments))
         case Operation.POWER:
-            return as_.power(as_.fenced(_law(as_, arguments[0])), _law(as_, arguments[1]))
+            return _power(_fenced(_law(arguments[0])), _law(arguments[1]))
         case Operation.SQRT:
-            return as_.root(_law(as_, arguments[0]))
+            return _root(_law(arguments[0]))
         case Operation.ABS:
-            return as_.row(as_.sign("|"), _law(as_, arguments[0]), as_.sign("|"))
+            return _row(_sign("|"), _law(arguments[0]), _sign("|"))
         case operation if operation in _SIGNS:
-            one, other = (_law(as_, part) for part in arguments)
-            text = as_.row(one, as_.sign(_SIGNS[operation]), other)
-            return as_.fenced(text) if in_product or operation not in _LOOSE else text
-    return as_.call(operation.name.lower(), *(_law(as_, part) for part in arguments))
+            one, other = (_law(part) for part in arguments)
+            text = _row(one, _sign(_SIGNS[operation]), other)
+            return _fenced(text) if in_product or operation not in _LOOSE else text
+    return _call(operation.name.lower(), *(_law(part) for part in arguments))
 
 
 def law_text(term: Term) -> str:

@@ -53,7 +53,7 @@ def test_latex_has_physical_numbers(equation: str, law: str, c: float, latex: st
 
 
 def test_every_law_that_is_tried_is_a_formula() -> None:
-    """Both notations: braces that match, and elements that do."""
+    """Braces match, and the elements made of it."""
     effects = [*library(RecordingSpan(1.0, 5.0)), *(AXES[0].hats(TermEquation.LINE_FLOW))]
     for effect in effects:
         term = term_of(effect, 0.1)
@@ -61,7 +61,7 @@ def test_every_law_that_is_tried_is_a_formula() -> None:
         drawn = formula(term)
         assert drawn.latex.count("{") == drawn.latex.count("}")
         assert drawn.latex.count(r"\left") == drawn.latex.count(r"\right")
-        assert ET.fromstring(drawn.mathml).tag == "math"
+        assert ET.fromstring(drawn.mathml).tag.endswith("math")
 
 
 def test_a_law_as_a_file_has_it_states_its_interval() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from observer_rt.config.injector_file import InjectorFile, section_of, tables_in_force
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.identification.discovery.findings import starts_anew
-from observer_rt.identification.discovery.report.text import printed
+from observer_rt.identification.discovery.report.text import printed, sizes_of
 from observer_rt.identification.discovery.search.hypothesis import Sizing, minimum_from
 from observer_rt.identification.discovery.search.results import (
     INCOMPLETE,
@@ -98,8 +98,8 @@ def accepted(
         evidence += f"; in part: closes {proposal.part.closed:.0%} of the gap held out, see [remainder]"
     evidence = "; ".join((evidence, *starts_anew(proposal.terms)))
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
-    sizes = dict(zip(proposal.found.ids, proposal.found.parameters, strict=True))
-    effects = [EffectInForce(id=one, parameters=printed(one, sizes[one]), **why) for one in proposal.effects]
+    sizes = sizes_of(proposal.found)
+    effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.effects]
     terms = [TermInForce.of(_rounded(term), str(term.equation.unit), **why) for term in proposal.terms]
     return (*parameters.effects, *effects), (*parameters.terms, *terms)
 

@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import Field
 
 from observer_rt.foundation.documents import Document, Figures
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.findings import (
     Caveat,
     Findings,
@@ -35,7 +35,7 @@ from observer_rt.identification.discovery.report.document_entries import (
 )
 from observer_rt.identification.discovery.report.formula import formula
 from observer_rt.identification.discovery.report.law_words import as_if
-from observer_rt.identification.discovery.report.text import definition, printed, proposal_words
+from observer_rt.identification.discovery.report.text import definition, printed, proposal_words, sizes_of
 from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
@@ -46,7 +46,6 @@ from observer_rt.identification.discovery.search.results import (
     Verdict,
 )
 from observer_rt.identification.planning.plan import MeasurementPlan
-from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.term import Term
 
 FINDINGS = "findings.json"
@@ -174,13 +173,12 @@ def _mass(one: MassChange, point: str) -> MassEntry:
 
 
 def _candidate(candidate: Candidate, found: Discovery) -> RankedCandidate:
-    sizes = zip(candidate.ids, candidate.parameters, strict=True)
     return RankedCandidate(
         ids=candidate.ids,
         held_out_chi2=candidate.held_out,
         chi2=candidate.statistic,
         n_effective=found.samples,
-        parameters=tuple(printed(effect_id, parameters) for effect_id, parameters in sizes),
+        parameters=tuple(sizes_of(candidate).values()),
         plausible=candidate.plausible,
         moves=_moves(candidate.moves),
     )
@@ -243,14 +241,14 @@ def _unknown(found: Discovery) -> Unknown | None:
 
 def _proposal(number: int, one: Proposal) -> ProposalEntry:
     before, after = one.held_out
-    lift = None if one.largest_lift is None else one.largest_lift / MILLIMETRE
+    lift = one.largest_lift
     base = one.found.statistic + one.gain
-    sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
+    sizes = sizes_of(one.found)
     return ProposalEntry(
         number=number,
         sentence=proposal_words(one),
         terms=_terms(one.found, lift),
-        effects=tuple(NamedEffect(id=name, parameters=printed(name, sizes[name])) for name in one.effects),
+        effects=tuple(NamedEffect(id=name, parameters=sizes[name]) for name in one.effects),
         gain=one.gain,
         phase=PHASE_NAMES[one.phase],
         adequate=one.adequate,
@@ -273,7 +271,7 @@ def _proposal(number: int, one: Proposal) -> ProposalEntry:
         lost=tuple(
             LostEntry(
                 terms=_terms(each, lift),
-                effects=tuple(effect.id for effect in each.hypothesis.effects if not is_term(effect)),
+                effects=each.named,
                 gain=base - each.statistic,
             )
             for each in one.lost

@@ -126,7 +126,7 @@ class Formula:
 
 
 def formula(term: Term, largest_lift: float | None = None) -> Formula:
-    """A term with its coefficient put in. largest_lift: of the needle [mm], None where it is not known."""
+    """A term with its coefficient put in. largest_lift: of the needle [m], None where it is not known."""
     latex = _term(term, largest_lift)
     return Formula(latex, convert(latex, display="block"))
 

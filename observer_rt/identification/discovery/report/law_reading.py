@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from math import isclose
 
+from observer_rt.foundation.units import MILLIMETRE
 from observer_rt.model.terms.law import (
     ZERO,
     Applied,
@@ -99,12 +100,12 @@ def with_unit(number: str, unit: str) -> str:
 
 
 def with_largest_lift(law: Law, largest: float | None) -> Law:
-    """A law with the largest lift [mm] put in; None: as it is."""
+    """A law with the largest lift [m] put in; None: as it is."""
     if largest is None:
         return law
     match law:
         case Quantity(Variable.MAX_LIFT):
-            return Number(largest)
+            return Number(largest / MILLIMETRE)
         case Applied(operation, arguments):
             return Applied(operation, tuple(with_largest_lift(one, largest) for one in arguments))
         case Lagged(argument) | Ringing(argument) | Tabulated(argument):

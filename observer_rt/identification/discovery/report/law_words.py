@@ -86,7 +86,7 @@ class Reading:
 
 
 def as_if(term: Term, largest_lift: float | None = None) -> str:
-    """Describes a term as a sentence that begins with `as if`. largest_lift: of the needle [mm]."""
+    """Describes a term as a sentence that begins with `as if`. largest_lift: of the needle [m]."""
     plain = plain_words(term, largest_lift)
     if plain:
         return plain
@@ -97,7 +97,7 @@ def as_if(term: Term, largest_lift: float | None = None) -> str:
 def plain_words(term: Term, largest_lift: float | None = None) -> str:
     """Such as `the nozzle lost 21 % of its flow from 0.605 ms after the opening on`; empty where no words are simple.
 
-    largest_lift: of the needle [mm]; None where it is not known.
+    largest_lift: of the needle [m]; None where it is not known.
     """
     product = product_of(with_largest_lift(term.law, largest_lift))
     if len(product.gates) > 1 or not product.size:

@@ -4,6 +4,7 @@ from observer_rt.foundation.files import templates_of
 from observer_rt.identification.discovery.findings import Findings, Sources
 from observer_rt.identification.discovery.report import page_answer, page_figures, page_tables, text
 from observer_rt.identification.discovery.report.figures import laws_figure, overlay_figure
+from observer_rt.identification.discovery.report.formula import formula
 from observer_rt.identification.discovery.report.gap_map import gap_map, legend, violated_words
 from observer_rt.identification.discovery.report.page_figures import with_words
 from observer_rt.identification.discovery.report.plan import HEADINGS, plan_rows, plan_words
@@ -12,6 +13,7 @@ _PAGES = templates_of(__package__)
 for _module in (text, page_answer, page_figures, page_tables):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {
+    "formula": formula,
     "overlay_figure": overlay_figure,
     "laws_figure": laws_figure,
     "PLAN_HEADINGS": HEADINGS,

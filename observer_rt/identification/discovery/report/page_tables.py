@@ -4,25 +4,22 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
-from observer_rt.identification.discovery.report.formula import formula, law_text
 from observer_rt.identification.discovery.report.law_words import as_if
 from observer_rt.identification.discovery.report.numbers import shown, sign, significant
 from observer_rt.identification.discovery.report.page_figures import point_words
-from observer_rt.identification.discovery.report.text import Size, printed, visible_words
+from observer_rt.identification.discovery.report.text import Size, sizes_of, visible_words
 from observer_rt.identification.discovery.search import search
 from observer_rt.identification.discovery.search.results import (
     Candidate,
     Consequence,
     Discovery,
-    Proposal,
     Verdict,
 )
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.model.effect import Apparent
 from observer_rt.model.effects import VOCABULARY
-from observer_rt.model.term_effect import is_term
 
 _LONGEST_BAR = 120  # px
 _STANDSTILL = {
@@ -47,8 +44,7 @@ def size_words(sizes: Mapping[str, Size]) -> list[str]:
 
 def sizes(candidate: Candidate) -> list[str]:
     """All sizes of a candidate."""
-    every = zip(candidate.ids, candidate.parameters, strict=True)
-    return [words for effect_id, fitted in every for words in size_words(printed(effect_id, fitted))]
+    return [words for sizes in sizes_of(candidate).values() for words in size_words(sizes)]
 
 
 def standing(candidate: Candidate, found: Discovery) -> str:
@@ -96,32 +92,16 @@ def role(point: str, findings: Findings) -> str:
     return "shown" if point in findings.held_out else "sizes fitted"
 
 
-@dataclass(frozen=True)
-class PointMass:
-    """An operating point: mass of an injection as given, and by how much what was found changes it."""
-
-    point: str
-    nominal: str
-    change: str
-    share: str
-
-
-def mass_rows(findings: Findings) -> list[PointMass]:
-    """Lists every operating point, by rail pressure and duration."""
+def mass_rows(findings: Findings) -> list[tuple[str, str, str, str]]:
+    """Every operating point, by rail pressure and duration: mass as given, its change, the same as a share."""
     rows = []
-    for one in findings.masses:
-        half = one.half / one.nominal
-        step = 10.0 * significant(max(100.0 * half, 1e-3))
-        share = f"{shown(100.0 * one.change / one.nominal, step)} ± {shown(100.0 * half, step)} %"
-        share = share if one.change < 0.0 else f"+{share}"
-        nominal, change = f"{one.nominal / MILLIGRAM:.4g} mg", f"{one.change / MILLIGRAM:+.2g} mg"
-        rows.append(
-            (
-                (_sort_key(findings, one.recording)),
-                PointMass(point_words(findings, one.recording), nominal, change, share),
-            )
-        )
-    return [row for _, row in sorted(rows, key=lambda pair: pair[0])]
+    for one in sorted(findings.masses, key=lambda one: _sort_key(findings, one.recording)):
+        change, half = 100.0 * one.change / one.nominal, 100.0 * one.half / one.nominal
+        step = 10.0 * significant(max(half, 1e-3))
+        share = f"{'' if change < 0.0 else '+'}{shown(change, step)} ± {shown(half, step)} %"
+        masses = f"{one.nominal / MILLIGRAM:.4g} mg", f"{one.change / MILLIGRAM:+.2g} mg"
+        rows.append((point_words(findings, one.recording), *masses, share))
+    return rows
 
 
 def _sort_key(findings: Findings, recording: int) -> tuple[float, float, int]:
@@ -129,31 +109,9 @@ def _sort_key(findings: Findings, recording: int) -> tuple[float, float, int]:
     return cell.rail_pressure, cell.duration, recording
 
 
-@dataclass(frozen=True)
-class LawRow:
-    """A law as a formula and as text, and its sentence."""
-
-    sentence: str
-    mathml: str
-    latex: str
-    text: str
-
-
-def law_rows(one: Proposal) -> list[LawRow]:
-    """The laws of a proposal."""
-    lift = None if one.largest_lift is None else one.largest_lift / MILLIMETRE
-    rows = []
-    for term in one.terms:
-        drawn = formula(term, lift)
-        rows.append(LawRow(as_if(term, lift), drawn.mathml, drawn.latex, law_text(term)))
-    return rows
-
-
 def fitted_words(one: Candidate, largest_lift: float | None) -> str:
     """Laws and effects fitted together, in words."""
-    lift = None if largest_lift is None else largest_lift / MILLIMETRE
-    effects = [effect.id for effect in one.hypothesis.effects if not is_term(effect)]
-    return " and ".join([*(as_if(term, lift) for term in one.terms), *effects])
+    return " and ".join([*(as_if(term, largest_lift) for term in one.terms), *one.named])
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLIMETRE, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.findings import Caveat, Findings, gap_share
 from observer_rt.identification.discovery.report.formula import law_text
 from observer_rt.identification.discovery.report.law_words import as_if
@@ -86,6 +86,12 @@ def printed(effect_id: str, parameters: Sequence[FittedParameter]) -> dict[str, 
     return sizes
 
 
+def sizes_of(candidate: Candidate) -> dict[str, dict[str, Size]]:
+    """The sizes of the effects of a candidate, printed, by id; those of terms are not among them."""
+    fitted = zip(candidate.ids, candidate.parameters, strict=True)
+    return {name: printed(name, sizes) for name, sizes in fitted if name in candidate.named}
+
+
 def definition(effect_id: str, name: str) -> EffectParameter:
     """The vocabulary's definition of an effect's parameter."""
     return next(p for p in VOCABULARY[effect_id].parameters if p.name == name)
@@ -127,16 +133,10 @@ def as_text(findings: Findings) -> str:
 
 def proposal_words(one: Proposal) -> str:
     """Describes a proposal in a sentence."""
-    parts = [as_if(term, _millimetres(one.largest_lift)) for term in one.terms]
-    sizes = dict(zip(one.found.ids, one.found.parameters, strict=True))
-    known = [
-        f"{name} ({', '.join(_size_words(printed(name, sizes[name]), '95 %: '))})" for name in one.effects
-    ]
+    parts = [as_if(term, one.largest_lift) for term in one.terms]
+    sizes = sizes_of(one.found)
+    known = [f"{name} ({', '.join(_size_words(sizes[name], '95 %: '))})" for name in one.effects]
     return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *known])
-
-
-def _millimetres(lift: float | None) -> float | None:
-    return None if lift is None else lift / MILLIMETRE
 
 
 def alternative_words(one: Alternative, largest_lift: float | None) -> str:
@@ -150,7 +150,7 @@ def alternative_words(one: Alternative, largest_lift: float | None) -> str:
 
 def _law_words(one: Alternative, largest_lift: float | None) -> str:
     (term,) = one.found.terms
-    return f"as if {as_if(term, _millimetres(largest_lift))}"
+    return f"as if {as_if(term, largest_lift)}"
 
 
 def acceptance(findings: Findings) -> str:
@@ -252,8 +252,8 @@ def where_words(found: Discovery, accepted: int) -> str:
 def candidate_words(candidate: Candidate) -> str:
     """The effects of a candidate with their sizes and intervals, for a title."""
     return " and ".join(
-        ", ".join((effect_id.replace("_", " "), *_size_words(printed(effect_id, parameters), "")))
-        for effect_id, parameters in zip(candidate.ids, candidate.parameters, strict=True)
+        ", ".join((name.replace("_", " "), *_size_words(sizes, "")))
+        for name, sizes in sizes_of(candidate).items()
     )
 
 

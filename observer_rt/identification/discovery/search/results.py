@@ -92,6 +92,11 @@ class Candidate:
         return self.hypothesis.ids
 
     @property
+    def named(self) -> tuple[str, ...]:
+        """Ids of the effects of the vocabulary among them: those that are no terms."""
+        return tuple(effect.id for effect in self.hypothesis.effects if not is_term(effect))
+
+    @property
     def plausible(self) -> bool:
         """Whether every effect has a size that matters and that no bound holds back."""
         return self.hypothesis.is_plausible(self.theta)
@@ -279,7 +284,7 @@ class Proposal:
     @property
     def effects(self) -> tuple[str, ...]:
         """Ids of the effects of the vocabulary beside them."""
-        return tuple(effect.id for effect in self.found.hypothesis.effects if not is_term(effect))
+        return self.found.named
 
     @property
     def refusal(self) -> Refusal | None:

@@ -13,7 +13,7 @@ from observer_rt.model.terms.term import Term, TermEquation
 
 
 def _of(equation: str, law: str, c: float) -> Formula:
-    return formula(Term(TermEquation(equation), parse(law), c, (0.99 * c, 1.01 * c)), 0.3)
+    return formula(Term(TermEquation(equation), parse(law), c, (0.99 * c, 1.01 * c)), 0.3e-3)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from observer_rt.model.term_effect import FormNumber, term_effect
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 
-LARGEST_LIFT = 0.3  # mm
+LARGEST_LIFT = 0.3e-3  # m
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from concurrent.futures import Executor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from threading import Event
 
 from rich.console import Console
@@ -25,6 +24,7 @@ from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
 from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of, shared_buses
 from observer_rt.daemon.log import ServiceLog, Voice
 from observer_rt.daemon.notify import Notifier
+from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of, kept_files
 from observer_rt.daemon.persistence.state_file import knowledge_beside, model_hash, restored_knowledge
 from observer_rt.daemon.reloading import Reloading
@@ -221,17 +221,6 @@ class InjectorService:
         )
 
 
-@dataclass(frozen=True)
-class RunOptions:
-    """Options of the command: state, log, journal: files; records: injections as JSON lines on stdout."""
-
-    state: Path | None = None
-    view: bool = False
-    records: bool = False
-    log: Path | None = None
-    journal: Path | None = None
-
-
 def refuse_shared(bench: Bench, options: RunOptions) -> None:
     """Raise `UserError` where several injectors would have one file of the command line, or one file two uses."""
     names = [injector.name for injector in bench.injectors]
@@ -361,4 +350,4 @@ def _log(options: RunOptions, console: Console, has_view: bool) -> ServiceLog:
         check_own_file("--log", options.log, SERVICE_LOG)
         with file_errors(options.log):
             options.log.touch()
-    return ServiceLog(console, options.log, sys.stdout if options.records else None, quiet=has_view)
+    return ServiceLog(console, options.log, sys.stdout if options.json else None, quiet=has_view)

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -88,28 +88,24 @@ def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
 
 
 def record(
-    link: Link,
-    channel: str,
+    links: Mapping[str, Link],
     path: Path,
     limits: RecordLimits,
     stop: threading.Event,
     report: Callable[[RecordStatistics], None] = lambda _: None,
-    further: Sequence[tuple[Link, str]] = (),
     force: bool = False,
 ) -> RecordStatistics:
-    """Write every frame of a link until `stop` is set or a limit reached; a file begins with its first frame.
+    """Write every frame of the links until `stop` is set or a limit reached; a file begins with its first frame.
 
-    `channel`: the link's name in the log. `further`: other links, with their names, for the same log.
-    `force`: a log that is there is replaced.
+    `links`: by their names in the log. `force`: a log that is there is replaced.
 
     An interface that goes away is waited for. `report` is called some times a second.
 
     Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
     """
-    links = [link, *(other for other, _ in further)]
-    channels = [channel, *(name for _, name in further)]
+    channels = list(links)
     files = _Files(path, limits, force)
-    receiver = EnduringReading(links)
+    receiver = EnduringReading(list(links.values()))
     statistics = RecordStatistics(files=files.paths)
     start = time.monotonic_ns()
     next_flush, next_report = start + FLUSH_PERIOD, start

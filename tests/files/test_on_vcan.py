@@ -41,7 +41,7 @@ def recorded(vcan: str, path: Path, count: int, send: Callable[[Link], object]) 
     with open_link("socketcan", vcan, True) as link, open_link("socketcan", vcan, True, []) as sender:
 
         def run() -> None:
-            found.append(record(link, vcan, path, RecordLimits(frames=count, duration=30.0), stop))
+            found.append(record({vcan: link}, path, RecordLimits(frames=count, duration=30.0), stop))
 
         recorder = threading.Thread(target=run)
         recorder.start()

@@ -61,7 +61,7 @@ NO_LIMITS, ROTATED = RecordLimits(), RecordLimits(file_size=10**6)
 
 
 def run(path: Path, source: Source, stop: threading.Event, limits: RecordLimits) -> RecordStatistics:
-    return record(source, "can0", path, limits, stop)
+    return record({"can0": source}, path, limits, stop)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -10,8 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from observer_rt.desk.cli.effect_demo import EffectDemo, hidden_effect
-from observer_rt.desk.cli.live import LOOP_SPEED
+from observer_rt.desk.demonstration.missing_effect import SPEED, EffectDemo, hidden_effect
 from observer_rt.foundation.errors import ObserverError
 from tools.benchmarks.command_line import JsonOption, SeedOption, app, tracked
 from tools.benchmarks.report import Columns, put_out, table_of
@@ -62,7 +61,7 @@ def looped(seed: int, outside: bool) -> Loop:
     hidden, begin = hidden_effect(seed, outside), time.monotonic()
     with TemporaryDirectory() as folder:
         try:
-            result = EffectDemo(Path(folder) / "demo", hidden, seed, LOOP_SPEED, lambda _: None).run()
+            result = EffectDemo(Path(folder) / "demo", hidden, seed, SPEED, lambda _: None).run()
         except ObserverError as error:
             return Loop(hidden.words, str(error).splitlines()[0], 0, 0, 0, 0.0, 0.0, time.monotonic() - begin)
     before = [row for row in result.injections if not row.amended]

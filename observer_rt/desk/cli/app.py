@@ -9,12 +9,12 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from observer_rt import __version__
+from observer_rt.desk.cli.command import messages, with_options
 from observer_rt.desk.cli.fleet import batch, trend
 from observer_rt.desk.cli.live import check, demo, journal, monitor, run, take_over
 from observer_rt.desk.cli.logs import convert, record, replay
 from observer_rt.desk.cli.models import compare, discover, effects, fit
 from observer_rt.desk.cli.offline import evaluate, reproduce, simulate
-from observer_rt.desk.cli.options import messages
 from observer_rt.desk.cli.project import project
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError
@@ -188,4 +188,4 @@ for _heading, _commands in {
             short_help=inspect.cleandoc(_command.__doc__ or "").split("\n\n")[0].replace("\n", " "),
             epilog=f"Example: observer-rt {_name} {_example}\n\n{EXIT_CODES}",
             rich_help_panel=_heading,
-        )(_command)
+        )(with_options(_command))

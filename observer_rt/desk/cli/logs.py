@@ -3,7 +3,7 @@
 import json
 import math
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,132 +13,128 @@ from rich.text import Text
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.bench_file import of_links, refuse_shared_channels
-from observer_rt.desk.cli import options
-from observer_rt.desk.cli.options import (
-    CLASSIC_ONLY,
-    RECORDED,
-    Writes,
-    argument,
-    decoder_of,
-    file_option,
-    link_option,
-    messages,
-    option,
-)
+from observer_rt.desk import options as shared
+from observer_rt.desk.cli.command import decoder_of, messages
+from observer_rt.desk.options import CLASSIC_ONLY, RECORDED
 from observer_rt.foundation.console import progress_bar, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Writes
 
 if TYPE_CHECKING:
     from observer_rt.files.recorder import RecordStatistics
 
-ChannelOption = Annotated[
-    list[str] | None,
-    link_option(
-        "--channel",
+Channel = Annotated[
+    tuple[str, ...],
+    Option(
         "CAN channel, instead of the bench file's; LINK=CHANNEL for one bus of [links]; repeatable.",
+        "[LINK=]CHANNEL",
     ),
 ]
-InterfaceOption = Annotated[
-    list[str] | None,
-    link_option(
-        "--interface",
+Interface = Annotated[
+    tuple[str, ...],
+    Option(
         "python-can interface, instead of the bench file's; LINK=INTERFACE for one bus of [links].",
+        "[LINK=]INTERFACE",
     ),
 ]
 MEGABYTE = 1_000_000
 
 
-def replay(
-    recording: options.RecordingArgument,
-    bench: options.BenchOption = EXAMPLE_BENCH,
-    channel: ChannelOption = None,
-    interface: InterfaceOption = None,
-    speed: Annotated[float, option("--speed", "1 = real time; 0 = as fast as the bus takes.", min=0.0)] = 1.0,
-    loop: Annotated[int, option("--loop", "Number of repetitions; 0 = until stopped.", min=0)] = 1,
-    start: Annotated[float | None, option("--start", "Begin at this time of the recording [s].")] = None,
-    stop: Annotated[float | None, option("--stop", "End at this time of the recording [s].")] = None,
-    windowed: Annotated[bool, option("--windowed", "Send only about 6 ms around each injection.")] = False,
-    map_id: Annotated[
-        list[str] | None, option("--map-id", "Send under another identifier; repeatable.", "FROM=TO")
-    ] = None,
+@dataclass(frozen=True)
+class ReplayOptions:
+    """Options of the command."""
+
+    recording: shared.Recording
+    bench: shared.BenchFile = EXAMPLE_BENCH
+    channel: Channel = ()
+    interface: Interface = ()
+    speed: Annotated[float, Option("1 = real time; 0 = as fast as the bus takes.", minimum=0.0)] = 1.0
+    loop: Annotated[int, Option("Number of repetitions; 0 = until stopped.", minimum=0)] = 1
+    start: Annotated[float | None, Option("Begin at this time of the recording [s].")] = None
+    stop: Annotated[float | None, Option("End at this time of the recording [s].")] = None
+    windowed: Annotated[bool, Option("Send only about 6 ms around each injection.")] = False
+    map_id: Annotated[tuple[str, ...], Option("Send under another identifier; repeatable.", "FROM=TO")] = ()
     map_channel: Annotated[
-        list[str] | None,
-        option("--map-channel", "Send the frames of a log's channel to one bus only.", "FROM=TO"),
-    ] = None,
-    force: Annotated[
-        bool, option("--force", "Send even if another node sends the same identifiers.")
-    ] = False,
-    injector: options.InjectorOption = None,
-    lenient: options.LenientOption = False,
-    as_json: options.JsonOption = False,
-) -> None:
+        tuple[str, ...], Option("Send the frames of a log's channel to one bus only.", "FROM=TO")
+    ] = ()
+    force: Annotated[bool, Option("Send even if another node sends the same identifiers.")] = False
+    injector: Injector = None
+    lenient: Lenient = False
+    json: shared.Json = False
+
+
+def replay(options: ReplayOptions) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.bus.links.opening import open_link
     from observer_rt.files.formats import is_log
-    from observer_rt.files.replay.log_frames import (
-        channel_map,
-        identifier_map,
-        remapped,
-        remapped_identifiers,
-    )
-    from observer_rt.files.replay.player import log_source, play, recording_source, refuse_traffic
+    from observer_rt.files.replay import log_frames, player
 
-    chosen = _with_links(load_bench(bench, lenient=lenient).of(injector), interface, channel)
-    channels, identifiers = channel_map(map_channel or ()), identifier_map(map_id or ())
+    recording, loop, extent = options.recording, options.loop, (options.start, options.stop)
+    bench = load_bench(options.bench, lenient=options.lenient).of(options.injector)
+    chosen = _with_links(bench, options)
+    channels = log_frames.channel_map(options.map_channel)
+    identifiers = log_frames.identifier_map(options.map_id)
     if is_log(recording):
-        if windowed:
+        if options.windowed:
             raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
-        source = log_source(chosen, recording, channels, start, stop, loop, messages)
+        source = player.log_source(chosen, recording, channels, *extent, loop, messages)
     else:
-        source = recording_source(chosen, recording, windowed, start, stop, loop, messages)
+        source = player.recording_source(chosen, recording, options.windowed, *extent, loop, messages)
         if channels:
             raise UserError("--map-channel", f"{recording} is no CAN log: it has no channels", "leave it out")
-    sent = remapped_identifiers(source.identifiers, identifiers)
+    sent = log_frames.remapped_identifiers(source.identifiers, identifiers)
     total = source.extent.duration * loop if loop else None
     with stop_on_signals() as stopped, ExitStack() as stack:
-        if not force:
-            refuse_traffic(source.buses, sent, stopped)
+        if not options.force:
+            player.refuse_traffic(source.buses, sent, stopped)
         links = {
             number: stack.enter_context(open_link(config.interface, config.channel, config.fd, []))
             for number, config in source.buses.items()
         }
         progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", total))
-        frames = remapped(source.frames, identifiers)
+        frames = log_frames.remapped(source.frames, identifiers)
         first = min(links.items())[1]
-        statistics = play(frames, first, speed or math.inf, progress, stopped, links, partial(say, messages))
-    print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
+        speed, tell = options.speed or math.inf, partial(say, messages)
+        statistics = player.play(frames, first, speed, progress, stopped, links, tell)
+    print(json.dumps(statistics.as_json(), indent=2) if options.json else statistics.as_text())
 
 
-def record(
+@dataclass(frozen=True)
+class RecordOptions:
+    """Options of the command."""
+
     out: Annotated[
         Path,
-        file_option("--out", f"Log to write ({RECORDED})."),
+        Option(f"Log to write ({RECORDED})."),
         Writes("log, begun at the first frame; with `--rotate-…` a series `*_0001`, …, which is always new"),
-    ],
-    bench: options.BenchOption = EXAMPLE_BENCH,
-    channel: ChannelOption = None,
-    interface: InterfaceOption = None,
-    duration: Annotated[float | None, option("--duration", "Stop after this time [s].", min=0.0)] = None,
-    frames: Annotated[int | None, option("--frames", "Stop after this number of frames.", min=1)] = None,
-    rotate_size: Annotated[
-        float | None, option("--rotate-size", "Begin a new file at this size [MB].", min=0.001)
-    ] = None,
-    rotate_time: Annotated[
-        float | None, option("--rotate-time", "Begin a new file after this time [s].", min=0.001)
-    ] = None,
-    force: options.ForceOption = False,
-    as_json: options.JsonOption = False,
-) -> None:
+    ]
+    bench: shared.BenchFile = EXAMPLE_BENCH
+    channel: Channel = ()
+    interface: Interface = ()
+    duration: Annotated[float | None, Option("Stop after this time [s].", minimum=0.0)] = None
+    frames: Annotated[int | None, Option("Stop after this number of frames.", minimum=1)] = None
+    rotate_size: Annotated[float | None, Option("Begin a new file at this size [MB].", minimum=0.001)] = None
+    rotate_time: Annotated[float | None, Option("Begin a new file after this time [s].", minimum=0.001)] = (
+        None
+    )
+    force: shared.Force = False
+    json: shared.Json = False
+
+
+def record(options: RecordOptions) -> None:
     """Write every frame of the bench's buses into a log until stopped; lost frames are noted in it."""
     from observer_rt.bus.links.opening import open_link
     from observer_rt.files.recorder import RecordLimits, check_recording_path
     from observer_rt.files.recorder import record as record_links
 
     limits = RecordLimits(
-        duration, frames, None if rotate_size is None else round(rotate_size * MEGABYTE), rotate_time
+        options.duration,
+        options.frames,
+        None if options.rotate_size is None else round(options.rotate_size * MEGABYTE),
+        options.rotate_time,
     )
-    buses = _with_links(load_bench(bench), interface, channel).config.buses
-    check_recording_path(out, limits, force)
+    buses = _with_links(load_bench(options.bench), options).config.buses
+    check_recording_path(options.out, limits, options.force)
     channels = [bus.config.channel for bus in buses]
     names = [
         bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
@@ -149,44 +145,49 @@ def record(
         ExitStack() as stack,
         Live(console=messages, auto_refresh=False, transient=True) as live,
     ):
-        links = [
-            stack.enter_context(
+        links = {
+            name: stack.enter_context(
                 open_link(link.interface, link.channel, link.fd, computer_time=len(buses) > 1)
             )
-            for link in (bus.config for bus in buses)
-        ]
+            for name, link in zip(names, (bus.config for bus in buses), strict=True)
+        }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
-        further = list(zip(links[1:], names[1:], strict=True))
-        statistics = record_links(links[0], names[0], out, limits, stop, _FrameCount(live), further, force)
-    print(json.dumps(statistics.as_json(), indent=2) if as_json else statistics.as_text())
+        statistics = record_links(links, options.out, limits, stop, _FrameCount(live), options.force)
+    print(json.dumps(statistics.as_json(), indent=2) if options.json else statistics.as_text())
 
 
-def convert(
-    recording: options.RecordingArgument,
+@dataclass(frozen=True)
+class ConvertOptions:
+    """Options of the command."""
+
+    recording: shared.Recording
     target: Annotated[
         Path,
-        argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT"),
+        Argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT"),
         Writes("recording or log; of one in stretches a series `*_0001`, …"),
-    ],
-    bench: options.DecoderOption = None,
-    from_channel: options.FromChannelOption = None,
-    injector: options.InjectorOption = None,
-    lenient: options.LenientOption = False,
-    force: options.ForceOption = False,
-) -> None:
+    ]
+    bench: shared.Decoder = None
+    from_channel: shared.FromChannel = ()
+    injector: Injector = None
+    lenient: Lenient = False
+    force: shared.Force = False
+
+
+def convert(options: ConvertOptions) -> None:
     """Convert recordings and CAN logs to other formats; with a bench file, logs to recordings."""
     from observer_rt.desk.evaluation.convert import convert as convert_file
 
-    chosen = decoder_of(bench, injector, lenient)
-    print(convert_file(recording, target, chosen, from_channel or (), force, messages))
+    chosen = decoder_of(options.bench, options.injector, options.lenient)
+    recording, target, channels = options.recording, options.target, options.from_channel
+    print(convert_file(recording, target, chosen, channels, options.force, messages))
 
 
-def _with_links(bench: Bench, interfaces: list[str] | None, channels: list[str] | None) -> Bench:
+def _with_links(bench: Bench, options: ReplayOptions | RecordOptions) -> Bench:
     """The bench with the interfaces and channels of the command line."""
     config = bench.config
     changes: dict[int, dict[str, str]] = {}
-    for key, texts in (("interface", interfaces), ("channel", channels)):
-        for bus, value in of_links(f"--{key}", texts or (), config.buses, "can1").items():
+    for key, texts in (("interface", options.interface), ("channel", options.channel)):
+        for bus, value in of_links(f"--{key}", texts, config.buses, "can1").items():
             changes.setdefault(bus, {})[key] = value
     link = config.link.model_copy(update=changes.get(0, {}))
     links = {

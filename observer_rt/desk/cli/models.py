@@ -3,83 +3,77 @@
 import json
 import sys
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.config.bench import load_injector
+from observer_rt.config.bench import Bench, load_injector
 from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.desk.cli import options
-from observer_rt.desk.cli.options import (
-    Standing,
-    Writes,
-    argument,
-    decoder_of,
-    file_option,
-    messages,
-    option,
-)
-from observer_rt.foundation.console import (
-    FIGURE_SUFFIXES,
-    progress_bar,
-    results,
-    say,
-)
+from observer_rt.desk import options as shared
+from observer_rt.desk.cli.command import decoder_of, messages
+from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError
+from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Standing, Writes
 from observer_rt.foundation.outputs import check_output, make_folder
 
 
-def fit(
-    recordings: options.RecordingsArgument,
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """Options of `fit` and `discover`, after their own."""
+
+    bench: shared.Decoder = None
+    from_channel: shared.FromChannel = ()
+    injector: Injector = None
+    lenient: Lenient = False
+    yes: shared.Yes = False
+    json: shared.Json = False
+
+    def decoder(self, paths: Sequence[Path], model: Path | None) -> Bench | None:
+        """The bench that says how to read the files. Raises `UserError` where there is none that fits."""
+        from observer_rt.desk.evaluation.guessing import as_confirmed
+
+        return as_confirmed(
+            decoder_of(self.bench, self.injector, self.lenient, model), paths, self.yes, messages
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions(ModelOptions):
+    """Options of the command."""
+
+    recordings: shared.Recordings
     model: Annotated[
-        Path,
-        file_option(
-            "--model", "Injector file to start from: geometry right, the rest within a factor of two."
-        ),
-    ],
-    output: Annotated[
-        Path, file_option("--output", "Fitted injector file to write."), Writes("injector file")
-    ],
+        Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")
+    ]
+    output: Annotated[Path, Option("Fitted injector file to write."), Writes("injector file")]
     mass: Annotated[
         Path | None,
-        file_option(
-            "--mass",
-            "Measured masses (CSV: recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level.",
+        Option(
+            "Measured masses (CSV: recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level."
         ),
-    ] = None,
+    ] = None
     plot: Annotated[
-        Path | None,
-        file_option("--plot", "Figure (png, svg, pdf): line pressure and residuals by phase."),
-        Writes("figure"),
-    ] = None,
-    force: options.ForceOption = False,
-    bench: options.DecoderOption = None,
-    from_channel: options.FromChannelOption = None,
-    injector: options.InjectorOption = None,
-    lenient: options.LenientOption = False,
-    yes: options.YesOption = False,
-    as_json: options.JsonOption = False,
-) -> None:
+        Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase."), Writes("figure")
+    ] = None
+    force: shared.Force = False
+
+
+def fit(options: FitOptions) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
     from observer_rt.config.channels import effects_on_one_raster
-    from observer_rt.desk.evaluation.guessing import as_confirmed
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.fitted_model import fitted_model
     from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
     from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.report import print_fit
+    from observer_rt.identification.likelihood import reading
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
-    from observer_rt.identification.likelihood.reading import (
-        coverage,
-        hashes,
-        read_measured,
-        refuse_rates_missing,
-        without_copies,
-    )
 
-    decoder = as_confirmed(decoder_of(bench, injector, lenient, model), recordings, yes, messages)
+    model, output, plot = options.model, options.output, options.plot
+    decoder = options.decoder(options.recordings, model)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(
@@ -87,21 +81,21 @@ def fit(
         )
     for name, path, suffixes in (("--output", output, (".toml",)), ("--plot", plot, FIGURE_SUFFIXES)):
         if path is not None:
-            check_output(name, path, force, suffixes=suffixes)
-    paths = without_copies(without_truths(recordings, messages), messages)
-    read = partial(open_source, bench=decoder, from_channels=from_channel or (), console=messages)
-    most = MOST_SAMPLES if mass is None else sys.maxsize  # whole: masses go by the injection's number
+            check_output(name, path, options.force, suffixes=suffixes)
+    paths = reading.without_copies(without_truths(options.recordings, messages), messages)
+    read = partial(open_source, bench=decoder, from_channels=options.from_channel, console=messages)
+    most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: masses go by the injection's number
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    found = read_measured(paths, read, messages, most, stated)
-    refuse_rates_missing([one.recording for one in found])
+    found = reading.read_measured(paths, read, messages, most, stated)
+    reading.refuse_rates_missing([one.recording for one in found])
     refuse_clipped(found)
-    weighed = {} if mass is None else read_masses(mass, found)
+    weighed = {} if options.mass is None else read_masses(options.mass, found)
     warned = warnings(found)
-    for line in (*map(coverage, found), *(f"warning: {one}" for one in warned)):
+    for line in (*map(reading.coverage, found), *(f"warning: {one}" for one in warned)):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
-            fitted = fitted_model(start, found, weighed, hashes(paths), progress)
+            fitted = fitted_model(start, found, weighed, reading.hashes(paths), progress)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     fitted.write(output, source)
@@ -110,204 +104,170 @@ def fit(
         from observer_rt.identification.fit.report import draw_fit
 
         draw_fit(plot, done)
-    if as_json:
+    if options.json:
         print(json.dumps(document_of(done, fitted.baseline, warned).as_json(), indent=2))
     else:
         print_fit(done, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
 
 
-def discover(
+@dataclass(frozen=True, kw_only=True)
+class DiscoverOptions(ModelOptions):
+    """Options of the command."""
+
     out: Annotated[
         Path,
-        option("--out", "Folder for findings, amended model and report.", "DIR"),
+        Option("Folder for findings, amended model and report.", "DIR"),
         Writes(
             "answer to a search that goes on where `fits.jsonl` ends",
             Standing.ANSWER,
             ("findings.json", "report.html", "amended.toml", "plan.csv", "data", "fits.jsonl"),
         ),
-    ],
-    recordings: options.OptionalRecordingsArgument = None,
+    ]
+    recordings: shared.Recordings = ()
     from_evidence: Annotated[
         Path | None,
-        option(
-            "--from-evidence",
-            "Instead of recordings: folder of events that `run` kept, [evidence] in the bench file.",
-            "DIR",
-            show_default=False,
+        Option(
+            "Instead of recordings: folder of events that `run` kept, [evidence] in the bench file.", "DIR"
         ),
-    ] = None,
+    ] = None
     model: Annotated[
         Path | None,
-        file_option(
-            "--model",
-            "Injector file (default: the bench file's, that of the evidence, else the nominal injector).",
-            show_default=False,
-        ),
-    ] = None,
+        Option("Injector file (default: the bench file's, that of the evidence, else the nominal injector)."),
+    ] = None
     healthy: Annotated[
-        list[Path] | None,
-        option(
-            "--healthy", "Recording of a healthy injector to judge the model by; repeatable.", "RECORDING"
-        ),
-    ] = None,
+        tuple[Path, ...],
+        Option("Recording of a healthy injector to judge the model by; repeatable.", "RECORDING"),
+    ] = ()
     choose: Annotated[
         str,
-        option(
-            "--choose",
+        Option(
             "Effect for the amended model, where several explain the recordings equally well; ID+ID for two.",
             "ID",
-            show_default=False,
         ),
-    ] = "",
+    ] = ""
     accept_term: Annotated[
-        int,
-        option(
-            "--accept-term",
-            "Number of the proposal, in an `unknown` answer, that the amended model is to have.",
-            "N",
-            show_default=False,
-            min=0,
-        ),
-    ] = 0,
+        int | None,
+        Option("Number of the proposal, in an `unknown` answer, that the amended model is to have.", "N", 0),
+    ] = None
     instead: Annotated[
         str,
-        option(
-            "--instead",
+        Option(
             "With --accept-term: the law of this equation, which line pressure cannot tell from the proposal's.",
             "EQUATION",
-            show_default=False,
         ),
-    ] = "",
+    ] = ""
     in_part: Annotated[
         bool,
-        option(
-            "--in-part",
-            "With --accept-term: also a proposal that closes two thirds of the gap; the rest widens all intervals.",
+        Option(
+            "With --accept-term: also a proposal that closes two thirds of the gap; the rest widens all intervals."
         ),
-    ] = False,
-    force: options.ForceOption = False,
-    data: Annotated[
-        bool, option("--data", "Also write the figures (SVG) and the numbers behind them (CSV).")
-    ] = False,
+    ] = False
+    force: shared.Force = False
+    data: Annotated[bool, Option("Also write the figures (SVG) and the numbers behind them (CSV).")] = False
     plan: Annotated[
         bool,
-        option(
-            "--plan",
-            "Also plan what to measure next: operating points that decide between what is left, as a schedule (CSV).",
+        Option(
+            "Also plan what to measure next: operating points that decide between what is left, as a schedule (CSV)."
         ),
-    ] = False,
-    bench: options.DecoderOption = None,
-    from_channel: options.FromChannelOption = None,
-    injector: options.InjectorOption = None,
-    lenient: options.LenientOption = False,
-    yes: options.YesOption = False,
-    as_json: options.JsonOption = False,
-) -> None:
+    ] = False
+
+
+def discover(options: DiscoverOptions) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
-    from observer_rt.desk.evaluation.guessing import as_confirmed
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.simulation.simulate import two_injections
-    from observer_rt.identification.discovery.discover import (
-        AMENDED,
-        DATA,
-        FITS,
-        PLAN,
-        REPORT,
-        DiscoveryTask,
-        answer,
-        check_answer_folder,
-        fits_in,
-        planned,
-        refuse_incomparable,
-        write_findings,
-    )
+    from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.report.document import FINDINGS
     from observer_rt.identification.discovery.report.plan import print_plan
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
 
-    for name, wanted in (("--in-part", in_part), ("--instead", instead)):
-        if wanted and not accept_term:
+    for name, wanted in (("--in-part", options.in_part), ("--instead", options.instead)):
+        if wanted and not options.accept_term:
             raise UserError(name, "says nothing of which proposal", "add --accept-term N")
     begin = time.monotonic()
-    if (from_evidence is None) == (not recordings):
+    if (options.from_evidence is None) == (not options.recordings):
         raise UserError(
             "RECORDING",
-            "is missing" if from_evidence is None else "and --from-evidence are two sources",
+            "is missing" if options.from_evidence is None else "and --from-evidence are two sources",
             "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
         )
-    given = (*(recordings or ()), *(healthy or ()))
-    decoder = as_confirmed(decoder_of(bench, injector, lenient, model), given, yes, messages)
-    chosen = effects_named("--choose", choose)
-    if from_evidence is not None:
-        asked = asked_of_evidence(from_evidence, model, decoder, messages)
+    recordings, healthy, out = options.recordings, options.healthy, options.out
+    decoder = options.decoder((*recordings, *healthy), options.model)
+    chosen = effects_named("--choose", options.choose)
+    if options.from_evidence is not None:
+        asked = asked_of_evidence(options.from_evidence, options.model, decoder, messages)
     else:
         asked = asked_of_recordings(
-            recordings or (), healthy or (), model, decoder, from_channel or (), messages
+            recordings, healthy, options.model, decoder, options.from_channel, messages
         )
-    check_answer_folder(out, asked.model, force)
+    discovery.check_answer_folder(out, asked.model, options.force)
     amendable = InjectorFile.read(asked.model)
-    observed = observer_remainder if in_part else None
-    task = DiscoveryTask(
+    task = discovery.DiscoveryTask(
         load_injector(asked.model),
         asked.measured,
         asked.healthy,
         asked.hashes,
         chosen,
-        accept_term,
-        instead,
-        observed,
+        options.accept_term or 0,
+        options.instead,
+        observer_remainder if options.in_part else None,
     )
-    refuse_incomparable(task, str(asked.model))
+    discovery.refuse_incomparable(task, str(asked.model))
     make_folder("--out", out)
     for one in (*asked.measured, *asked.healthy):
         say(messages, coverage(one))
-    store = fits_in(out, task, asked.stated)
+    store = discovery.fits_in(out, task, asked.stated)
     if store.taken_over:
         say(messages, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
         try:
-            found = answer(task, store, progress, AMENDED)
+            found = discovery.answer(task, store, progress, discovery.AMENDED)
         except KeyboardInterrupt:
             raise InterruptionError(
-                f"interrupted; {store.kept} fitted candidates are kept in {out / FITS}\n"
+                f"interrupted; {store.kept} fitted candidates are kept in {out / discovery.FITS}\n"
                 "  remedy: give the same command again to go on"
             ) from None
-    if plan:
+    if options.plan:
         with progress_bar(messages, "planning what to measure next", 1.0) as progress:
-            found = planned(found, task, two_injections, progress)
+            found = discovery.planned(found, task, two_injections, progress)
     found = replace(found, seconds=time.monotonic() - begin)
-    document = write_findings(out, task, found, amendable, asked.references, data)
+    document = discovery.write_findings(out, task, found, amendable, asked.references, options.data)
     if found.not_accepted:
         say(messages, f"warning: {found.not_accepted}")
-    if as_json:
+    if options.json:
         print(document)
     else:
         say(results(), as_text(found))
-        if plan:
+        if options.plan:
             print_plan(found.plan, results())
-        written = (
-            (AMENDED, found.amended_model is not None),
-            (PLAN, found.plan is not None),
-            (DATA, data),
-        )
-        more = [name for name, is_there in written if is_there]
-        say(messages, f"{out}: {', '.join([REPORT, FINDINGS, *more])}")
+        written = {
+            discovery.AMENDED: found.amended_model is not None,
+            discovery.PLAN: found.plan is not None,
+            discovery.DATA: options.data,
+        }
+        more = [name for name, is_there in written.items() if is_there]
+        say(messages, f"{out}: {', '.join([discovery.REPORT, FINDINGS, *more])}")
 
 
-def compare(
-    runs: Annotated[list[Path], argument("Folders that `discover --out` wrote.", "DIR")],
-    as_json: options.JsonOption = False,
-) -> None:
+@dataclass(frozen=True)
+class CompareOptions:
+    """Options of the command."""
+
+    runs: Annotated[tuple[Path, ...], Argument("Folders that `discover --out` wrote.", "DIR")]
+    json: shared.Json = False
+
+
+def compare(options: CompareOptions) -> None:
     """Compare runs of `discover`: verdicts, sizes, gaps, and what changed from the first to the last."""
     from observer_rt.identification.discovery import runs as comparison
 
-    if len(runs) < 2:
+    if len(options.runs) < 2:
         raise UserError("DIR", "is one run", "name two folders or more")
-    found = [comparison.DiscoveryRun.read(path) for path in runs]
-    if as_json:
+    found = [comparison.DiscoveryRun.read(path) for path in options.runs]
+    if options.json:
         print(json.dumps(comparison.as_json(found), indent=2))
         return
     console = results()
@@ -316,16 +276,21 @@ def compare(
         say(console, line)
 
 
-def effects(
-    ids: Annotated[list[str] | None, argument("Effects to describe in detail (default: all).", "ID")] = None,
-    as_json: options.JsonOption = False,
-) -> None:
+@dataclass(frozen=True)
+class EffectsOptions:
+    """Options of the command."""
+
+    ids: Annotated[tuple[str, ...], Argument("Effects to describe in detail (default: all).", "ID")] = ()
+    json: shared.Json = False
+
+
+def effects(options: EffectsOptions) -> None:
     """List the effects a model can have: unit, bounds, meaning, what each may be mistaken for."""
     from observer_rt.identification.discovery import vocabulary
     from observer_rt.model.effects import VOCABULARY
 
-    chosen = [effect_named("ID", name) for name in ids or VOCABULARY]
-    if as_json:
+    chosen = [effect_named("ID", name) for name in options.ids or VOCABULARY]
+    if options.json:
         print(json.dumps(vocabulary.as_json(chosen), indent=2))
     else:
-        results().print(vocabulary.as_table(chosen, in_detail=bool(ids)), highlight=False)
+        results().print(vocabulary.as_table(chosen, in_detail=bool(options.ids)), highlight=False)

@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -14,11 +14,12 @@ from rich.console import Console
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.keeper import sole_writer
 from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.desk.evaluation.curves import numbers_shown, refuse_beyond
+from observer_rt.desk.evaluation.curves import chosen_numbers, numbers_shown, refuse_beyond
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.desk.evaluation.histories import look_over, run_by_run
 from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state, write_state
 from observer_rt.desk.evaluation.logged import LoggedSignals, open_source, without_truths
+from observer_rt.desk.evaluation.options import EvaluateOptions
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
@@ -40,48 +41,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import temperature_of
 
 
-@dataclass(frozen=True)
-class EvaluateOptions:
-    """Options of the command."""
-
-    state: Path | None
-    save_state: Path | None
-    learning: bool
-    chain: bool
-    output: Path | None
-    plot: Path | None
-    json: bool
-    from_channel: Sequence[str] = ()
-    """Channels of a CAN log, of buses."""
-    force: bool = False
-    """Replace files that are there."""
-    fuel_temperature: float | None = None
-    """degC of recordings, which know none; None: as in the injector file."""
-    injections: Sequence[int] = ()
-    """Numbers of those to be drawn as curves, empty: some."""
-    twice: bool = False
-    """Look at every injection again with what all of them taught."""
-
-    @property
-    def has_folder(self) -> bool:
-        """Whether traces go into `output`, each a file of its own."""
-        output = self.output
-        return output is not None and (output.is_dir() or not (output.suffix or output.exists()))
-
-    def traces(self, paths: Sequence[Path]) -> list[Path]:
-        """To be written, one a recording, or none."""
-        if self.output is None or not self.has_folder:
-            return [] if self.output is None else [self.output]
-        return [self.output / (path.name + TRACE_SUFFIX) for path in paths]
-
-    @property
-    def written(self) -> dict[str, Path]:
-        """Paths to be written, by option."""
-        named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
-        return {option: path for option, path in named.items() if path is not None}
-
-
-def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
+def evaluate_bench(bench: Bench, options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings for all injectors of a bench, as `evaluate_files`.
 
     Files that the options name get the name of the injector where there are several: `worn.png` becomes
@@ -90,10 +50,11 @@ def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions
     `CombinedError` for those that were not evaluated.
     """
     if len(bench.injectors) == 1:
-        evaluate_files(bench, given, options, console)
+        evaluate_files(bench, options, console)
         return
-    paths = without_truths(given, console)
+    paths = without_truths(options.recordings, console)
     _refuse_plain(bench, paths)
+    options = replace(options, recordings=tuple(paths))
     parts = [(each, _named(options, each.injector.name)) for each in bench.each]
     for each, own in parts:
         _refuse_early(each, paths, own)
@@ -107,7 +68,7 @@ def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         else:
             say(results(), f"{chr(10) if number else ''}injector {name}")
         try:
-            evaluate_files(each, paths, own, console)
+            evaluate_files(each, own, console)
         except UserError as error:
             failures[name] = error
             if options.json:
@@ -120,16 +81,16 @@ def evaluate_bench(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         raise CombinedError(failures)
 
 
-def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions, console: Console) -> None:
+def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
-    paths = without_truths(given, console)
+    paths = without_truths(options.recordings, console)
     _refuse_early(bench, paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     stated = bench.injector.parameters
     bench = _with_fuel(bench, sources, options)
     knowledge = read_state(options.state, stated, partial(say, console))
     with ExitStack() as stack:
-        traces = [stack.enter_context(replacing(path)) for path in options.traces(paths)]
+        traces = [stack.enter_context(replacing(path)) for path in _traces(paths, options)]
         evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
     c = effective_model(bench.injector.parameters).coefficients
     if options.save_state is not None:
@@ -145,7 +106,7 @@ def evaluate_files(bench: Bench, given: Sequence[Path], options: EvaluateOptions
         from observer_rt.desk.evaluation.figures import picture_of, plot_injections
 
         there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
-        shown = numbers_shown(options.injections, there)
+        shown = numbers_shown(_asked_for(options), there)
         plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
 
 
@@ -174,9 +135,9 @@ def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
 
 def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
-    if options.injections and options.plot is None:
+    if _asked_for(options) and options.plot is None:
         raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
-    place, traces = f"--output {options.output}", options.traces(paths)
+    place, traces = f"--output {options.output}", _traces(paths, options)
     if len(paths) > 1 and options.output is not None and not options.has_folder:
         raise UserError(place, "names a file, but there are several recordings", "name a folder")
     if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
@@ -185,7 +146,7 @@ def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions)
         raise UserError(
             "--twice", "revises rates after they are written by --output", "leave one of them out"
         )
-    if options.twice and not options.learning:
+    if options.twice and options.no_learning:
         raise UserError("--twice", "has nothing to go by with --no-learning", "leave one of them out")
     if len(paths) > 1 and options.save_state is not None and not options.chain:
         raise UserError(
@@ -196,6 +157,18 @@ def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions)
             refuse_state(bench.injector, option)
     refuse_missing_state("--state", options.state)
     _check_destinations(paths, options)
+
+
+def _asked_for(options: EvaluateOptions) -> Sequence[int]:
+    """Numbers of the injections to be drawn as curves, empty: some."""
+    return () if options.injections is None else chosen_numbers(options.injections)
+
+
+def _traces(paths: Sequence[Path], options: EvaluateOptions) -> list[Path]:
+    """To be written, one a recording, or none."""
+    if options.output is None or not options.has_folder:
+        return [] if options.output is None else [options.output]
+    return [options.output / (path.name + TRACE_SUFFIX) for path in paths]
 
 
 def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateOptions) -> Bench:
@@ -222,7 +195,7 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
             raise UserError(f"{option} {path}", "is a recording to be evaluated", "name another file")
     if options.output is not None and options.has_folder:
         make_folder("--output", options.output)
-    for trace in options.traces(paths):
+    for trace in _traces(paths, options):
         check_output("--output", trace, force, suffixes=SUFFIXES)
     if options.plot is not None:
         check_output("--plot", options.plot, force, suffixes=FIGURE_SUFFIXES)
@@ -243,8 +216,8 @@ def _evaluated(
     """Every source by itself, or all of them as one history; gives the knowledge at the end of the last one, too."""
     look_over(bench, sources, console)
     openings = [source.survey.openings.most for source in sources]
-    refuse_beyond(options.injections, sum(openings) if options.chain else max(openings))
-    learning = options.learning and bench.injector.config.learning.enabled
+    refuse_beyond(_asked_for(options), sum(openings) if options.chain else max(openings))
+    learning = not options.no_learning and bench.injector.config.learning.enabled
     wants_curves = options.plot is not None or options.twice
     curves = effective_model(bench.injector.parameters).coefficients if wants_curves else None
     remaining = iter(traces)

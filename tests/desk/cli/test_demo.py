@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.desk.cli.demo import Demo
+from observer_rt.desk.demonstration.worn import Demo
 from observer_rt.desk.evaluation.evaluate import evaluate
 from tests.desk.cli.conftest import Command
 

@@ -14,7 +14,7 @@ from typer.models import OptionInfo
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.desk.cli.app import app
-from observer_rt.desk.cli.options import Standing, Writes
+from observer_rt.foundation.options import Standing, Writes
 from tests.desk.cli.conftest import Command, module
 from tests.pages import Page
 

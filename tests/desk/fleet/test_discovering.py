@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_injector
-from observer_rt.desk.cli.models import discover
+from observer_rt.desk.cli.models import DiscoverOptions, discover
 from observer_rt.desk.fleet.answers import TABLE
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
@@ -158,7 +158,7 @@ def test_the_findings_are_those_of_discover(
 ) -> None:
     """Of the same recordings, although a worker was killed, others were left out and none had more than a thread."""
     files = sorted(measured.glob("injector_worn/run_?.csv"), key=lambda path: path.stat().st_mtime)
-    discover(tmp_path, files[::-1], bench=EXAMPLE_BENCH, as_json=True)
+    discover(DiscoverOptions(out=tmp_path, recordings=tuple(files[::-1]), bench=EXAMPLE_BENCH, json=True))
     alone = json.loads(capsys.readouterr().out)
     fleet = json.loads((run.folder / run.rows["worn"]["report"]).with_name("findings.json").read_text())
     for varying in ("made", "seconds"):

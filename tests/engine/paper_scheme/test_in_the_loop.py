@@ -11,8 +11,9 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import LearningConfig, Training
 from observer_rt.desk.check.checkup import Level, checkup
-from observer_rt.desk.evaluation.command import EvaluateOptions, evaluate_files
+from observer_rt.desk.evaluation.command import evaluate_files
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
+from observer_rt.desk.evaluation.options import EvaluateOptions
 from observer_rt.desk.paper.study import InjectionWindow, injection_windows
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import Simulation, simulate
@@ -157,9 +158,9 @@ def test_line_drained_by_the_seat_is_refused() -> None:
 def test_state_is_neither_restored_nor_saved(tmp_path: Path, option: str) -> None:
     file = tmp_path / "state.json"
     state, save_state = (file, None) if option == "--state" else (None, file)
-    options = EvaluateOptions(state, save_state, True, False, None, None, False)
+    options = EvaluateOptions((tmp_path / "recording.csv",), state=state, save_state=save_state)
     with pytest.raises(UserError, match="keeps nothing") as refused:
-        evaluate_files(paper_bench(), [tmp_path / "recording.csv"], options, Console(stderr=True))
+        evaluate_files(paper_bench(), options, Console(stderr=True))
     assert refused.value.place == option
 
 

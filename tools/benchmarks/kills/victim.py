@@ -20,7 +20,8 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.config.injector import LearningConfig, SamplingConfig, StateConfig
-from observer_rt.daemon.run import RunOptions, serve
+from observer_rt.daemon.options import RunOptions
+from observer_rt.daemon.run import serve
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.files.replay.framing import Framer, TimedFrame, whole
 from observer_rt.files.replay.player import play
@@ -77,7 +78,7 @@ def run_victim(scene: Scene, messages: int, full: FullDisk | None) -> None:
         threading.Thread(target=partial(_play, scene), daemon=True).start()
         if full is not None:
             threading.Thread(target=partial(_fill, scene, full, console), daemon=True).start()
-        serve(scene.bench, RunOptions(scene.state, journal=scene.journal), console, lambda: scene.bench)
+        serve(scene.bench, RunOptions(state=scene.state, journal=scene.journal), console, lambda: scene.bench)
 
 
 class _Stamped(io.TextIOBase):

@@ -22,10 +22,11 @@ from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
+from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.persistence.journal import reading_journal
-from observer_rt.daemon.run import RunOptions, serve
+from observer_rt.daemon.run import serve
 from observer_rt.desk.asked import question, step_back
-from observer_rt.desk.cli.demo import PERIOD, RAIL_PRESSURES, demo_link
+from observer_rt.desk.demonstration.worn import PERIOD, RAIL_PRESSURES, demo_link
 from observer_rt.desk.evaluation.figures import ESTIMATED, NOMINAL, REFERENCE
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
@@ -48,6 +49,7 @@ from observer_rt.model.terms.term import TermEquation
 BEFORE, AFTER = 18, 12  # injections
 LOG, JOURNAL, FOUND = "observer.log", "injections.sqlite", "missing"
 SAMPLE_RATE = 100e3  # Hz
+SPEED = 0.2  # 1: real time
 ENERGIZING_TIMES = (0.9 * MILLISECOND, 1.9 * MILLISECOND)
 QUIET = 1.5  # s for the last results to be written, and for the observer to begin anew
 _START = 30.0  # s that the daemon may need to be ready

@@ -1,0 +1,80 @@
+"""Commands share this: how typer is told their options, and where their messages go."""
+
+from collections.abc import Callable
+from dataclasses import MISSING, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import typer
+from rich.console import Console
+
+from observer_rt.config.bench import Bench, load_bench
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.options import Argument
+
+messages = Console(stderr=True)
+
+
+def with_options(work: Callable[[Any], None]) -> Callable[..., None]:
+    """A command of typer that gives `work` its one argument, a data class whose fields are the options."""
+    kind = get_type_hints(work)["options"]
+    hints = get_type_hints(kind, include_extras=True)
+    inherited = {field.name for base in kind.__bases__ if is_dataclass(base) for field in fields(base)}
+    parameters = [
+        Parameter(
+            field.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if field.default is MISSING else field.default,
+            annotation=_annotation(field.name, hints[field.name]),
+        )
+        for field in sorted(fields(kind), key=lambda field: field.name in inherited)
+    ]
+
+    @wraps(work)
+    def command(**values: Any) -> None:
+        given = {name: value for name, value in values.items() if value is not None}
+        work(
+            kind(
+                **{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+            )
+        )
+
+    command.__dict__["__signature__"] = Signature(parameters)
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return command
+
+
+def _annotation(name: str, hint: Any) -> Any:
+    """What typer is told of a field."""
+    kind, said, *more = get_args(hint)
+    if get_origin(kind) is tuple:
+        kind = list[get_args(kind)[0]] | None  # type: ignore[misc]
+    parameter: Any
+    if isinstance(said, Argument):
+        parameter = typer.Argument(help=said.purpose, metavar=said.metavar, show_default=False)
+    else:
+        parameter = typer.Option(
+            f"--{name.replace('_', '-')}",
+            help=said.purpose,
+            metavar=said.metavar or ("FILE" if "Path" in str(kind) else None),
+            show_default="(default: " not in said.purpose,
+            min=said.minimum,
+            max=said.maximum,
+        )
+    return Annotated[kind, parameter, *more]
+
+
+def decoder_of(
+    bench: Path | None, injector: str | None, lenient: bool, model: Path | None = None
+) -> Bench | None:
+    """The bench of `--bench`, with the injector of `--injector` only; None without one.
+
+    Raises `UserError` for files that do not fit, and for an injector of no bench file.
+    """
+    if bench is not None:
+        return load_bench(bench, model, lenient, off_bus=True).of(injector)
+    if injector is not None:
+        raise UserError(f"--injector {injector}", "names one of a bench file", "give that by --bench")
+    return None

@@ -75,7 +75,7 @@ def simulate(options: SimulateOptions) -> None:
         raise UserError(
             "--injections",
             f"{injections} events every {options.period:g} ms at {rate:g} Hz are {samples:.3g} samples "
-            f" (at most {MAX_SAMPLES:.3g})",
+            f"(at most {MAX_SAMPLES:.3g})",
             "write several recordings; `evaluate --chain` takes them as one history",
         )
     schedule = times.make_schedule(

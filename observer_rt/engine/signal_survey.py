@@ -198,19 +198,19 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
     rail, lift, line = (survey.signals.get(name) for name in Role)
     if rail is None or line is None or lift is None:
         return
-    problems = {}
+    problems: dict[Role, str] = {}
     if lift.swing == 0.0 and line.swing > rail.swing + DIPS:
-        problems["needle_lift"] = (
+        problems[Role.NEEDLE_LIFT] = (
             f"is {lift.highest / MILLIMETRE:.4g} mm all the time, though the line pressure moves by "
             f"{line.swing / MEGAPASCAL:.3g} MPa"
         )
     if line.swing == 0.0 and lift.highest > OPEN:
-        problems["line_pressure"] = (
+        problems[Role.LINE_PRESSURE] = (
             f"never moves: it is {line.highest / MEGAPASCAL:.4g} MPa all the time, though the needle opens"
         )
-    for name, problem in problems.items():
-        dead = Implausible(name, problem, "mind its column, and check its sensor")
-        raise dead.error(path, (columns or {}).get(name, ""))
+    for role, problem in problems.items():
+        dead = Implausible(role, problem, "mind its column, and check its sensor")
+        raise dead.error(path, (columns or {}).get(role, ""))
 
 
 def swapped(survey: Survey) -> tuple[str, str] | None:

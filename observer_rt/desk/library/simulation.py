@@ -1,7 +1,7 @@
 """Simulated recordings for notebooks: rail pressures and durations in, a recording with its truth out."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -111,13 +111,10 @@ def simulate(
     )
 
 
-def _as_text(values: float | Sequence[float]) -> str:
+def _as_text(values: Any) -> str:
     """Numbers as the command line has them, where their limits are."""
-    return (
-        ",".join(map(str, values))
-        if isinstance(values, Iterable) and not isinstance(values, str)
-        else str(values)
-    )
+    is_sequence = isinstance(values, Iterable) and not isinstance(values, str)
+    return ",".join(map(str, values)) if is_sequence else str(values)
 
 
 def _effect_texts(effect: str, sizes: float | Mapping[str, float]) -> list[str]:

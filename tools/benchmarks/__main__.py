@@ -10,15 +10,12 @@ from tools.benchmarks import (  # noqa: F401
     batch,
     damage,
     loop,
-    surgery,
     twice,
     wave_recordings,
 )
 from tools.benchmarks.command_line import app, messages
 from tools.benchmarks.discovery import command as discovery  # noqa: F401
 from tools.benchmarks.faults import run as faults  # noqa: F401
-from tools.benchmarks.kills import campaign, power  # noqa: F401
-from tools.benchmarks.realism import run as realism  # noqa: F401
 from tools.benchmarks.speed import measure as speed  # noqa: F401
 
 

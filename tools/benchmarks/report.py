@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+import pandas as pd
 from rich.console import Console
 from rich.table import Table
 from scipy.stats import binomtest
@@ -87,6 +88,14 @@ def list_of(title: str, groups: Iterable[Iterable[Row]], columns: Columns[Row], 
         for row in group:
             table.add_row(*cells(row, columns))
         table.add_section()
+    return table
+
+
+def frame_table(title: str, frame: pd.DataFrame) -> Table:
+    """A row for each of a frame's, under its index's name; figures with four digits."""
+    table = ruled(title, (str(frame.index.name or ""),), tuple(map(str, frame.columns)))
+    for name, row in frame.iterrows():
+        table.add_row(str(name), *(NOTHING if pd.isna(value) else f"{value:.4g}" for value in row))
     return table
 
 

@@ -25,9 +25,11 @@ from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Outcome, record
 from tools.benchmarks.campaign import Task
 from tools.benchmarks.command_line import tracked
-from tools.benchmarks.faults.bus import index_of
+from tools.benchmarks.faults import reasons as of
+from tools.benchmarks.faults.fault import Fault, Placed, Where
+from tools.benchmarks.faults.frames import index_of
 from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Published, Receiver
-from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario, drawn
+from tools.benchmarks.faults.scenario import AT, Scenario, drawn
 from tools.benchmarks.faults.score import FaultScore, score
 from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import RUN, Observer, observer
@@ -36,9 +38,6 @@ CHANNEL = "vcan0"
 WEAR = 0.2  # v_H: one injector for all
 REST = 0.5  # s after a scenario, for what was published last
 BUSY_ID, BUSY_FRAMES = 0x555, 2000.0  # 1/s
-_LOST = frozenset(
-    {"SAMPLES_LOST", "STARTING", "INPUT_TIMEOUT", "INPUT_STALE", "NOT_JUDGED", "TOO_FEW_EVENTS"}
-)
 
 
 @dataclass(frozen=True)
@@ -79,13 +78,16 @@ def _busy(bus: Bus) -> Iterator[None]:
         yield
 
 
-_LIVE: dict[str, tuple[Callable[[Bus], AbstractContextManager[None]], frozenset[str]]] = {
-    "process_stopped": (_stopped, _LOST),
-    "interface_away": (_away, _LOST),
-    "second_sender": (_second_sender, frozenset({"SECOND_SENDER"})),
-    "busy_bus": (_busy, _LOST),
+_LIVE: dict[str, Callable[[Bus], AbstractContextManager[None]]] = {
+    "process_stopped": _stopped,
+    "interface_away": _away,
+    "second_sender": _second_sender,
+    "busy_bus": _busy,
 }
-KINDS = {name: Kind(name, Group.PROCESS, true) for name, (_, true) in _LIVE.items()}
+ROWS = {
+    name: Fault(name, Where.PROCESS, of.AWAY | ({"SECOND_SENDER"} if name == "second_sender" else set()))
+    for name in _LIVE
+}
 
 
 def run_live(count: int, master_seed: int, folder: Path) -> list[FaultScore]:
@@ -94,7 +96,7 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[FaultScore]:
     path = folder / "bench.toml"
     path.write_text(bench_text(('channel = "can0"', f'channel = "{CHANNEL}"')), "utf-8")
     framer, found = Framer(map_bus(load_bench(path))), []
-    names = list(KINDS)
+    names = [f"{name}{AT}0" for name in ROWS]
     with (
         observer([*RUN, path]) as daemon,
         open_link("socketcan", CHANNEL, True, []) as device,
@@ -113,7 +115,7 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[FaultScore]:
 
 
 def _scenario(task: Task) -> Scenario:
-    found = drawn(task, KINDS, is_rich=False)
+    found = drawn(task, ROWS, is_rich=False)
     events = tuple(replace(event, faults=Faults(orifice_area=WEAR)) for event in found.bench.events)
     return replace(found, bench=replace(found.bench, injector=Injector(), events=events))
 
@@ -144,8 +146,7 @@ def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus:
 
 def _misbehave(placed: Placed, bus: Bus, begun: float) -> None:
     time.sleep(max(begun + placed.begin - time.monotonic(), 0.0))
-    fault, _ = _LIVE[placed.kind.name]
-    with fault(bus):
+    with _LIVE[placed.fault.name](bus):
         time.sleep(placed.end - placed.begin)
 
 

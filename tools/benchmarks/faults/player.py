@@ -7,6 +7,8 @@ import struct
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason
@@ -22,32 +25,16 @@ from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from tests.plants.plant import Measured
-from tools.benchmarks.faults import bus as bus_faults
-from tools.benchmarks.faults.bus import Frames, Sent, with_bus_fault
-from tools.benchmarks.faults.inputs import with_input_fault
-from tools.benchmarks.faults.scenario import Group, Kind, Placed, Scenario
+from tools.benchmarks.faults import reasons as of
+from tools.benchmarks.faults.fault import Fault, Frames, Placed, Sent, Where
+from tools.benchmarks.faults.frames import BLOCK_SAMPLES, with_frame_fault
+from tools.benchmarks.faults.scenario import Scenario
 
-_LATE = frozenset(
-    {
-        "NOT_JUDGED",
-        "NOT_LEARNED",
-        "MODEL_INADEQUATE",
-        "CONTRADICTED",
-        "REVISED",
-        "TOO_FEW_EVENTS",
-        "OUTSIDE_LEARNED_RANGE",
-    }
-)
-HUNG = Kind("learner_hung", Group.PROCESS, _LATE)
-FAILING = Kind("learner_failing", Group.PROCESS, _LATE)
 DOWN = 0.15  # s from a kill until the service is there again
-KILLED = Kind(
-    "killed_and_restarted",
-    Group.PROCESS,
-    frozenset({"STARTING", "TOO_FEW_EVENTS", "SAMPLES_LOST"}),
-    shortest=DOWN,
-)
-KINDS = (HUNG, FAILING, KILLED)
+HUNG = Fault("learner_hung", Where.PROCESS, of.UNLEARNED)
+FAILING = Fault("learner_failing", Where.PROCESS, of.UNLEARNED)
+KILLED = Fault("killed_and_restarted", Where.PROCESS, of.AWAY, shortest=DOWN)
+ROWS = (HUNG, FAILING, KILLED)
 BLOCK = 32  # frames given at once
 RATE_ID, SUMMARY_ID = 0x200, 0x201
 _RATES = np.dtype([("head", "V3"), ("flags", "u1"), ("index", "<u4"), ("rates", "<u2", 28)])
@@ -59,7 +46,7 @@ class UnreliableExecutor(Executor):
     """Learns at once, or not until it is well again, or fails."""
 
     def __init__(self) -> None:
-        self.kind: Kind | None = None
+        self.kind: Fault | None = None
         """What it does wrong now."""
         self._waiting: list[tuple[Future[Any], Callable[[], Any]]] = []
 
@@ -105,19 +92,14 @@ class Published:
 def play(scenario: Scenario, measured: Measured, bench: Bench) -> Published:
     """What the service publishes of a scenario; bench: as the bench file says."""
     bus = map_bus(bench)
-    placed = scenario.placed
-    for each in placed:
-        if each.kind.group is Group.INPUT:
-            measured = with_input_fault(measured, each)
     recording = Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure)
     layouts = {(layout.bus, layout.frame_id): number for number, layout in enumerate(bus.input_layouts)}
     frames: Frames = [
         Sent(each.time, each.time, layouts[each.bus, each.frame_id], each.payload)
         for each in Framer(bus).frames(recording, whole(recording))
     ]
-    for each in placed:
-        if each.kind.group in (Group.BUS, Group.TIME):
-            frames = with_bus_fault(frames, each, bus)
+    for placed in scenario.placed:
+        frames = with_frame_fault(frames, placed, bus)
     return _Player(scenario, bench, measured.time).play(frames)
 
 
@@ -176,7 +158,7 @@ class Receiver:
         """Sample of the recording that an index means: of the newest numbering in which it can have been sent."""
         for moved, since in reversed(self._moves):
             sample = (index - moved) & 0xFFFFFFFF
-            if since - bus_faults.BLOCK_SAMPLES <= sample <= self._newest + bus_faults.BLOCK_SAMPLES:
+            if since - BLOCK_SAMPLES <= sample <= self._newest + BLOCK_SAMPLES:
                 return sample
         return self._time.size
 
@@ -184,9 +166,9 @@ class Receiver:
 class _Player:
     def __init__(self, scenario: Scenario, bench: Bench, time: NDArray[np.float64]) -> None:
         self._bench, self._bus = bench, map_bus(bench)
-        self._of_process = [each for each in scenario.placed if each.kind.group is Group.PROCESS]
+        self._of_process = [each for each in scenario.placed if each.fault.where is Where.PROCESS]
         self._learning = scenario.learning
-        is_waited_for = all(each.kind is KILLED for each in self._of_process)
+        is_waited_for = all(each.fault is KILLED for each in self._of_process)
         self._executor = None if is_waited_for else UnreliableExecutor()
         self._core = Core(bench.injector, self._bus, executor=self._executor, learning=self._learning)
         self._receiver = Receiver(time)
@@ -232,9 +214,9 @@ class _Player:
         if self._executor is None:
             return
         now = [
-            each.kind
+            each.fault
             for each in self._of_process
-            if each.kind is not KILLED and each.begin <= time < each.end
+            if each.fault is not KILLED and each.begin <= time < each.end
         ]
         self._executor.kind = now[0] if now else None
         self._executor.work()
@@ -242,7 +224,7 @@ class _Player:
     def _is_down(self, time: float) -> bool:
         """Whether the service was killed and is not back; it comes back with what it had saved."""
         for each in self._of_process:
-            if each.kind is KILLED and each.begin <= time:
+            if each.fault is KILLED and each.begin <= time:
                 if time < each.begin + DOWN:
                     return True
                 self._restart(each)
@@ -250,10 +232,15 @@ class _Player:
 
     def _restart(self, placed: Placed) -> None:
         self._of_process.remove(placed)
+        parameters = self._bench.injector.parameters
+        model, scale = model_hash(parameters), parameters.scaling.pressure
+        with TemporaryDirectory(prefix="faults-") as folder:
+            save_knowledge(Path(folder) / "state.json", self._core.knowledge, model, scale)
+            restored = load_knowledge(Path(folder) / "state.json", model, scale)
         self._core = Core(
             self._bench.injector,
             self._bus,
-            self._core.knowledge,
+            restored.knowledge,
             executor=self._executor,
             learning=self._learning,
         )

@@ -1,32 +1,34 @@
-"""`tools/bench faults`: scenarios worked through on a few processes, what is shown of them, bars that are missed."""
+"""`tools/bench faults`: scenarios worked through on a few processes, one table of what came of them, bars missed."""
 
+import shutil
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 import typer
 from matplotlib.figure import Figure
 
-from observer_rt.foundation.units import MILLISECOND
 from tests.observed_plants import bench_at
 from tests.plants.plant import record
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import MEASURING, PACKAGE, Found, Plan, Task
-from tools.benchmarks.faults import bus, inputs, player
 from tools.benchmarks.faults import live as on_bus
-from tools.benchmarks.faults.scenario import AND, Kind, drawn, tasks
-from tools.benchmarks.faults.score import RECOVERY, FaultScore, score
-from tools.benchmarks.report import NOTHING, Columns, Shown, known, mean, percentile, put_out, table_of
+from tools.benchmarks.faults import player
+from tools.benchmarks.faults.daemons import Kill, Strike, strike
+from tools.benchmarks.faults.scenario import AND, AT, drawn, entries, tasks
+from tools.benchmarks.faults.score import RECOVERY, FaultScore, Verdict, score
+from tools.benchmarks.faults.table import TABLE
+from tools.benchmarks.report import NOTHING, Shown, crash_lines, frame_table, put_out
 from tools.benchmarks.scoring import warm_up, with_signals
 from tools.benchmarks.wave_recordings import fitted_model
 
 SCENARIOS = 520
-FEWEST, VALID = 500, 0.98
+FEWEST, VALID, RIGHT_SHARE = 500, 0.98, 0.85
 SEVERAL = "several at once"
-KINDS: dict[str, Kind] = {kind.name: kind for part in (inputs, bus, player) for kind in part.KINDS}
 _BLOCKS = {
     "rail_pressure": {"message": "RailPressureBlock"},
     "needle_lift": {"message": "NeedleLiftBlock"},
@@ -34,13 +36,10 @@ _BLOCKS = {
 }
 
 
-Results = Found[FaultScore]
-
-
-def run_faults(names: tuple[str, ...], plan: Plan, is_rich: bool, given: Path | None) -> Results:
-    """The plan's number of scenarios of these kinds, those not yet scored by this state of the code."""
+def run_faults(names: list[str], plan: Plan, is_rich: bool, given: Path | None) -> Found[FaultScore]:
+    """The plan's number of scenarios of these entries, those not yet scored by this state of the code."""
     model = fitted_model(plan, given)[0] if is_rich else None
-    campaign, todo = plan.campaign, tasks(names, plan.cases, plan.master_seed)
+    campaign, todo = plan.campaign, tasks(TABLE, names, plan.cases, plan.master_seed)
     kept = campaign.store("faults", FaultScore, PACKAGE, *MEASURING, *([model] if model else []))
     work, ready = partial(score_scenario, model), partial(warm_up, model)
     return campaign.found(todo, campaign.results("faults", kept, work, todo, ready))
@@ -48,154 +47,167 @@ def run_faults(names: tuple[str, ...], plan: Plan, is_rich: bool, given: Path | 
 
 def score_scenario(model: Path | None, task: Task) -> FaultScore:
     """Work of one process; model: the injector file, on tier B."""
-    scenario = drawn(task, KINDS, is_rich=model is not None)
+    scenario = drawn(task, TABLE, is_rich=model is not None)
     outcome = record(scenario.bench)
     bench = bench_at(scenario.bench.sample_rate, model)
     if scenario.blocks:  # each signal has a message of its own
         bench = with_signals(bench, _BLOCKS)
+    for placed in scenario.placed:
+        bench = with_signals(bench, placed.stated)
     published = player.play(scenario, outcome.measured, bench)
     return score(scenario, outcome, published, scenario.bench.injector.density)
 
 
-@dataclass(frozen=True)
-class Summary:
-    """Of scenarios; found_ms: median and largest; recovered: median and largest number of events; in_time: of those
-    that have events after the fault, the share valid within `RECOVERY` of them; named: of those that gave a reason.
-    """
-
-    scenarios: int
-    wrong_samples: int
-    late_samples: int
-    wrong_summaries: int
-    found_ms: tuple[float, float] | None
-    never_found: int
-    recovered: tuple[float, int] | None
-    in_time: float
-    named: float | None
-    free: int
-    valid: float | None
-    crashes: int
-
-
-def summary(scores: Sequence[FaultScore]) -> Summary:
-    """Of at least one."""
-    found = [after / MILLISECOND for after in known(s.found_after for s in scores)]
-    again = known(s.recovered_after for s in scores)
-    free = sum(s.free for s in scores)
-    return Summary(
-        len(scores),
-        sum(s.wrong_samples for s in scores),
-        sum(s.late_samples for s in scores),
-        sum(s.wrong_summaries for s in scores),
-        (percentile(found, 50), max(found)) if found else None,
-        len(scores) - len(found),
-        (percentile(again, 50), max(again)) if again else None,
-        sum(each <= RECOVERY for each in again) / len(scores),
-        mean(known(s.is_named for s in scores)),
-        free,
-        sum(s.free_valid for s in scores) / free if free else None,
-        sum(bool(s.crash) for s in scores),
+def frame_of(scores: tuple[FaultScore, ...]) -> pd.DataFrame:
+    """A row a scenario, its facts as columns; `fault`: the row of the table."""
+    frame = pd.DataFrame([asdict(each) for each in scores])
+    frame["fault"] = [SEVERAL if AND in name else name.split(AT)[0] for name in frame["class_name"]]
+    frame["recovered_in_time"] = (frame["recovered_after"] <= RECOVERY).where(frame["must_recover"])
+    return frame.assign(
+        crashed=frame["crash"] != "",
+        found_ms=1e3 * frame["found_after"].astype(float),
+        recovered_after=frame["recovered_after"].astype(float),
+        is_named=frame["is_named"].astype(float),
+        **{each.value: (frame["verdict"] == each).where(frame["verdict"].notna()) for each in Verdict},
     )
 
 
-def by_kind(scores: Sequence[FaultScore]) -> dict[str, Summary]:
-    """Every kind alone, and those of several at once together."""
-    groups = {
-        name: [s for s in scores if (SEVERAL if AND in s.class_name else s.class_name) == name]
-        for name in (*KINDS, *on_bus.KINDS, SEVERAL)
+_FACTS: dict[str, tuple[str, str]] = {
+    "scenarios": ("number", "size"),
+    "crashes": ("crashed", "sum"),
+    "wrong_valid_samples": ("wrong_samples", "sum"),
+    "late_samples": ("late_samples", "sum"),
+    "wrong_summaries": ("wrong_summaries", "sum"),
+    "found_ms_median": ("found_ms", "median"),
+    "found_ms_max": ("found_ms", "max"),
+    "recovery_injections_max": ("recovered_after", "max"),
+    "in_time_share": ("recovered_in_time", "mean"),
+    "named_share": ("is_named", "mean"),
+    "right_share": ("right", "mean"),
+    "refused_share": ("refused", "mean"),
+    "rough_share": ("rough", "mean"),
+    "free": ("free", "sum"),
+    "free_valid": ("free_valid", "sum"),
+}
+"""Columns of the table, and keys of the figures: what of the facts, and how it is summed up."""
+
+
+def summary(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row for every fault, and one for all."""
+    whole = frame.assign(fault="all")
+    found = pd.concat([each.groupby("fault", sort=False).agg(**_FACTS) for each in (frame, whole)])
+    found["valid_share"] = found.pop("free_valid") / found.pop("free").replace(0, np.nan)
+    return found.astype(float)
+
+
+def missed_bars(total: pd.Series) -> Iterator[str]:
+    """A line for every bar that the figures of all scenarios miss; a figure without a value misses none."""
+    bars = {
+        "scenarios": (FEWEST, np.inf),
+        "crashes": (0, 0),
+        "wrong_valid_samples": (0, 0),
+        "wrong_summaries": (0, 0),
+        "valid_share": (VALID, 1),
+        "in_time_share": (1, 1),
+        "named_share": (1, 1),
+        "right_share": (RIGHT_SHARE, 1),
     }
-    return {name: summary(group) for name, group in groups.items() if group}
+    for name, (least, most) in bars.items():
+        if total[name] < least or total[name] > most:
+            yield f"missed: {name} is {total[name]:.3g}, {least:g} to {most:g} asked"
 
 
-def missed_bars(results: Results) -> list[str]:
-    """A line for every bar that is missed."""
-    return list(_missed(results)) if results.results else []
+def is_faulty(each: FaultScore) -> bool:
+    """Whether a scenario misses a bar by itself."""
+    is_late = each.must_recover and (each.recovered_after or RECOVERY + 1) > RECOVERY
+    return bool(each.wrong or each.crash or each.is_named is False or is_late)
 
 
-def shown(results: Results) -> Iterator[Shown]:
-    """Every kind a line, the total, and what is missed."""
-    if results.results:
-        rows = {**by_kind(results.results), "all": summary(results.results)}
-        yield table_of("Faults at random times", "fault", rows, _COLUMNS)
-    yield from missed_bars(results)
-    yield from (f"crash: {s.label}: {s.crash}" for s in results.results if s.crash)
-    yield from (f"not run: {line}" for line in results.crashes)
+def _told(each: FaultScore) -> str:
+    wrong = f"{each.wrong_samples} samples and {each.wrong_summaries} injections valid and wrong"
+    again = f"valid again after {each.recovered_after or NOTHING} events"
+    return f"{each.label}: {wrong}, {again}; {', '.join(each.reasons)} {each.crash}"
 
 
-def faults_document(results: Results) -> dict[str, Any]:
-    """`figures` over all scenarios, `details` by kind and of each that was wrong."""
+def shown(found: Found[FaultScore]) -> Iterator[Shown]:
+    """Every fault a line, the total, what is missed, and each scenario that was wrong."""
+    if found.results:
+        frame = frame_of(found.results)
+        table = summary(frame)
+        yield frame_table("Faults of sensors, bus, clocks and processes", table.dropna(axis=1, how="all"))
+        yield from missed_bars(table.loc["all"])
+        yield from (_told(each) for each in found.results if is_faulty(each))
+    yield from crash_lines(found.crashes)
+
+
+def faults_document(found: Found[FaultScore]) -> dict[str, Any]:
+    """`figures` over all scenarios, `details` by fault and of each that was wrong."""
+    if not found.results:
+        return {"figures": None, "details": {"not_run": list(found.crashes)}}
+    table = summary(frame_of(found.results))
+    total = table.loc["all"]
+    figures = total.to_dict() | {"valid_share_min": table.drop("all")["valid_share"].min()}
     return {
-        "figures": asdict(summary(results.results)) if results.results else None,
+        "figures": figures,
         "details": {
-            "kinds": {name: asdict(each) for name, each in by_kind(results.results).items()},
-            "wrong": [asdict(s) for s in results.results if s.wrong_samples or s.wrong_summaries or s.crash],
-            "violations": missed_bars(results),
-            "not_run": list(results.crashes),
+            "faults": table.to_dict("index"),
+            "wrong": [asdict(each) for each in found.results if is_faulty(each)],
+            "violations": list(missed_bars(total)),
+            "not_run": list(found.crashes),
         },
     }
 
 
-def save_figure(results: Results, path: Path) -> None:
-    """Time until a fault was found, and events until one was valid again, a line a kind, a dot a scenario."""
-    alone = [name for name, each in by_kind(results.results).items() if name != SEVERAL]
-    figure = Figure(figsize=(10, 0.24 * len(alone) + 1.5), layout="constrained")
-    found, again = figure.subplots(1, 2, sharey=True)
-    for row, name in enumerate(alone):
-        ours = [s for s in results.results if s.class_name == name]
-        times = [after / MILLISECOND for after in known(s.found_after for s in ours)]
-        found.plot(np.maximum(times, 0.01), [row] * len(times), ".", color="tab:blue", alpha=0.5)
-        events = known(s.recovered_after for s in ours)
-        again.plot(events, [row] * len(events), ".", color="tab:green", alpha=0.5)
-    found.set(xscale="log", xlabel="first sample not valid, ms after the fault", yticks=range(len(alone)))
-    found.set_yticklabels(alone, fontsize=7)
-    found.invert_yaxis()
+def save_figure(found: Found[FaultScore], path: Path) -> None:
+    """Time until a fault was found, and events until one was valid again, a line a fault, a dot a scenario."""
+    frame = frame_of(found.results).query("fault != @SEVERAL")
+    frame = frame[frame["verdict"].isna()]
+    names = list(dict.fromkeys(frame["fault"]))
+    row = frame["fault"].map(names.index)
+    figure = Figure(figsize=(10, 0.24 * len(names) + 1.5), layout="constrained")
+    soon, again = figure.subplots(1, 2, sharey=True)
+    soon.plot(frame["found_ms"].clip(lower=0.01), row, ".", color="tab:blue", alpha=0.5)
+    again.plot(frame["recovered_after"], row, ".", color="tab:green", alpha=0.5)
+    soon.set(xscale="log", xlabel="first sample not valid, ms after the fault", yticks=range(len(names)))
+    soon.set_yticklabels(names, fontsize=7)
+    soon.invert_yaxis()
     again.axvline(RECOVERY + 0.5, color="tab:red", linewidth=0.8)
-    most = max([RECOVERY, *known(s.recovered_after for s in results.results)])
-    again.set(xlabel="events after the fault until one is valid", xticks=range(1, most + 1))
+    again.set(xlabel="events after the fault until one is valid")
     figure.savefig(path, dpi=150)
 
 
-def _missed(results: Results) -> Iterator[str]:
-    total = summary(results.results)
-    bars: tuple[tuple[bool, str], ...] = (
-        (total.scenarios >= FEWEST, f"{total.scenarios} scenarios, {FEWEST} are asked for"),
-        (total.crashes == 0, f"{total.crashes} crashes"),
-        (total.wrong_samples == 0, f"{total.wrong_samples} samples valid and wrong beyond the stated time"),
-        (total.wrong_summaries == 0, f"{total.wrong_summaries} injections valid and wrong"),
-        (
-            (total.valid or 0.0) >= VALID,
-            f"{100 * (total.valid or 0.0):.1f} % valid without a fault, {VALID:.0%} asked",
-        ),
-        (total.in_time == 1.0, f"{100 * total.in_time:.1f} % valid again within {RECOVERY} events"),
-        (total.named in (None, 1.0), f"{100 * (total.named or 0.0):.1f} % named"),
-    )
-    yield from (f"missed: {text}" for is_met, text in bars if not is_met)
+def run_kills(count: int, seed: int, folder: Path) -> list[Kill]:
+    """So many daemons struck, every way in turn, each in an emptied folder of its own."""
+    shutil.rmtree(folder, ignore_errors=True)
+    ways = list(Strike)
+    return [
+        strike(ways[number % len(ways)], folder / str(number), seed + number)
+        for number in cli.tracked(range(count), "striking daemons")
+    ]
 
 
-_COLUMNS: Columns[Summary] = {
-    "scenarios": "{.scenarios}",
-    "wrong while valid: samples, injections": "{.wrong_samples}, {.wrong_summaries}",
-    "within the stated time": "{.late_samples}",
-    "found after, ms: median, most": lambda s: (
-        NOTHING if s.found_ms is None else f"{s.found_ms[0]:.2g}, {s.found_ms[1]:.3g}"
-    ),
-    "valid throughout": "{.never_found}",
-    "valid again after events: median, most": lambda s: (
-        NOTHING if s.recovered is None else f"{s.recovered[0]:g}, {s.recovered[1]}"
-    ),
-    "within 3": "{.in_time:.0%}",
-    "cause named": "{.named:.0%}",
-    "valid without a fault": "{.valid:.1%}",
-    "crashes": "{.crashes}",
-}
+def kills_shown(kills: Sequence[Kill]) -> Iterator[Shown]:
+    """Every way a line, and what must not be."""
+    facts = [{**asdict(each), "struck": each.strike, "problems": len(each.problems)} for each in kills]
+    columns = {
+        "kills": ("told", "size"),
+        "told": ("told", "sum"),
+        "records_lost": ("lost", "sum"),
+        "problems": ("problems", "sum"),
+    }
+    yield frame_table("Daemons struck", pd.DataFrame(facts).groupby("struck", sort=False).agg(**columns))
+    yield from (f"{each.strike}: {problem}" for each in kills for problem in each.problems)
 
 
 @cli.app.command(
-    epilog="Examples: tools/bench faults; tools/bench faults --only frozen_line,lag_line --figure faults.png"
+    epilog="Examples: tools/bench faults; tools/bench faults --only frozen_line,lag_line --figure faults.png; "
+    "tools/vcan tools/bench faults --scenarios 0 --live 8 --daemons 6"
 )
 def faults(
-    scenarios: Annotated[int, typer.Option(min=1, help="How many, every kind in turn.")] = SCENARIOS,
-    only: Annotated[str, typer.Option(help="Kinds of faults, by commas.")] = "",
+    scenarios: Annotated[
+        int, typer.Option(min=0, help="How many, every row of the table in turn.")
+    ] = SCENARIOS,
+    only: Annotated[str, typer.Option(help="Rows of the table, by commas.")] = "",
     tier: cli.TierOption = cli.Tier.A,
     model: cli.ModelOption = None,
     seed: cli.SeedOption = 1,
@@ -205,18 +217,29 @@ def faults(
         Path | None, typer.Option(help="PNG of times until found and until valid again.")
     ] = None,
     live: Annotated[
-        int, typer.Option(min=0, help="So many on vcan0 instead: `tools/vcan tools/bench faults --live 16`.")
+        int, typer.Option(min=0, help="So many with a daemon on vcan0, too, in `tools/vcan`.")
+    ] = 0,
+    daemons: Annotated[
+        int, typer.Option(min=0, help="So many daemons killed, without room on the disk, without power.")
     ] = 0,
     as_json: cli.JsonOption = False,
 ) -> None:
-    """Sensors, bus, clocks and processes that fail at random times, up to three at once: is what is valid right?"""
-    names = cli.chosen_names(only, "--only", KINDS, KINDS)
+    """Everything that may go wrong with sensors, bus, clocks and processes: is what is valid right?"""
+    names = entries(TABLE, cli.chosen_names(only, "--only", TABLE, TABLE))
     plan = Plan((), scenarios, seed, workers, out or Path("build") / f"faults-{tier}", peers=False)
     with cli.resumable("what is scored is"):
+        found = run_faults(names, plan, tier is cli.Tier.B, model) if scenarios else Found((), ())
         if live:
-            results = Found(tuple(on_bus.run_live(live, seed, plan.out / "live")), ())
-        else:
-            results = run_faults(names, plan, tier is cli.Tier.B, model)
-    if figure is not None and results.results:
-        save_figure(results, figure)
-    put_out(as_json, faults_document(results), shown(results))
+            results = (*found.results, *on_bus.run_live(live, seed, plan.out / "live"))
+            found = Found(results, found.crashes)
+        kills = run_kills(daemons, seed, plan.out / "daemons")
+    if figure is not None and found.results:
+        save_figure(found, figure)
+    document = faults_document(found)
+    if kills:
+        struck = {"kills": len(kills), "records_lost": sum(each.lost for each in kills)}
+        document["figures"] = {**(document["figures"] or {}), **struck}
+        document["details"]["kills"] = [asdict(each) for each in kills]
+    put_out(as_json, document, [*shown(found), *(kills_shown(kills) if kills else ())])
+    if any(each.lost or each.problems for each in kills):
+        raise typer.Exit(1)

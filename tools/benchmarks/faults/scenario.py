@@ -1,63 +1,25 @@
-"""A scenario: one recording of an independent plant, and what goes wrong while it is sent, drawn by a seed."""
+"""A scenario: one recording of an independent plant, and what goes wrong with it, row by row or drawn by a seed."""
 
 import zlib
-from dataclasses import dataclass
-from enum import StrEnum
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
 
 from tests.plants.parameters import Injector
-from tests.plants.plant import PERIOD, Bench, drawn_needle, event_start
+from tests.plants.plant import PERIOD, Bench, drawn_needle
 from tools.benchmarks.campaign import Task
 from tools.benchmarks.cases import on_real_line, worn_events
+from tools.benchmarks.faults.fault import Fault, Placed, Where
 
-SETTLED, LAST_BEGIN = 4, 10  # events: what goes wrong begins after the one, before the other
+SETTLED, LAST_BEGIN = 4, 10  # events: what goes and comes begins after the one, before the other
 SHORTEST, LONGEST = 0.5 * PERIOD, 5 * PERIOD  # s
 WEARS = (-0.3, 0.0, 0.25)  # v_H
-AND = " + "
+AND, AT, STATED = " + ", " ", " stated"
 MOST_AT_ONCE = 3
 LEARNING_SHARE = 0.8
 SEVERAL_SHARE = 0.3  # of the scenarios
-
-
-class Group(StrEnum):
-    """What goes wrong."""
-
-    INPUT = "input"
-    BUS = "bus"
-    TIME = "time"
-    PROCESS = "process"
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of fault.
-
-    true_reasons: names of reasons that are true of it; late: s after the next opening until it is found, as
-    docs/validity.md states; shortest: s that it lasts at least.
-    """
-
-    name: str
-    group: Group
-    true_reasons: frozenset[str]
-    late: float = 0.0
-    shortest: float = 0.0
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A fault of a kind between two times [s] of the recording; seed: of all else about it."""
-
-    kind: Kind
-    begin: float
-    end: float
-    seed: int
-
-    @property
-    def chance(self) -> Generator:
-        """The same every time."""
-        return np.random.default_rng(self.seed)
 
 
 @dataclass(frozen=True)
@@ -70,35 +32,71 @@ class Scenario:
     learning: bool
     blocks: bool
 
-
-def drawn(task: Task, kinds: dict[str, Kind], is_rich: bool) -> Scenario:
-    """The scenario of a task, whose class names its kinds. Raises KeyError for an unknown one."""
-    rng = np.random.default_rng([task.master_seed, zlib.crc32(task.class_name.encode()), task.number])
-    needle = drawn_needle(rng)
-    learning = bool(rng.random() < LEARNING_SHARE)
-    wear = WEARS[int(rng.integers(len(WEARS)))] if learning else 0.0  # which nobody would learn
-    bench = Bench(Injector(), needle, worn_events(rng, wear), seed=int(rng.integers(2**62)))
-    if is_rich:
-        bench = on_real_line(bench, task.master_seed)
-    placed = tuple(_placed(kinds[name], rng) for name in task.class_name.split(AND))
-    return Scenario(task, bench, placed, learning, blocks=bool(rng.random() < 0.5))
+    @property
+    def is_lasting(self) -> bool:
+        """Whether everything that is wrong is there throughout."""
+        return all(each.fault.lasting for each in self.placed)
 
 
-def tasks(names: tuple[str, ...], count: int, master_seed: int) -> list[Task]:
-    """So many scenarios: every kind in turn, some with others at once."""
+def entries(table: Mapping[str, Fault], only: tuple[str, ...] = ()) -> list[str]:
+    """Every row in every size, and once more where the bench file may state it; only: of these rows."""
+    return [
+        f"{name}{AT}{size:g}{stated}"
+        for name, row in table.items()
+        if not only or name in only
+        for size in row.sizes
+        for stated in (("", STATED) if row.stated else ("",))
+    ]
+
+
+def tasks(table: Mapping[str, Fault], names: list[str], count: int, master_seed: int) -> list[Task]:
+    """So many scenarios: every entry in turn, some with others of the rhythm at hand at once."""
     rng = np.random.default_rng([master_seed, 0xFA17])
+    more_of = [name for name in names if table[name.split(AT)[0]].where is not Where.RHYTHM]
     found = []
     for number in range(count):
         together = [names[number % len(names)]]
-        if len(names) > 1 and rng.random() < SEVERAL_SHARE:
-            others = [name for name in names if name != together[0]]
+        if rng.random() < SEVERAL_SHARE:
+            others = [name for name in more_of if name.split(AT)[0] != together[0].split(AT)[0]]
             more = int(rng.integers(1, MOST_AT_ONCE))
             together += [str(name) for name in rng.choice(others, min(more, len(others)), replace=False)]
         found.append(Task(AND.join(together), master_seed, number))
     return found
 
 
-def _placed(kind: Kind, rng: Generator) -> Placed:
-    begin = rng.uniform(event_start(SETTLED), event_start(LAST_BEGIN))
-    lasts = max(rng.uniform(SHORTEST, LONGEST), kind.shortest)
-    return Placed(kind, begin, begin + lasts, int(rng.integers(2**62)))
+def drawn(task: Task, table: Mapping[str, Fault], is_rich: bool) -> Scenario:
+    """The scenario of a task, whose class names its entries. Raises KeyError for an unknown one.
+
+    What a bench file states changes nothing of the recording.
+    """
+    key = task.class_name.replace(STATED, "")
+    rng = np.random.default_rng([task.master_seed, zlib.crc32(key.encode()), task.number])
+    rows = sorted((_parsed(name, table) for name in task.class_name.split(AND)), key=_order)
+    needle, is_lasting = drawn_needle(rng), all(fault.lasting for fault, _, _ in rows)
+    learning = bool(rng.random() < LEARNING_SHARE) or is_lasting
+    wear = WEARS[int(rng.integers(len(WEARS)))] if learning else 0.0  # which nobody would learn
+    bench = Bench(Injector(), needle, worn_events(rng, wear), seed=int(rng.integers(2**62)))
+    if is_rich:
+        bench = on_real_line(bench, task.master_seed)
+    placed: list[Placed] = []
+    for fault, size, is_stated in rows:
+        placed.append(replace(_placed(fault, size, bench, rng), is_stated=is_stated))
+        bench = placed[-1].on(bench)
+    return Scenario(task, bench, tuple(placed), learning, blocks=bool(rng.random() < 0.5))
+
+
+def _parsed(name: str, table: Mapping[str, Fault]) -> tuple[Fault, float, bool]:
+    row, _, size = name.removesuffix(STATED).partition(AT)
+    return table[row], float(size), name.endswith(STATED)
+
+
+def _order(row: tuple[Fault, float, bool]) -> int:
+    return list(Where).index(row[0].where)
+
+
+def _placed(fault: Fault, size: float, bench: Bench, rng: Generator) -> Placed:
+    seed = int(rng.integers(2**62))
+    if fault.lasting:
+        return Placed(fault, size, 0.0, np.inf, seed)
+    begin = rng.uniform(bench.starts[SETTLED], bench.starts[LAST_BEGIN])
+    return Placed(fault, size, begin, begin + max(rng.uniform(SHORTEST, LONGEST), fault.shortest), seed)

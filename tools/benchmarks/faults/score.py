@@ -1,13 +1,14 @@
-"""What came of a scenario: wrong while valid, how soon it was found and over, and whether it was named."""
+"""What came of a scenario: wrong while valid, found when, valid again when, named or not, close or not."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
+from tests.plants.arrays import Array
 from tests.plants.plant import Outcome
-from tests.plants.windows import windows_of
+from tests.plants.windows import Windows, windows_of
 from tools.benchmarks.campaign import Task
 from tools.benchmarks.faults.player import Published
 from tools.benchmarks.faults.scenario import Scenario
@@ -17,6 +18,19 @@ CLOSE = 100  # samples between the first one of a window as published, and of th
 PHANTOM = 3.0 * MM3_PER_MS  # a rate where nothing is injected
 WARM_UP = 3  # events until it must be valid
 RECOVERY = 3  # events after a fault within which it must be valid again
+JUDGED = slice(7, 20)  # events 8-20, where something is wrong throughout
+ENOUGH_VALID, CLOSE_PCT = 0.8, 1.0  # share of these events; error of 95 % of their masses
+_REACH = 5e-3  # s from an opening's window to a fault that concerns it
+_NOTHING_WRONG = ("NONE", "TOO_FEW_EVENTS", "OUTSIDE_LEARNED_RANGE")
+
+
+class Verdict(StrEnum):
+    """What a recording came to in which something small is wrong throughout."""
+
+    RIGHT = "right"  # enough events valid, and close
+    REFUSED = "refused"  # too few events valid, none wrong
+    ROUGH = "rough"  # enough events valid, none wrong, but not close
+    WRONG = "wrong"
 
 
 @dataclass(frozen=True)
@@ -25,10 +39,10 @@ class FaultScore(Task):
 
     wrong_samples: valid ones of injections that are wrong by them, and valid rates where nothing flows, beyond the
     stated time after the first opening; late_samples: those within it, of injections that are wrong by all.
-    wrong_summaries: valid, of another mass.
-    free, free_valid: injections in which nothing was wrong, and those valid. found_after: s from the first fault
-    until a sample was not valid, None: none was; recovered_after: events from the last fault's end until one had a
-    valid injection; None: none had. is_named: a reason given meanwhile is true of a fault; None: none was given.
+    wrong_summaries: valid, of another mass; free, free_valid: injections in which nothing was wrong, and those valid.
+    found_after: s from the first fault that comes until a sample was not valid, None: none was; recovered_after:
+    events from the last fault's end until one had a valid injection, None: none had, or something lasts; is_named: a
+    reason given is true of a fault, None: none was given; verdict: where everything lasts.
     """
 
     wrong_samples: int
@@ -38,9 +52,16 @@ class FaultScore(Task):
     free_valid: int
     found_after: float | None
     recovered_after: int | None
+    must_recover: bool
     is_named: bool | None
     reasons: tuple[str, ...]
+    verdict: Verdict | None
     crash: str
+
+    @property
+    def wrong(self) -> int:
+        """Samples and injections that are valid and wrong."""
+        return self.wrong_samples + self.wrong_summaries
 
 
 def score(scenario: Scenario, outcome: Outcome, published: Published, density: float) -> FaultScore:
@@ -49,78 +70,93 @@ def score(scenario: Scenario, outcome: Outcome, published: Published, density: f
     windows = windows_of(outcome, scenario.bench.sample_rate)
     true = windows.masses(outcome.truth.injection_rate, density)
     error = np.where(published.valid, published.rate - outcome.truth.injection_rate, 0.0)
-    begin = min(each.begin for each in scenario.placed)
-    end = max(each.end for each in scenario.placed)
-    allowed = max(each.kind.late for each in scenario.placed)
+    coming = [each for each in scenario.placed if not each.fault.lasting]
+    lasts = len(coming) < len(scenario.placed)
+    begin = min((each.begin for each in coming), default=scenario.bench.starts[JUDGED.start])
+    end = max((each.end for each in coming), default=np.inf)
+    allowed = max(each.fault.late for each in scenario.placed)
     starts = np.array([window.start for window in windows.ranges]) * interval
-    event = np.asarray(outcome.event_of)
-    touched = np.unique(event[(starts >= begin - _REACH) & (starts < end + _REACH)])
-    wrong_samples = late_samples = 0
-    inside = np.zeros(published.valid.size, np.bool_)
     opened = np.array([window.start for window in windows.opened])
     first = int(np.searchsorted(opened * interval, begin))
+    limits = np.maximum(WRONG * true, WRONG_MASS)
+    inside = np.zeros(published.valid.size, np.bool_)
+    wrong_samples = late_samples = 0
     for number, window in enumerate(windows.ranges):
         inside[window] = True
-        limit = max(WRONG * true[number], WRONG_MASS)
         beyond = window
         if number == first and allowed > 0.0:
             beyond = slice(windows.opened[number].start + round(allowed / interval), window.stop)
-        if abs(float(np.sum(error[beyond]))) * interval * density > limit:
+        if abs(float(np.sum(error[beyond]))) * interval * density > limits[number]:
             wrong_samples += int(np.sum(published.valid[beyond]))
-        elif abs(float(np.sum(error[window]))) * interval * density > limit:
+        elif abs(float(np.sum(error[window]))) * interval * density > limits[number]:
             late_samples += int(np.sum(published.valid[window]))
     wrong_samples += int(np.sum(published.valid & ~inside & (np.abs(published.rate) > PHANTOM)))
+    wrong_summaries = _wrong_summaries(published, windows, true)
     valid = np.array([bool(published.valid[window].all()) for window in windows.opened])
+    event = np.asarray(outcome.event_of)
+    touched = np.unique(event[(starts >= begin - _REACH) & (starts < end + _REACH)])
     after = event[starts >= end]
     first_after = int(after[0]) if after.size else int(event[-1]) + 1
     recovering = (event >= first_after) & (event < first_after + RECOVERY)
-    free = ~np.isin(event, touched) & ~recovering & (event >= WARM_UP)
+    free = ~np.isin(event, touched) & ~recovering & (event >= WARM_UP) & (not lasts)
     again = event[(event >= first_after) & valid]
-    named = _named(scenario, published, begin * scenario.bench.sample_rate)
-    true_reasons = frozenset().union(*(each.kind.true_reasons for each in scenario.placed))
+    verdict = None
+    if scenario.is_lasting:
+        is_wrong = wrong_samples + wrong_summaries > 0
+        verdict = Verdict.WRONG if is_wrong else _verdict(outcome, published, windows, density)
+    named = _named(published, begin / interval) if verdict in (None, Verdict.REFUSED) else ()
+    true_reasons = frozenset().union(*(each.fault.reasons for each in scenario.placed))
+    gone = np.flatnonzero(~published.valid[round(begin / interval) : round(min(end, 1e3) / interval)])
     return FaultScore(
         scenario.task.class_name,
         scenario.task.master_seed,
         scenario.task.number,
         wrong_samples,
         late_samples,
-        _wrong_summaries(published, windows.ranges, true),
+        wrong_summaries,
         int(np.sum(free)),
         int(np.sum(free & valid)),
-        _found_after(published.valid, begin, end, interval),
-        int(again[0]) - first_after + 1 if again.size else None,
-        None if not named else bool(set(named) & true_reasons),
+        float(gone[0] * interval) if coming and gone.size else None,
+        int(again[0]) - first_after + 1 if again.size and not lasts else None,
+        not lasts and first_after + RECOVERY <= int(event[-1]) + 1,
+        bool(set(named) & true_reasons) if named else None,
         named,
+        verdict,
         published.crash,
     )
 
 
-_REACH = 5e-3  # s from an opening's window to a fault that concerns it
+def _verdict(outcome: Outcome, published: Published, windows: Windows, density: float) -> Verdict:
+    """Of a recording in which nothing is wrong."""
+    members = windows.of_event[JUDGED]
+    rate, truth = np.nan_to_num(published.rate), outcome.truth.injection_rate
+    errors = []
+    for openings in members:
+        if all(published.valid[windows.opened[i]].all() for i in openings):
+            got, true = (_mass(each, windows, openings, density) for each in (rate, truth))
+            errors.append(100.0 * abs(got / true - 1.0))
+    if len(errors) < ENOUGH_VALID * len(members):
+        return Verdict.REFUSED
+    return Verdict.RIGHT if np.percentile(errors, 95) <= CLOSE_PCT else Verdict.ROUGH
 
 
-def _found_after(valid: NDArray[np.bool_], begin: float, end: float, interval: float) -> float | None:
-    first = round(begin / interval)
-    gone = np.flatnonzero(~valid[first : round(end / interval)])
-    return float(gone[0] * interval) if gone.size else None
+def _mass(rate: Array, windows: Windows, openings: tuple[int, ...], density: float) -> float:
+    return float(windows.masses(rate, density)[list(openings)].sum())
 
 
-_NOTHING_WRONG = ("NONE", "TOO_FEW_EVENTS", "OUTSIDE_LEARNED_RANGE")
-
-
-def _named(scenario: Scenario, published: Published, begin: float) -> tuple[str, ...]:
-    """Reasons given since the fault began."""
+def _named(published: Published, begin: float) -> tuple[str, ...]:
+    """Reasons given from a sample on."""
     stream = [name for sample, name in published.reason if sample >= begin]
     injections = [each.reason for each in published.summaries if each.first >= begin and not each.is_valid]
     return tuple(dict.fromkeys(name for name in (*stream, *injections) if name not in _NOTHING_WRONG))
 
 
-def _wrong_summaries(published: Published, ranges: tuple[slice, ...], true: NDArray[np.float64]) -> int:
+def _wrong_summaries(published: Published, windows: Windows, true: Array) -> int:
     """Valid summaries of a mass that was not injected there."""
     wrong = 0
     for each in published.summaries:
-        number = int(np.argmin([abs(each.first - window.start) for window in ranges]))
-        is_there = abs(each.first - ranges[number].start) <= CLOSE
+        number = int(np.argmin([abs(each.first - window.start) for window in windows.ranges]))
+        is_there = abs(each.first - windows.ranges[number].start) <= CLOSE
         mass = float(true[number]) if is_there else 0.0
-        is_wrong = not abs(each.mass - mass) <= max(WRONG * mass, WRONG_MASS)
-        wrong += each.is_valid and is_wrong
+        wrong += each.is_valid and not abs(each.mass - mass) <= max(WRONG * mass, WRONG_MASS)
     return wrong

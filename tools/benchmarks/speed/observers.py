@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -72,7 +72,11 @@ def cpu_time(process: psutil.Process) -> float:
 
 
 @contextmanager
-def observer(command: Sequence[str | Path], descriptors: Sequence[int] = ()) -> Iterator[Observer]:
+def observer(
+    command: Sequence[str | Path],
+    descriptors: Sequence[int] = (),
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[Observer]:
     """Start one, and wait until it has said `ready`; end it with SIGTERM. Raises RunError."""
     begin = time.monotonic()
     process = subprocess.Popen(
@@ -81,7 +85,7 @@ def observer(command: Sequence[str | Path], descriptors: Sequence[int] = ()) -> 
         stderr=subprocess.STDOUT,
         text=True,
         pass_fds=descriptors,
-        env=os.environ | {"COLUMNS": "300"},
+        env={**os.environ, "COLUMNS": "300", **(environment or {})},
     )
     said: list[str] = []
     ready = threading.Event()

@@ -25,7 +25,7 @@ from tools.benchmarks.discovery.hidden import (
 )
 from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
 from tools.benchmarks.discovery.real_line.hidden import EFFECTS, TAP_DAMPING, bent_sensor
-from tools.benchmarks.realism.channels import filtered
+from tools.benchmarks.faults.filters import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6
 CREEP_TIME = 1.0 * MS

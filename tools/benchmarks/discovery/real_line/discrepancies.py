@@ -16,8 +16,8 @@ from tests.plants.arrays import Array
 from tests.plants.parameters import Injector
 from tests.plants.plant import LINE, REFERENCE_PRESSURE, Step, seen_as
 from tests.plants.wave import LINES, Variant, WaveLine, real_part
-from tools.benchmarks.realism.channels import filtered, resonance
-from tools.benchmarks.realism.disturbance import sign
+from tools.benchmarks.faults.fault import sign
+from tools.benchmarks.faults.filters import filtered, resonance
 
 LONGEST = 1.9e-3  # s, of an injection at REFERENCE_PRESSURE that takes `Rail.dip`
 LENGTH_CHANGE = 0.02

@@ -9,7 +9,8 @@ from numpy.random import Generator
 
 from tests.plants.arrays import Array
 from tests.plants.plant import FIRST_EVENT, PERIOD, Bench, Event, Motion, Needle, Shot, strokes_of
-from tools.benchmarks.realism.disturbance import MPA, UM, Apply, Disturbance, Kind, Reasons
+from tools.benchmarks.faults import reasons as of
+from tools.benchmarks.faults.fault import MPA, UM, BenchFault, Where
 
 QUICK = 26  # events of a quick rhythm: the last ones wait for a pause that does not come
 QUICK_DURATIONS = (0.4e-3, 1.2e-3)  # s
@@ -19,7 +20,10 @@ SHOT_GAPS, PILOT_DURATIONS, MAIN_DURATIONS = (0.3e-3, 0.8e-3), (0.25e-3, 0.5e-3)
 BOUNCE, BOUNCE_DELAY, OVERSHOOT = 60e-6, 40e-6, 120e-6  # s: bounce, its distance from the closing, overshoot
 
 
-def ripple(frequency: float) -> Apply:
+Change = Callable[[Bench, float, Generator], Bench]
+
+
+def ripple(frequency: float) -> Change:
     """The pump moves the true rail pressure [Hz] by `size` MPa."""
 
     def apply(bench: Bench, size: float, rng: Generator) -> Bench:
@@ -136,18 +140,16 @@ def _at_one_point(bench: Bench, starts: Array, rng: Generator) -> Bench:
     return replace(bench, events=events, around=replace(bench.around, starts=tuple(map(float, starts))))
 
 
-_B, _T, _R = Kind.BENCH, Kind.TIMING, Kind.RAIL
-DISTURBANCES = (
-    Disturbance("pump_ripple_620_hz", _R, "MPa", (0.5, 1.5), ripple(620.0)),
-    Disturbance("pump_ripple_200_hz", _R, "MPa", (1.0, 3.0), ripple(200.0)),
-    Disturbance("engine_transient", _R, "MPa", (10.0, 20.0), transient, Reasons.CHANGE),
-    Disturbance(
-        "openings_every", _T, "ms", (30.0, 10.5, 8.0, 4.2), every, Reasons.CROWDED, table=10.5, rhythm=True
-    ),
-    Disturbance("irregular_openings", _T, "ms", (25.0, 9.0), irregular, rhythm=True),
-    Disturbance("openings_an_event", _T, "openings", (3.0, 5.0), several, rhythm=True),
-    Disturbance("ballistic", _T, "ms", (0.25, 0.2), ballistic, rhythm=True),
-    Disturbance("needle_bounce", _B, "um", (10.0, 30.0), bouncing),
-    Disturbance("needle_overshoot", _B, "um", (10.0, 20.0), overshooting),
-    Disturbance("smooth_needle_flanks", _B, "%", (10.0, 20.0), smooth),
+_B, _R = Where.BENCH, Where.RHYTHM
+ROWS = (
+    BenchFault("pump_ripple_620_hz", _B, of.HARMLESS, "MPa", (0.5, 1.5), True, change=ripple(620.0)),
+    BenchFault("pump_ripple_200_hz", _B, of.HARMLESS, "MPa", (1.0, 3.0), True, change=ripple(200.0)),
+    BenchFault("engine_transient", _B, of.CHANGE, "MPa", (10.0, 20.0), True, change=transient),
+    BenchFault("openings_every", _R, of.CROWDED, "ms", (30.0, 10.5, 8.0, 4.2), True, change=every),
+    BenchFault("irregular_openings", _R, of.HARMLESS, "ms", (25.0, 9.0), True, change=irregular),
+    BenchFault("openings_an_event", _R, of.HARMLESS, "openings", (3.0, 5.0), True, change=several),
+    BenchFault("ballistic", _R, of.HARMLESS, "ms", (0.25, 0.2), True, change=ballistic),
+    BenchFault("needle_bounce", _B, of.HARMLESS, "um", (10.0, 30.0), True, change=bouncing),
+    BenchFault("needle_overshoot", _B, of.HARMLESS, "um", (10.0, 20.0), True, change=overshooting),
+    BenchFault("smooth_needle_flanks", _B, of.HARMLESS, "%", (10.0, 20.0), True, change=smooth),
 )

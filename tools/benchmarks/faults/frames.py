@@ -1,40 +1,21 @@
 """Faults of bus and time: what becomes of frames on their way."""
 
 import struct
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
 
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.frames.frames import protect_frame
-from tools.benchmarks.faults.scenario import Group, Kind, Placed
+from tools.benchmarks.faults import reasons as of
+from tools.benchmarks.faults.fault import FrameFault, Frames, Placed, Sent, Where
 
 LOST = (0.01, 0.5)  # share of the frames
 BURST = 20e-3  # s
 CLOCK_STEP = (1.0, 3600.0)  # s
 INDEX_JUMP = (1, 5000)  # samples
 _INDEX_AT, _COUNTER_AT = 4, 2
-
-
-@dataclass(frozen=True)
-class Sent:
-    """A frame; message: its number among the inputs; moved: sample index it bears beyond the recording's own."""
-
-    time: float
-    stamp: float
-    message: int
-    payload: bytes
-    moved: int = 0
-    is_foreign: bool = False
-
-
-Frames = list[Sent]
-Change = Callable[[Frames, Generator, BusMap], Frames]
-
-_LOSS = frozenset({"SAMPLES_LOST", "STARTING", "INPUT_TIMEOUT", "INPUT_STALE", "JUMPED"})
-_TIMES = _LOSS | {"DEVICE_RESTARTED", "TIME_BASE", "CONTRADICTED", "TOO_FEW_EVENTS"}
 
 
 def _lost(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
@@ -53,7 +34,7 @@ def _message_away(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
 
 
 def _duplicated(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
-    return [each for frame in frames for each in (frame,) * (1 + int(rng.random() < 0.3))]
+    return [copy for frame in frames for copy in (frame,) * (1 + int(rng.random() < 0.3))]
 
 
 def _reordered(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
@@ -97,30 +78,33 @@ def _restarted(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
 
 
 BLOCK_SAMPLES = 252  # samples: a whole number of frames of any of the example's messages
-_CHANGES: dict[str, tuple[Change, Group, frozenset[str], bool]] = {
-    # the change, its true reasons, and whether it lasts to the end
-    "frames_lost": (_lost, Group.BUS, _LOSS, False),
-    "burst_lost": (_lost_burst, Group.BUS, _LOSS, False),
-    "message_away": (_message_away, Group.BUS, _LOSS, False),
-    "duplicated": (_duplicated, Group.BUS, _LOSS, False),
-    "reordered": (_reordered, Group.BUS, _LOSS, False),
-    "wrong_counter": (_wrong_counters, Group.BUS, _LOSS, False),
-    "wrong_crc": (_damaged, Group.BUS, _LOSS, False),
-    "foreign_sender": (_foreign, Group.BUS, _LOSS | {"DEVICE_RESTARTED"}, False),
-    "clock_step": (_clock_step, Group.TIME, _TIMES, True),
-    "index_jump": (_index_jump, Group.TIME, _TIMES, True),
-    "device_restart": (_restarted, Group.TIME, _TIMES, True),
-}
-KINDS = tuple(Kind(name, group, true) for name, (_, group, true, _) in _CHANGES.items())
+_B, _C = Where.BUS, Where.CLOCK
+ROWS = (
+    FrameFault("frames_lost", _B, of.LOST, change=_lost),
+    FrameFault("burst_lost", _B, of.LOST, change=_lost_burst),
+    FrameFault("message_away", _B, of.LOST, change=_message_away),
+    FrameFault("duplicated", _B, of.LOST, change=_duplicated),
+    FrameFault("reordered", _B, of.LOST, change=_reordered),
+    FrameFault("wrong_counter", _B, of.LOST, change=_wrong_counters),
+    FrameFault("wrong_crc", _B, of.LOST, change=_damaged),
+    FrameFault("foreign_sender", _B, of.LOST | {"DEVICE_RESTARTED"}, change=_foreign),
+    FrameFault("clock_step", _C, of.TIMES, change=_clock_step, stays=True),
+    FrameFault("index_jump", _C, of.TIMES, change=_index_jump, stays=True),
+    FrameFault("device_restart", _C, of.TIMES, change=_restarted, stays=True),
+)
 
 
-def with_bus_fault(frames: Frames, placed: Placed, bus: BusMap) -> Frames:
-    """The frames with a fault of the bus or of time."""
-    change, _, _, stays = _CHANGES[placed.kind.name]
+def with_frame_fault(frames: Frames, placed: Placed, bus: BusMap) -> Frames:
+    """The frames with a fault of the bus or of a clock; with any other the same."""
+    fault = placed.fault
+    if not isinstance(fault, FrameFault):
+        return frames
     before = [each for each in frames if each.time < placed.begin]
-    during = [each for each in frames if placed.begin <= each.time and (stays or each.time < placed.end)]
+    during = [
+        each for each in frames if placed.begin <= each.time and (fault.stays or each.time < placed.end)
+    ]
     after = frames[len(before) + len(during) :]
-    return [*before, *(change(during, placed.chance, bus) if during else ()), *after]
+    return [*before, *(fault.change(during, placed.chance, bus) if during else ()), *after]
 
 
 def index_of(payload: bytes) -> int:

@@ -1,0 +1,197 @@
+"""Daemons by command that learn, and are killed, without room on the disk, or without power: what is on disk then?"""
+
+import contextlib
+import re
+import resource
+import socket
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.daemon.persistence.journal import Row, reading_journal
+from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash
+from observer_rt.desk.simulation.schedule import make_schedule
+from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.player import play
+from observer_rt.foundation.errors import RunError, UserError
+from tools.benchmarks.faults.disk import Disk, operations
+from tools.benchmarks.scoring import bench_text, worn_injector
+from tools.benchmarks.speed.native import library
+from tools.benchmarks.speed.observers import RUN, Observer, observer
+
+WITHIN, MARGIN = 1.0, 1.0  # s: save_within_s, and what a machine with other work may be late
+LIVES = (1.0, 4.0)  # s a daemon learns before anything goes wrong
+INJECTIONS, SPEED = 80, 2.0  # of the recording, and of its replay
+SMALL_FILE = 512  # bytes, less than either file needs
+CUTS = 20  # moments of a loss of power
+_TOLD = re.compile(r"injection (\d+) at index (\d+): (?:([\d.]+) mg|mass unknown), .*, (valid|not valid)")
+
+
+class Strike(StrEnum):
+    """What is done to a daemon."""
+
+    KILLED = "killed"
+    FULL_DISK = "disk_full"
+    POWER_LOST = "power_lost"
+
+
+@dataclass(frozen=True)
+class Kill:
+    """What became of one daemon. told, lost: injections; lost ones were due; problems: what must not be."""
+
+    strike: Strike
+    told: int
+    lost: int
+    problems: tuple[str, ...]
+
+
+def told_of(lines: Sequence[str]) -> list[tuple[str, ...]]:
+    """Number, index, mass and verdict of the injections a daemon has told of."""
+    return [match.groups(default="") for match in map(_TOLD.search, lines) if match]
+
+
+def difference(rows: Sequence[Row], told: Sequence[tuple[str, ...]]) -> list[str]:
+    """What of the journal is not what the daemon said, row by row."""
+    numbers = [row["number"] for row in rows]
+    problems = [] if numbers == list(range(1, len(rows) + 1)) else [f"rows missing in the midst: {numbers}"]
+    for row, said in zip(rows, told, strict=False):
+        mass = "" if row["mass_mg"] is None else f"{row['mass_mg']:.2f}"
+        verdict = "valid" if row["valid"] else "not valid"
+        if (str(row["number"]), str(row["start_index"]), mass, verdict) != said:
+            problems.append(f"said {said}, wrote {row}")
+    return problems
+
+
+def read_back(folder: Path, told: Sequence[tuple[str, ...]], due: int) -> tuple[int, list[str]]:
+    """Injections that are missing of the first `due`, and what is wrong with the files of a folder."""
+    rows: list[Row] = []
+    problems, events, journal = [], 0, folder / "injections.sqlite"
+    try:
+        restored = load_knowledge(folder / "state.json", model_hash(load_bench().injector.parameters))
+        events = restored.knowledge.state.events if restored.knowledge else 0
+        if journal.exists():
+            with contextlib.closing(sqlite3.connect(journal)) as connection:
+                [(sound,)] = connection.execute("PRAGMA integrity_check").fetchall()
+            with reading_journal(journal) as reader:
+                rows = list(reader.injections())
+            problems += difference(rows, told) + ([] if sound == "ok" else [f"journal: {sound}"])
+    except (UserError, sqlite3.Error) as error:
+        if due:  # a journal of which nothing was synced may be no journal yet
+            problems.append(str(error))
+    return max(due - min(len(rows), events), 0), problems
+
+
+def strike(how: Strike, folder: Path, seed: int) -> Kill:
+    """Let a daemon learn in a new folder, strike, and look at its files. Raises RunError where it does not start."""
+    chance, disk = np.random.default_rng([seed, list(Strike).index(how)]), folder / "disk"
+    disk.mkdir(parents=True)
+    preloaded = {
+        "LD_PRELOAD": str(library("disk_log", folder)),
+        "DISK_LOG": str(folder / "log"),
+        "DISK_FOLDER": str(disk),
+    }
+    with _learning(disk, preloaded if how is Strike.POWER_LOST else {}) as daemon:
+        time.sleep(chance.uniform(*LIVES))
+        if how is Strike.FULL_DISK:
+            with _without_room(daemon.process.pid):
+                time.sleep(chance.uniform(0.25, 2.0) * WITHIN)
+        due = len(told_of(daemon.said))
+        time.sleep(WITHIN + MARGIN)
+        ended = daemon.process.poll()
+        daemon.process.kill()
+        daemon.process.wait()
+    told = told_of(daemon.said)
+    problems = [] if ended is None else [f"ended by itself with {ended}: {daemon.said[-3:]}"]
+    if how is Strike.POWER_LOST:
+        found = _cut(folder, told, due, chance)
+    else:
+        found = [read_back(disk, told, due)]
+        problems += _starts_again(disk)
+    problems += [problem for _, others in found for problem in others]
+    return Kill(how, len(told), max(lost for lost, _ in found), tuple(problems))
+
+
+def _cut(
+    folder: Path, told: Sequence[tuple[str, ...]], due: int, chance: np.random.Generator
+) -> list[tuple[int, list[str]]]:
+    """Files as losses of power at some moments leave them; only the last of these is after all that was due."""
+    done, drive, found, begun = operations(folder / "log"), Disk(folder / "disk"), [], 0
+    moments = [*sorted(chance.integers(1, len(done), CUTS - 1).tolist()), len(done)]
+    for number, moment in enumerate(moments):
+        for operation in done[begun:moment]:
+            drive.do(operation)
+        begun, target = moment, folder / f"cut{number}"
+        target.mkdir()
+        drive.cut(target, chance)
+        found.append(read_back(target, told, due if moment == len(done) else 0))
+    return found
+
+
+@contextlib.contextmanager
+def _learning(disk: Path, environment: dict[str, str]) -> Iterator[Observer]:
+    """A daemon on one end of a pair of sockets, to whose other end a worn injector's frames are sent."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    path, stop = disk.parent / "bench.toml", threading.Event()
+    path.write_text(
+        bench_text(
+            ('interface = "socketcan"', 'interface = "descriptor"'),
+            ('channel = "can0"', f'channel = "{theirs.fileno()}"'),
+            ("save_within_s = 5", f"save_within_s = {WITHIN:g}"),
+        ),
+        "utf-8",
+    )
+    schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
+    recording = worn_injector(schedule, 100e3, wear=0.3, seed=3).recording
+    frames = list(Framer(map_bus(load_bench(path))).frames(recording, whole(recording)))
+    command: list[str | Path] = [
+        *RUN,
+        path,
+        "--state",
+        disk / "state.json",
+        "--journal",
+        disk / "injections.sqlite",
+    ]
+
+    def send() -> None:
+        with (
+            contextlib.suppress(RunError),  # the daemon is gone
+            open_link("descriptor", str(ours.fileno()), True, []) as link,
+        ):
+            play(frames, link, SPEED, stop=stop)
+
+    with ours, theirs, observer(command, [theirs.fileno()], environment) as daemon:
+        sender = threading.Thread(target=send)
+        sender.start()
+        try:
+            yield daemon
+        finally:
+            stop.set()
+            sender.join()
+
+
+@contextlib.contextmanager
+def _without_room(process: int) -> Iterator[None]:
+    """No file of a process may grow beyond a few bytes."""
+    soft, hard = resource.prlimit(process, resource.RLIMIT_FSIZE)
+    resource.prlimit(process, resource.RLIMIT_FSIZE, (SMALL_FILE, hard))
+    try:
+        yield
+    finally:
+        resource.prlimit(process, resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def _starts_again(disk: Path) -> list[str]:
+    try:
+        with _learning(disk, {}):
+            return []
+    except RunError as error:
+        return [str(error)]

@@ -1,1 +1,0 @@
-"""Disturbances of a real bench on the independent plants: is the observer right, or does it refuse truly?"""

@@ -25,7 +25,7 @@ from tools.benchmarks.faults.score import FaultScore, score
 from tools.benchmarks.faults.table import TABLE
 
 BEGIN, END = 0.30, 0.40  # s
-EVENTS = tuple(Event(100e6, (Shot(0.0, 1.5e-3),), Faults()) for _ in range(6))
+EVENTS = tuple(Event((80 + 10 * n) * 1e6, (Shot(0.0, 1.5e-3),), Faults()) for n in range(6))
 BENCH = Bench(Injector(), Needle(), EVENTS, seed=3)
 SENSORS = [name for name, row in TABLE.items() if row.where is Where.SENSOR and name != "none"]
 

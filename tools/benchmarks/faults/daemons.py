@@ -30,7 +30,7 @@ from tools.benchmarks.speed.observers import RUN, Observer, observer
 
 WITHIN, MARGIN = 1.0, 1.0  # s: save_within_s, and what a machine with other work may be late
 LIVES = (1.0, 4.0)  # s a daemon learns before anything goes wrong
-INJECTIONS, SPEED = 80, 2.0  # of the recording, and of its replay
+INJECTIONS = 200  # of the recording, 20 a second
 SMALL_FILE = 512  # bytes, less than either file needs
 CUTS = 20  # moments of a loss of power
 _TOLD = re.compile(r"injection (\d+) at index (\d+): (?:([\d.]+) mg|mass unknown), .*, (valid|not valid)")
@@ -92,6 +92,7 @@ def read_back(folder: Path, told: Sequence[tuple[str, ...]], due: int) -> tuple[
 
 def strike(how: Strike, folder: Path, seed: int) -> Kill:
     """Let a daemon learn in a new folder, strike, and look at its files. Raises RunError where it does not start."""
+    folder = folder.resolve()  # as the daemon names its files
     chance, disk = np.random.default_rng([seed, list(Strike).index(how)]), folder / "disk"
     disk.mkdir(parents=True)
     preloaded = {
@@ -145,6 +146,7 @@ def _learning(disk: Path, environment: dict[str, str]) -> Iterator[Observer]:
         bench_text(
             ('interface = "socketcan"', 'interface = "descriptor"'),
             ('channel = "can0"', f'channel = "{theirs.fileno()}"'),
+            ("lockstep = false", "lockstep = true"),  # every injection is learned from
             ("save_within_s = 5", f"save_within_s = {WITHIN:g}"),
         ),
         "utf-8",
@@ -166,7 +168,7 @@ def _learning(disk: Path, environment: dict[str, str]) -> Iterator[Observer]:
             contextlib.suppress(RunError),  # the daemon is gone
             open_link("descriptor", str(ours.fileno()), True, []) as link,
         ):
-            play(frames, link, SPEED, stop=stop)
+            play(frames, link, 1.0, stop=stop)
 
     with ours, theirs, observer(command, [theirs.fileno()], environment) as daemon:
         sender = threading.Thread(target=send)

@@ -72,7 +72,8 @@ def score(scenario: Scenario, outcome: Outcome, published: Published, density: f
     error = np.where(published.valid, published.rate - outcome.truth.injection_rate, 0.0)
     coming = [each for each in scenario.placed if not each.fault.lasting]
     lasts = len(coming) < len(scenario.placed)
-    begin = min((each.begin for each in coming), default=scenario.bench.starts[JUDGED.start])
+    starts_of = scenario.bench.starts
+    begin = min(each.begin for each in coming) if coming else starts_of[JUDGED.start]
     end = max((each.end for each in coming), default=np.inf)
     allowed = max(each.fault.late for each in scenario.placed)
     starts = np.array([window.start for window in windows.ranges]) * interval

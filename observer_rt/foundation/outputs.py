@@ -87,10 +87,12 @@ def make_folder(option: str, folder: Path) -> None:
 def replacing(target: Path) -> Iterator[Path]:
     """A new file beside the target, which takes its place once it is complete and on the disk, and else is gone.
 
-    Raises OSError.
+    A link stays a link. Raises OSError, and `UserError` for a device or a pipe, which must not be replaced.
     """
     final = Path(os.path.realpath(target))
-    part = final.with_name(f".{final.stem}.{secrets.token_hex(4)}.part{final.suffix}")
+    if final.exists() and not final.is_file():
+        raise UserError(str(target), "is no file", "name a file")
+    part = final.with_name(f".{final.stem}.{secrets.token_hex(4)}.part{target.suffix}")
     try:
         yield part
         with suppress(FileNotFoundError):

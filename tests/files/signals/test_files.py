@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.files.formats import is_log, open_log, read_recording, write_recording
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import UserError
 
 CODES = st.integers(0, 0xFFFD)
 
@@ -108,10 +108,11 @@ def test_folder_in_place_of_a_file(tmp_path: Path) -> None:
         read_recording(tmp_path / "a.csv")
 
 
-def test_full_disk_is_a_failure_at_run_time(tmp_path: Path) -> None:
+def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
     (tmp_path / "full.csv").symlink_to("/dev/full")
-    with pytest.raises(RunError, match="No space left"):
+    with pytest.raises(UserError, match="is no file"):
         write_recording(tmp_path / "full.csv", RECORDING)
+    assert Path("/dev/full").is_char_device()
 
 
 @pytest.mark.parametrize(

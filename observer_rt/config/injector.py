@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from enum import StrEnum
-from itertools import combinations
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -73,9 +72,8 @@ class RecordingConfig(Section):
     time: TimeConfig | None = None  # MDF4 files bring their own; others need it, or `rate_hz`
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] | None = None
     """Rate at which rows follow each other, trusted where stamps are rounded or missing; also that of the grid."""
-    separator: OneCharacter | None = None  # of CSV, as are the next three; None: as the file looks
+    separator: OneCharacter | None = None  # of CSV, as are the next two; None: as the file looks
     decimal: OneCharacter | None = None
-    thousands: OneCharacter | None = None
     comment: OneCharacter = "#"
     meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
@@ -90,10 +88,8 @@ class RecordingConfig(Section):
 
     @model_validator(mode="after")
     def _separators_differ(self) -> Self:
-        for one, other in combinations(("separator", "decimal", "thousands"), 2):
-            sign = getattr(self, one)
-            if sign is not None and sign == getattr(self, other):
-                raise ValueError(f"'{one}' and '{other}' are both {sign!r}; change one of them")
+        if self.separator is not None and self.separator == self.decimal:
+            raise ValueError(f"'separator' and 'decimal' are both {self.decimal!r}; change one of them")
         return self
 
     @model_validator(mode="after")

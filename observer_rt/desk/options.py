@@ -40,6 +40,5 @@ FromChannel = Annotated[
         "[LINK=]CHANNEL",
     ),
 ]
-Yes = Annotated[bool, Option("Read files of other layouts as it is guessed which column is which.")]
 Force = Annotated[bool, Option("Replace existing files.")]
 Json = Annotated[bool, Option("Results as JSON on stdout.")]

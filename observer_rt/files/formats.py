@@ -24,16 +24,15 @@ from observer_rt.files.canlog.candump import CANDUMP
 from observer_rt.files.canlog.csv_log import CSV_LOG
 from observer_rt.files.canlog.pcap import PCAP
 from observer_rt.files.canlog.trc import TRC
-from observer_rt.files.guess.guess import Guess, guess_of
 from observer_rt.files.mdf4.can_log import Mdf4Log, Mdf4LogWriter, is_bus_log
-from observer_rt.files.signals.column import Column
 from observer_rt.files.signals.csv_table import CsvTable
-from observer_rt.files.signals.held_table import HeldTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
-from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.mdf4_table import Mdf4Table
+from observer_rt.files.signals.naming import in_words, layout_of
+from observer_rt.files.signals.parquet_table import ParquetTable
+from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.files.signals.signal_format import OwnLayout, SignalFormat
 from observer_rt.files.signals.stream import HeldSignals, SignalStream, joined
-from observer_rt.files.signals.table import Mdf4Table, ParquetTable, Table
 from observer_rt.files.signals.table_signals import EvenSignals
 from observer_rt.files.signals.table_writers import (
     PRINTED,
@@ -42,7 +41,6 @@ from observer_rt.files.signals.table_writers import (
     recording_writer,
     write_whole,
 )
-from observer_rt.files.signals.whole_file import WholeFile
 from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -50,20 +48,15 @@ from observer_rt.foundation.outputs import replacing
 
 Format = LogFormat | SignalFormat
 GROUP = "observer_rt.formats"
-PREVIEWED = 1 << 18  # samples of a long file, from which is guessed what is what
 F = TypeVar("F", bound=Format)
+_BY_PANDAS = "read it by pandas, `ort.read` takes a DataFrame: docs/measurement-tools.md"
 _ADVICE = {  # what to do with other kinds of files
-    (".xls", ".ods"): "save it as {0}.xlsx or {0}.csv",
+    (".xls", ".xlsx", ".xlsm", ".ods"): f"save it as {{0}}.csv, or {_BY_PANDAS}",
+    (".mat", ".h5", ".hdf5", ".tdms", ".feather", ".npy", ".npz"): _BY_PANDAS,
     (".sav", ".pkl", ".pickle"): 'in Python: to_parquet("{0}.parquet") of the DataFrame',
+    (".mdf", ".dat"): 'in Python: asammdf.MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
     (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
-    (
-        ".gz",
-        ".zst",
-        ".zip",
-        ".7z",
-        ".bz2",
-        ".xz",
-    ): "unpack it first; only text is read packed, by gzip",
+    (".gz", ".zst", ".zip", ".7z", ".bz2", ".xz"): "unpack it first; only text is read packed, by gzip",
 }
 
 
@@ -73,9 +66,8 @@ def _header(columns: Sequence[WrittenColumn]) -> str:
 
 
 def _by_header(columns: Sequence[WrittenColumn]) -> RecordingConfig:
-    return RecordingConfig.model_validate(
-        {column.channel: {"column": column.header, "unit": column.unit} for column in columns}
-    )
+    mapped = {column.channel: {"column": column.header, "unit": column.unit} for column in columns}
+    return RecordingConfig.model_validate(mapped)
 
 
 _CHANNELS = RecordingConfig.model_validate({column.channel: {"column": column.channel} for column in SI[1:]})
@@ -89,16 +81,6 @@ MDF4_SIGNALS = SignalFormat(
 PARQUET = SignalFormat(
     (".parquet",), f"Parquet, {_header(SI)}", OwnLayout(ParquetTable, _by_header(SI)), write_whole
 )
-WHOLE = (
-    SignalFormat((".xlsx", ".xlsm"), "Excel", WholeFile("Excel", "excel", "openpyxl", "openpyxl")),
-    SignalFormat((".mat",), "MATLAB, 5 to 7.3", WholeFile("MATLAB", "matlab", "scipy", "scipy")),
-    SignalFormat((".h5", ".hdf5"), "HDF5", WholeFile("HDF5", "hdf5", "h5py", "h5py")),
-    SignalFormat((".tdms",), "TDMS of LabVIEW", WholeFile("TDMS", "tdms", "nptdms", "npTDMS")),
-    SignalFormat((".mdf", ".dat"), "MDF 3", WholeFile("MDF 3", "mdf3", "asammdf", "asammdf")),
-    SignalFormat((".feather",), "Feather of Arrow", WholeFile("Feather", "feather", "pyarrow", "pyarrow")),
-    SignalFormat((".npy", ".npz"), "arrays of NumPy", WholeFile("NumPy", "numpy_files", "numpy", "numpy")),
-)
-
 MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
 BUILT_IN: tuple[Format, ...] = (
@@ -106,7 +88,6 @@ BUILT_IN: tuple[Format, ...] = (
     MDF4_SIGNALS,
     PARQUET,
     TEXT,
-    *WHOLE,
     CANDUMP,
     BUSMASTER,
     BLF,
@@ -196,22 +177,30 @@ def open_recording(
 ) -> SignalStream:
     """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
-    injector: whose `[recording]` describes a layout of the user's own; without it our own layouts, and others as far
-    as it is certain which column is which.
+    injector: whose `[recording]` describes a layout of the user's own; without it our own layouts, and others whose
+    headings say which column is which.
     in_one_go: as of `EvenSignals`, of our own layouts; else it is looked through all the same.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     reader = _of(path, signal_formats()).reader
     mapping = injector.config.recording if injector is not None else None
-    rate = injector.config.sampling.rate_hz if injector is not None else 0.0
+    if path.name.endswith(TRUTH_SUFFIX):
+        raise UserError(
+            str(path),
+            "is the truth behind a simulated recording, which is not for the observer",
+            "leave it out",
+        )
     with file_errors(path):
         stream: SignalStream
-        if not isinstance(reader, OwnLayout | WholeFile):
+        if not isinstance(reader, OwnLayout):
             stream = HeldSignals(reader(path))
-        elif isinstance(reader, OwnLayout) and reader.is_of(path, mapping):
+        elif reader.is_of(path, mapping):
             stream = EvenSignals(reader.table(path, reader.mapping, is_own=True), in_one_go)
         else:
-            stream = _mapped(path, reader, mapping, rate)
+            rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
+            layout = mapping or _by_headings(path, reader)
+            stream = MappedSignals(reader.table(path, layout), rate)
+            stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None
         stream.meaning = stated or injector.config.sampling.meaning
@@ -224,67 +213,21 @@ def open_recording(
     return stream
 
 
-def guessed(path: Path) -> Guess | None:
-    """Guess of how a file is read; None for one in our own layout, and of a format that is read in one way only.
-
-    Raises `UserError` for an unknown suffix, a file that cannot be opened or holds no numbers.
-    """
-    reader = _of(path, signal_formats()).reader
-    with file_errors(path):
-        if not isinstance(reader, OwnLayout | WholeFile):
-            return None
-        if isinstance(reader, OwnLayout) and reader.is_of(path, None):
-            return None
-        return guess_of(str(path), _columns(path, reader))
-
-
-def _columns(path: Path, reader: OwnLayout | WholeFile) -> Sequence[Column]:
-    return reader.columns(path) if isinstance(reader, WholeFile) else reader.table.preview(path, PREVIEWED)
-
-
-def _mapped(
-    path: Path, reader: OwnLayout | WholeFile, mapping: RecordingConfig | None, rate: float
-) -> MappedSignals:
-    """A file by its mapping, None: as guessed, where that is certain; onto a grid of `rate` [Hz]."""
-    columns = reader.columns(path) if isinstance(reader, WholeFile) else ()
-    note: tuple[str, ...] = ()
-    if mapping is None:
-        guess = guess_of(str(path), columns or _columns(path, reader))
-        if guess.doubts:
-            raise guess.error()
-        mapping, note = guess.layout, (guess.in_words(),)
-    stream = MappedSignals(_table(path, reader, mapping, columns), rate)
-    stream.notes = (*note, *stream.notes)
-    return stream
-
-
-def _table(
-    path: Path, reader: OwnLayout | WholeFile, mapping: RecordingConfig, columns: Sequence[Column]
-) -> Table:
-    """Table of a file by its mapping; columns: of one that is read whole."""
-    if isinstance(reader, WholeFile):
-        return HeldTable(path, mapping, columns, reader.name)
-    return reader.table(path, mapping)
+def _by_headings(path: Path, reader: OwnLayout) -> RecordingConfig:
+    return layout_of(str(path), reader.table.headings(path), reader.table.brings_time)
 
 
 def first_number(path: Path, injector: BenchInjector, column: str) -> float:
     """The first number of a column that is no signal, as printed. Raises `UserError` for a file without it."""
     place, remedy = f"{path}, column {column}", "name a column of numbers that every recording has"
     reader = _of(path, signal_formats()).reader
-    if not isinstance(reader, OwnLayout | WholeFile):
+    if not isinstance(reader, OwnLayout):
         raise UserError(place, "is none that a file of this kind could have", remedy)
-    mapping = injector.config.recording
-    if isinstance(reader, OwnLayout) and reader.is_of(path, mapping):
-        mapping = reader.mapping
-    elif mapping is None:
-        guess = guessed(path)
-        assert guess is not None  # it is in no layout of ours
-        mapping = guess.layout
-    its = ColumnConfig(column=int(column) if mapping.by_place and column.isdigit() else column)
     with file_errors(path):
-        mapping = mapping.model_copy(update={"needle_lift": its, "injection_rate": None})
-        columns = reader.columns(path) if isinstance(reader, WholeFile) else ()
-        table = _table(path, reader, mapping, columns)
+        mapping = injector.config.recording
+        mapping = reader.mapping if reader.is_of(path, mapping) else mapping or _by_headings(path, reader)
+        its = ColumnConfig(column=int(column) if mapping.by_place and column.isdigit() else column)
+        table = reader.table(path, mapping.model_copy(update={"needle_lift": its, "injection_rate": None}))
         raster = next(place for place, names in enumerate(table.rasters) if "needle_lift" in names)
         for part in table.parts(raster):
             numbers = part.signals["needle_lift"]

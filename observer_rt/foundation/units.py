@@ -11,6 +11,7 @@ MILLIMETRE = 1e-3  # m
 MICROMETRE = 1e-6  # m
 MILLISECOND = 1e-3  # s
 MICROSECOND = 1e-6  # s
+NANOSECOND = 1e-9  # s
 MM3_PER_MS = 1e-6  # m3/s
 CUBIC_MILLIMETRE = 1e-9  # m3
 MILLIGRAM = 1e-6  # kg
@@ -28,7 +29,14 @@ PRESSURE_UNITS = {
 }
 LENGTH_UNITS = {"m": 1.0, "mm": MILLIMETRE, "um": MICROMETRE, "µm": MICROMETRE, "μm": MICROMETRE}
 MASS_UNITS = {"kg": 1.0, "g": 1e-3, "mg": MILLIGRAM, "mg/stroke": MILLIGRAM}
-TIME_UNITS = {"s": 1.0, "ms": MILLISECOND, "us": MICROSECOND, "µs": MICROSECOND, "μs": MICROSECOND}
+TIME_UNITS = {
+    "s": 1.0,
+    "ms": MILLISECOND,
+    "us": MICROSECOND,
+    "µs": MICROSECOND,
+    "μs": MICROSECOND,
+    "ns": NANOSECOND,
+}
 
 # value_si = value + origin; all have kelvins as steps
 TEMPERATURE_ORIGINS = {
@@ -39,6 +47,36 @@ TEMPERATURE_ORIGINS = {
     "C": ZERO_CELSIUS,
 }
 
+_SPELLINGS = {  # in small letters, of units above
+    "sec": "s",
+    "second": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "usec": "us",
+    "µsec": "us",
+    "micron": "um",
+    "microns": "um",
+    "mikrometer": "um",
+    "bara": "bar",
+    "barg": "bar",
+    "n/mm2": "MPa",
+    "n/mm²": "MPa",
+    "n/mm^2": "MPa",
+    "mm3_per_ms": "mm3/ms",
+    "mm3_per_s": "mm3/s",
+    "m3_per_s": "m3/s",
+    "mm^3/ms": "mm3/ms",
+}
+
+
+def spelled(unit: str, units: Mapping[str, float]) -> str:
+    """A unit as `units` have it, whatever its case and spelling; empty for one that is none of them."""
+    if unit in units:
+        return unit
+    small = unit.strip().lower()
+    known = _SPELLINGS.get(small, small)
+    return next((each for each in units if known in (each, each.lower())), "")
+
 
 def factor_of(text: str, units: Mapping[str, float]) -> float | None:
     """Factor of a unit to SI, by its name or as a number of them, such as `0.05 MPa`; None if it is neither."""
@@ -47,5 +85,5 @@ def factor_of(text: str, units: Mapping[str, float]) -> float | None:
         count = float(number) if number else 1.0
     except ValueError:
         return None
-    known = math.isfinite(count) and count != 0.0 and name in units
-    return count * units[name] if known else None
+    known = spelled(name, units)
+    return count * units[known] if math.isfinite(count) and count != 0.0 and known else None

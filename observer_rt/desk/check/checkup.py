@@ -29,7 +29,7 @@ from observer_rt.desk.check.machine import (
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.engine.service.learners import SIGNALS
 from observer_rt.engine.signal_survey import doubts, implausible
-from observer_rt.files.formats import guessed, is_log, open_recording
+from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
@@ -175,12 +175,6 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     with file_errors(path):
         if is_log(path):
             raise UserError(str(path), "is a CAN log", "look at it by --log")
-        guess = None if bench.injector.config.recording is not None else guessed(path)
-        if guess is not None:
-            for doubt in guess.doubts:
-                yield False, doubt, ""
-            yield f"guessed, for a bench file:\n{guess.section()}"
-            bench = bench.with_sections(recording=guess.layout)
         stream = open_recording(path, bench.injector)
     yield from stream.details or (f"{path}: our own layout",)
     parts = [

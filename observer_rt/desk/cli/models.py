@@ -28,16 +28,11 @@ class ModelOptions:
     from_channel: shared.FromChannel = ()
     injector: Injector = None
     lenient: Lenient = False
-    yes: shared.Yes = False
     json: shared.Json = False
 
-    def decoder(self, paths: Sequence[Path], model: Path | None) -> Bench | None:
+    def decoder(self, model: Path | None) -> Bench | None:
         """The bench that says how to read the files. Raises `UserError` where there is none that fits."""
-        from observer_rt.desk.evaluation.guessing import as_confirmed
-
-        return as_confirmed(
-            decoder_of(self.bench, self.injector, self.lenient, model), paths, self.yes, messages
-        )
+        return decoder_of(self.bench, self.injector, self.lenient, model)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +68,7 @@ def fit(options: FitOptions) -> None:
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 
     model, output, plot = options.model, options.output, options.plot
-    decoder = options.decoder(options.recordings, model)
+    decoder = options.decoder(model)
     start, source = load_injector(model), InjectorFile.read(model)
     if output.resolve() == model.resolve():
         raise UserError(
@@ -195,7 +190,7 @@ def discover(options: DiscoverOptions) -> None:
             "give recordings, or the folder of evidence that the daemon keeps by --from-evidence",
         )
     recordings, healthy, out = options.recordings, options.healthy, options.out
-    decoder = options.decoder((*recordings, *healthy), options.model)
+    decoder = options.decoder(options.model)
     chosen = effects_named("--choose", options.choose)
     if options.from_evidence is not None:
         asked = asked_of_evidence(options.from_evidence, options.model, decoder, messages)

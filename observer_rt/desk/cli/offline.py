@@ -105,11 +105,9 @@ def simulate(options: SimulateOptions) -> None:
 def evaluate(options: EvaluateOptions) -> None:
     """Run recordings through the observer, as the daemon would and as fast as the machine allows; or --twice."""
     from observer_rt.desk.evaluation.command import evaluate_bench
-    from observer_rt.desk.evaluation.guessing import as_confirmed
 
     stated = load_bench(options.bench, options.model, options.lenient, off_bus=True).of(options.injector)
-    bench = as_confirmed(stated, options.recordings, options.yes, messages) or stated
-    evaluate_bench(bench, options, messages)
+    evaluate_bench(stated, options, messages)
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,6 @@ class EvaluateOptions:
     fuel_temperature: shared.FuelTemperature = None
     injector: Injector = None
     lenient: Lenient = False
-    yes: shared.Yes = False
     force: shared.Force = False
     json: shared.Json = False
 

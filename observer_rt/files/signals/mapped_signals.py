@@ -24,6 +24,8 @@ SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the g
 LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
 
 MOST_STRETCHES = 10_000
+LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, as of the bench file
+MOST_RESTARTS = 0.01  # of the rows, where the time may begin anew
 SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
 SAME_RATE = 0.01  # relative, of a file and the grid
 MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
@@ -187,7 +189,14 @@ class MappedSignals(TableSignals):
                 "has no even rate",
                 "state it in the bench file: [recording] rate_hz = 100e3",
             )
-        return stamps.rate(1.0)
+        rate = stamps.rate(1.0)
+        if not LOWEST_RATE <= rate <= HIGHEST_RATE:
+            raise UserError(
+                f"{self.path}: time",
+                f"has {rate:.6g} rows a second, which are too few or too many",
+                "mind its unit, or state it in a bench file: [recording.time]",
+            )
+        return rate
 
     def _details(self) -> tuple[str, ...]:
         table, config = self._table, self._mapped
@@ -295,6 +304,13 @@ class MappedSignals(TableSignals):
                     f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows",
                     "mind column and unit of the time, or raise recording.bridge_ms",
                 )
+        restarts = sum(run.is_restart for run in axis.runs)
+        if restarts > max(MOST_RESTARTS * axis.rows, 1.0):
+            raise UserError(
+                str(self.path),
+                f"its rows are not in the order of time: it steps back in {restarts} of {axis.rows}",
+                "sort the rows by their time",
+            )
         if not axis.period:
             name = ", ".join(self._table.rasters[raster])
             problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"

@@ -1,111 +1,83 @@
-"""Channels of an MDF4 file as signals, by asammdf; to be run apart, for it trusts what stands in a file."""
+"""Channels of an MDF4 file, by asammdf; to be run apart, for it trusts what stands in a file.
 
+What goes to the caller are lists, texts, numbers and arrays.
+"""
+
+import struct
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from asammdf import MDF, Signal
+from numpy.typing import NDArray
 
-from observer_rt.config.injector import ColumnConfig
-from observer_rt.files.mdf4.blocks import CountedRecords
 from observer_rt.files.mdf4.opening import damage_told, opened, refuse_outside
-from observer_rt.files.signals.table import LARGEST, FoundChannels, Place, Values, present
-from observer_rt.foundation.errors import UserError
 
-Part = tuple[Values, dict[str, Values]]
-"""Fields of a `TablePart`."""
-
-
-def names(path: Path) -> Iterator[list[str]]:
-    """Names of the channels."""
-    with opened(path) as file:
-        yield list(file.channels_db)
+_HEAD = struct.Struct("<4s4xQQ")  # of a block: its kind, length, number of links
+_CYCLES = struct.Struct("<8xQ")  # of a group's heading, behind its links
+_FINALISED = b"MDF     "
 
 
-def preview(path: Path, most: int) -> Iterator[tuple[str, Values, str, Values, int]]:
-    """Fields of a `Column` for each channel of numbers but for those of time, up to their first `most` samples."""
-    with opened(path) as file:
+def channels(path: Path) -> Iterator[list[Any]]:
+    """Name, unit, group and index of every channel but the times, and how many more samples its group holds than its
+    heading states.
+    """
+    with opened(path) as file, damage_told(path):
+        surplus = {
+            group: _stored(file, group) - _stated(path, file, group) for group in range(len(file.groups))
+        }
         for name, places in file.channels_db.items():
             for group, index in places:
                 refuse_outside(file, group)
-                if index == file.masters_db.get(group):
-                    continue
-                with damage_told(path):
-                    signal = file.get(group=group, index=index, record_count=most)
-                if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iuf":
-                    time = signal.timestamps.astype(np.float64)
-                    values = signal.samples.astype(np.float64)
-                    yield name, values, _unit(file, group, index), time, int(group)
+                if index != file.masters_db.get(group):
+                    yield [name, _unit(file, group, index), int(group), int(index), surplus[group]]
 
 
-def found_and_parts(
-    path: Path, wanted: Mapping[str, Any], is_own: bool, counted: str, at_once: int
-) -> Iterator[FoundChannels | Part]:
-    """Channels of a file that are wanted, then the parts of the first group with some of them.
+def parts(
+    path: Path, group: int, indices: Mapping[str, int], at_once: int
+) -> Iterator[dict[str, NDArray[Any]]]:
+    """Time [s] and channels of one group by name, so many samples at once; NaN where a sample is marked invalid.
 
-    wanted: the content of a `ColumnConfig` by signal; counted: JSON of `CountedRecords`.
-
-    Raises `UserError` where a channel is missing or ambiguous.
+    A channel that holds no plain numbers is empty. Raises `UserError` where fewer samples are read than there are.
     """
-    with opened(path) as file:
-        records = CountedRecords.of_json(counted)
-        columns = {name: ColumnConfig.model_validate(column) for name, column in wanted.items()}
-        mapped = present(path, columns, file.channels_db, is_own, "channel")
-        places = {name: _place(file, path, column) for name, column in mapped.items()}
-        groups = sorted({group for group, _ in places.values()})
-        for group in groups:
-            refuse_outside(file, group)
-        of_all = {name: _unit(file, *places[0]) for name, places in file.channels_db.items()}
-        units = {name: unit for name, place in places.items() if (unit := _unit(file, *place))}
-        headings = [file.groups[group].channel_group.address for group in groups]
-        odd = (*records.remarks, *records.contradictions(headings, "samples"))
-        yield FoundChannels(places, units, of_all, odd)
-        yield from _parts(file, path, groups[0], places, records, at_once)
-
-
-def parts(path: Path, group: int, places: Mapping[str, Place], counted: str, at_once: int) -> Iterator[Part]:
-    """The channels of one group, so many samples at once, as many as there are, whatever its heading says."""
-    with opened(path) as file:
-        yield from _parts(file, path, group, places, CountedRecords.of_json(counted), at_once)
-
-
-def _parts(
-    file: MDF, path: Path, group: int, places: Mapping[str, Place], counted: CountedRecords, at_once: int
-) -> Iterator[Part]:
-    heading = file.groups[group].channel_group
-    for first in range(0, counted.readable(heading.address, heading.cycles_nr), at_once):
-        with damage_told(path):
-            signals = {
+    with opened(path) as file, damage_told(path):
+        refuse_outside(file, group)
+        samples = min(file.groups[group].channel_group.cycles_nr, _stored(file, group))
+        for first in range(0, samples, at_once):
+            count = min(at_once, samples - first)
+            found = {
                 name: file.get(
                     group=group,
                     index=index,
                     ignore_invalidation_bits=True,
                     record_offset=first,
-                    record_count=at_once,
+                    record_count=count,
                 )
-                for name, (wanted, index) in places.items()
-                if wanted == group
+                for name, index in indices.items()
             }
-        time = next(iter(signals.values())).timestamps.astype(np.float64)
-        yield time, {name: _numbers(signal, path, first) for name, signal in signals.items()}
+            columns = {name: _numbers(signal, count) for name, signal in found.items()}
+            yield {"time": next(iter(found.values())).timestamps.astype(np.float64), **columns}
 
 
-def _place(file: MDF, path: Path, column: ColumnConfig) -> Place:
-    """Group and index of a channel that is there."""
-    places = file.channels_db[column.name]
-    chosen = [place for place in places if column.group in (None, place[0])]
-    if len(chosen) != 1:
-        groups = ", ".join(str(group) for group, _ in places)
-        times = f"appears {len(places)} times: it " if len(places) > 1 else ""
-        raise UserError(
-            f"{path}, channel {column.name}",
-            f"{times}is in the groups {groups}"
-            + (f", not in {column.group}" if column.group is not None else ""),
-            f"say which in [recording] of the bench file, group = {places[0][0]}, or keep one channel of this name",
-        )
-    group, index = chosen[0]
-    return int(group), int(index)
+def _stored(file: MDF, group: int) -> int:
+    """Number of samples that the data of a group hold."""
+    heading = file.groups[group].channel_group
+    size = heading.samples_byte_nr + heading.invalidation_bytes_nr
+    stored = sum(block.original_size for block in file.groups[group].get_data_blocks())
+    return int(stored // size) if size else int(heading.cycles_nr)
+
+
+def _stated(path: Path, file: MDF, group: int) -> int:
+    """Number of samples by the heading in the file; of one that is not finalised, or without, that of asammdf."""
+    heading = file.groups[group].channel_group
+    with path.open("rb") as raw:
+        if raw.read(len(_FINALISED)) != _FINALISED or not heading.address:
+            return int(heading.cycles_nr)
+        raw.seek(heading.address)
+        _, _, links = _HEAD.unpack(raw.read(_HEAD.size))
+        raw.seek(8 * links, 1)
+        return int(_CYCLES.unpack(raw.read(_CYCLES.size))[0])
 
 
 def _unit(file: MDF, group: int, index: int) -> str:
@@ -115,19 +87,15 @@ def _unit(file: MDF, group: int, index: int) -> str:
     return str(unit or "").strip()
 
 
-def _numbers(signal: Signal, path: Path, first: int) -> Values:
-    """Samples from number `first` on; those that the channel marks as invalid become NaN."""
-    place = f"{path}, channel {signal.name}"
+def _numbers(signal: Signal, count: int) -> NDArray[np.float64]:
     if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "buif":
-        raise UserError(place, "holds no plain numbers", "map a channel of numbers")
-    values: Values = signal.samples.astype(np.float64)
+        return np.empty(0)
+    values: NDArray[np.float64] = signal.samples.astype(np.float64)
+    marks = values if signal.invalidation_bits is None else signal.invalidation_bits
+    if not values.size == signal.timestamps.size == len(marks) == count:
+        raise ValueError(
+            f"{signal.name} has {values.size} samples, {signal.timestamps.size} stamps, not {count}"
+        )
     if signal.invalidation_bits is not None:
         values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
-    beyond = np.flatnonzero(np.abs(values) > LARGEST)
-    if beyond.size:
-        raise UserError(
-            place,
-            f"sample {first + beyond[0]} is {values[beyond[0]]:g} {signal.unit.strip()}",
-            "record it again: the file is damaged, or mark such samples as invalid",
-        )
     return values

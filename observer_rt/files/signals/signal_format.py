@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.table import OPTIONAL, FileTable
-from observer_rt.files.signals.whole_file import WholeFile
 
 
 @dataclass(frozen=True)
@@ -18,15 +17,12 @@ class OwnLayout:
     mapping: RecordingConfig
 
     def is_of(self, path: Path, other: RecordingConfig | None) -> bool:
-        """Whether a file is in our own layout, mistakes or not; where another is mapped: exactly, and not in that."""
+        """Whether a file is in our own layout, and not in another one."""
         names = self.table.names(path)
         needed = [column.name for name, column in self.mapping.signals if name != OPTIONAL]
-        if other is None:
-            return any(name in names for name in needed) or path.name.endswith(TRUTH_SUFFIX)
         needed += [self.mapping.time.name] if self.mapping.time is not None else []
-        return all(name in names for name in needed) and any(
-            column.name not in names for _, column in other.signals
-        )
+        is_in_another = other is not None and all(column.name in names for _, column in other.signals)
+        return all(name in names for name in needed) and not is_in_another
 
 
 @dataclass(frozen=True)
@@ -38,7 +34,7 @@ class SignalFormat:
 
     suffixes: tuple[str, ...]
     description: str
-    reader: Callable[[Path], Recording] | OwnLayout | WholeFile
+    reader: Callable[[Path], Recording] | OwnLayout
     """Reader of a file as a whole, in one layout or in any; or the layout by which it is read in parts."""
     writer: Callable[[Path, Recording], None] | None = None
     """Replaces an existing file; None where the format is only read."""

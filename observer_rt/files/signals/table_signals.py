@@ -18,6 +18,7 @@ from observer_rt.foundation.units import (
     MM3_PER_MS,
     PRESSURE_UNITS,
     TIME_UNITS,
+    spelled,
 )
 
 RATE_UNITS = {
@@ -87,14 +88,15 @@ class TableSignals(SignalStream):
         """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""
         found = (self._table.units.get(name, ""), "as the file says")
         unit, said = found if column.unit is None else (column.unit, "as the bench file says")
-        if unit not in UNITS[name]:
+        known = spelled(unit, UNITS[name])
+        if not known:
             raise UserError(
                 f"{self.path}, {self._table.label(name)}",
                 f"unit '{unit}' is not known" if unit else "has no unit",
                 f'state it in the bench file, [recording.{name}] unit = "...": one of {", ".join(UNITS[name])}; a '
                 "factor makes one of any other",
             )
-        return unit, said
+        return known, said
 
     def _scale(self, name: str, column: ColumnConfig) -> _Scale:
         unit = UNITS[name][self._unit(name, column)[0]]

@@ -106,7 +106,7 @@ def test_what_is_no_calendar_is_named(tmp_path: Path, time: str, cell: str | Non
 
 def test_places_that_are_not_there(tmp_path: Path) -> None:
     path = write(tmp_path, ["made by a tool", *(";".join(row.split(";")[:3]) for row in rows(";", "."))])
-    with pytest.raises(UserError, match="has numbers in columns 1, 2, 3, 4"):
+    with pytest.raises(UserError, match="has numbers in columns 2, 3, 4, 1"):
         read(path, bench(tmp_path, text=PLACES))
 
 

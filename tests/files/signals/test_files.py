@@ -118,7 +118,10 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "advice"),
     [
-        ("a.xls", r"save it as a\.xlsx or a\.csv"),
+        ("a.xlsx", r"save it as a\.csv, or read it by pandas"),
+        ("a.mat", "read it by pandas"),
+        ("a.tdms", "read it by pandas"),
+        ("a.mdf", r'convert\("4\.10"\)\.save\("a\.mf4"\)'),
         ("a.pkl", r'to_parquet\("a\.parquet"\)'),
         ("a.MFC", "mdf2finalized"),
         ("a.mf4.gz", "unpack it first"),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
 from observer_rt.files.formats import open_recording
-from observer_rt.files.signals import csv_table, mapped_signals, stream, table
+from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, stream
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals, tells
@@ -161,7 +161,7 @@ def mdf4(path: Path, *groups: list[Signal]) -> Path:
 def test_mdf4_channels_of_several_rasters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int
 ) -> None:
-    for module in (table, mapped_signals):
+    for module in (mdf4_table, mapped_signals):
         monkeypatch.setattr(module, "SAMPLES_AT_ONCE", at_once)
     slow, fast = np.arange(0.0, 0.1, 1e-3), np.arange(10_000) / RATE
     path = mdf4(

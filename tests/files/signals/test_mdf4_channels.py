@@ -96,7 +96,7 @@ def lift(values: NDArray[np.float64]) -> list[Signal]:
                     {"rail_pressure": "MPa", "NeedleLift": "mm", "needle_lft": "mm", "line_pressure": "MPa"}
                 )
             ],
-            "channel 'needle_lift' is missing; the nearest is 'needle_lft'",
+            "needle_lift: could be 'NeedleLift' or 'needle_lft'",
         ),
         ([channels(UNITS), channels({"needle_lift": "mm"})], "channel needle_lift: appears 2 times"),
         (

@@ -1,1 +1,0 @@
-"""Which column of a file is which signal, guessed from names, units and what they do."""

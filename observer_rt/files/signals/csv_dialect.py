@@ -1,0 +1,239 @@
+"""The dialect of a CSV file, found out by its first lines: separator, decimal sign, line of names, units."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.files.signals.calendar import Calendar, calendar_of
+from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
+from observer_rt.files.signals.table import OPTIONAL, TIME, Heading
+from observer_rt.files.signals.text_file import encoding_of, opened_text
+from observer_rt.foundation.errors import UserError, hint
+
+_MARKS = "|nan|-nan|na|n/a|<na>|#n/a|#na|null|none|-|--|---|1.#ind|-1.#ind|1.#qnan|-1.#qnan"
+MISSING = frozenset(_MARKS.split("|"))
+"""Marks of a missing value, in small letters."""
+_LIKE_A_NUMBER = re.compile(  # with signs of thousands, too, which are refused by name
+    r"\s*[+-]?(?:\d[\d.,'\u2019\u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*"
+)
+_WORDS = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}
+_LOOKED_AT = 200  # lines, among which names and numbers must begin
+_FEWEST = 3  # columns of numbers
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """Dialect in which one file is written.
+
+    names, units: of all columns, units as far as the file states them; places: of the mapped columns, by signal;
+    heading: number of the line of names, 0: none; first_row: lines before the first numbers; rows: some of these.
+    """
+
+    encoding: str
+    separator: str
+    decimal: str
+    comment: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    places: Mapping[str, int]
+    heading: int
+    first_row: int
+    rows: tuple[Sequence[str], ...]
+
+    def as_text(self) -> str:
+        """Description of the dialect in a few words."""
+        named = f"names in line {self.heading}" if self.heading else "without names"
+        separator = _WORDS.get(self.separator, f"'{self.separator}'")
+        return f"CSV, {named}, separated by {separator}, decimal '{self.decimal}', {self.encoding}"
+
+    def calendar(self, place: int, config: RecordingConfig | None = None) -> Calendar | None:
+        """Calendar of the stamps in a column; None: they are numbers."""
+        cells = [row[place] for row in self.rows if place < len(row)]
+        return calendar_of(None if config is None else config.time, cells)
+
+    @property
+    def headings(self) -> list[Heading]:
+        """Headings of all columns."""
+        return [
+            Heading(name if self.heading else "", unit, None, self.calendar(place) is not None)
+            for place, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
+        ]
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """The first lines by one separator. heading: line of names, -1: none; fitting: lines of numbers."""
+
+    separator: str
+    cells: Sequence[Sequence[str]]
+    above: Sequence[Sequence[str]]
+    heading: int
+    found: int
+    fitting: Sequence[int]
+
+    @property
+    def score(self) -> tuple[int, int, int]:
+        """How many names are there, and numbers below them."""
+        numbers = sum(_count(self.cells[number]) for number in self.fitting)
+        return self.found, numbers, len(self.above[self.heading]) if self.found else 0
+
+
+def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False) -> Dialect:
+    """Dialect of a file with the columns of a mapping; None: with whatever columns of numbers.
+
+    is_own: the mapping is of our own layout. Raises `UserError` where no line has the names, or numbers there.
+    """
+    encoding = encoding_of(path)
+    with opened_text(path, encoding) as file:
+        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
+    if not any(line.strip() for line in lines):
+        raise UserError(
+            str(path), "is empty", "give a file with the names of its columns and numbers below them"
+        )
+    wanted = {} if config is None else dict(config.signals)
+    if config is not None and config.time is not None:
+        wanted[TIME] = config.time
+    comment, stated, decimal = "#", None, None
+    if config is not None:
+        comment, stated, decimal = config.comment, config.separator, config.decimal
+    by_name = config is not None and not config.by_place
+    trials = [_trial(lines, each, comment, wanted, by_name) for each in ([stated] if stated else _WORDS)]
+    best = max(trials, key=lambda trial: trial.score)
+    first, heading = best.fitting[0] if best.fitting else len(lines), best.heading
+    rows = tuple(best.cells[number] for number in best.fitting)
+    if config is None:
+        heading = _likely_heading(best.above[:first], len(rows[0]) if rows else 0)
+    if not by_name and not rows:
+        places = ", ".join(str(column.column) for column in wanted.values())
+        raise UserError(
+            str(path),
+            f"none of its first {len(lines)} lines has {f'numbers in columns {places}' if places else '3 numbers'}",
+            "say in [recording] of a bench file how it is written: the columns, the first is 1, separator, decimal, "
+            "and [recording.time] format where the time is that of a calendar",
+        )
+    names = [f"column {place + 1}" for place in range(max(map(len, rows), default=0))]
+    units: Sequence[str] = [""] * len(names)
+    if heading >= 0:
+        cells = best.above[heading]
+        bare, behind = zip(*map(name_and_unit, cells), strict=True)
+        names = [name if bare.count(name) == 1 else cell for name, cell in zip(bare, cells, strict=True)]
+        units = _units(behind, best.above[heading + 1 : first])
+    places = {}
+    for signal, column in wanted.items():
+        if (at := _place(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
+            places[signal] = at
+        elif not (is_own and signal == OPTIONAL):
+            raise _missing(f"{path}, line {heading + 1}", column.name, best.above[heading])
+    return Dialect(
+        encoding,
+        best.separator,
+        decimal or _decimal(rows),
+        comment,
+        tuple(names),
+        tuple(units),
+        places,
+        heading + 1,
+        first,
+        rows,
+    )
+
+
+def split_line(line: str, separator: str) -> list[str]:
+    """Cells of a line without its end."""
+    if separator == " ":
+        return line.split()
+    if '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:
+        return line.split(separator)
+
+
+def _trial(
+    lines: Sequence[str], separator: str, comment: str, wanted: Mapping[str, ColumnConfig], by_name: bool
+) -> _Trial:
+    cells = [split_line(line.split(comment)[0], separator) for line in lines]
+    names = [split_line(line.lstrip("\ufeff").lstrip(comment + " "), separator) for line in lines]
+    above = [[cell.strip() for cell in row] for row in names]
+    heading = found = -1
+    if by_name:
+        counts = [sum(_place(column, row) is not None for column in wanted.values()) for row in above]
+        found = max(counts)
+        heading = counts.index(found)
+    found_at = {name: _place(column, above[heading]) for name, column in wanted.items()}
+    places = [place for name, place in found_at.items() if place is not None and (by_name or name != TIME)]
+    fitting = [n for n, row in enumerate(cells) if n > heading and _fits(row, places, by_name)]
+    return _Trial(separator, cells, above, heading, found, fitting)
+
+
+def _fits(row: Sequence[str], places: Sequence[int], by_name: bool) -> bool:
+    """Whether a line has numbers, where they must be; a cell that is none is named by who reads the line."""
+    cells = [row[place] for place in places if place < len(row)] if places else row
+    if by_name:
+        return _count(cells) > 0
+    if places:
+        known = [cell for cell in cells if cell.strip().lower() not in MISSING]
+        return len(cells) == len(places) and 0 < _count(known) == len(known)
+    return _count(cells) > max(len(cells) / 2, _FEWEST - 1)
+
+
+def _place(column: ColumnConfig, names: Sequence[str], where: str = "") -> int | None:
+    """Place of a column among names, with units behind them or not. where: of them, for who has one twice."""
+    if isinstance(column.column, int):
+        return column.column - 1
+    for cells in (list(names), [name_and_unit(name)[0] for name in names]):
+        if where and cells.count(column.column) > 1:
+            raise UserError(
+                where, f"column '{column.column}' appears {cells.count(column.column)} times", "keep one"
+            )
+        if column.column in cells:
+            return cells.index(column.column)
+    return None
+
+
+def _likely_heading(above: Sequence[Sequence[str]], width: int) -> int:
+    """The line above the numbers that names most signals, else the last with as many cells as these."""
+    counts = [sum(bool(signals_named(cell)) for cell in row) for row in above]
+    if max(counts, default=0) > 1:
+        return counts.index(max(counts))
+    return max((n for n, row in enumerate(above) if len(row) == width and all(row)), default=-1)
+
+
+def _units(behind: Sequence[str], below: Sequence[Sequence[str]]) -> list[str]:
+    """Units behind the names, or of that line between names and numbers that has most of them."""
+    bare = [[cell.strip("[]() ") for cell in row] for row in below]
+    best = max(bare, key=lambda row: sum(map(is_unit, row)), default=[])
+    stated = best if any(map(is_unit, best)) else []
+    return [(stated[place] if place < len(stated) else "") or unit for place, unit in enumerate(behind)]
+
+
+def _missing(place: str, name: str, names: Sequence[str]) -> UserError:
+    unnamed = ". A file without names: give places, column = 1, 2, ..." if _count(names) == len(names) else ""
+    return UserError(
+        place,
+        f"column '{name}' is missing{hint(name, names)}",
+        f"name the columns in [recording] of the bench file as the file: it has {', '.join(names[:40])}{unnamed}",
+    )
+
+
+def _decimal(rows: Iterable[Sequence[str]]) -> str:
+    """A comma where more numbers have one than have a point; of both signs in a number the last one counts."""
+    numbers = (
+        cell
+        for row in rows
+        for cell in row
+        if ("," in cell or "." in cell) and _LIKE_A_NUMBER.fullmatch(cell)
+    )
+    signs = Counter(max(".,", key=cell.rfind) for cell in numbers)
+    return "," if signs[","] > signs["."] else "."
+
+
+def _count(row: Sequence[str]) -> int:
+    """Number of cells that look like numbers."""
+    return sum(_LIKE_A_NUMBER.fullmatch(cell) is not None for cell in row)

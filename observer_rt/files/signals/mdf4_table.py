@@ -1,0 +1,113 @@
+"""MDF4: channels by their names; their time is that of their groups, in seconds."""
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.files.checksum import refuse_damaged
+from observer_rt.files.mdf4.blocks import mdf4_apart
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
+from observer_rt.foundation.errors import UserError
+
+FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
+
+
+class Channel(NamedTuple):
+    """A channel as `mdf4_channels.channels` gives it. surplus: samples of its group that no heading states."""
+
+    name: str
+    unit: str
+    group: int
+    index: int
+    surplus: int
+
+
+class Mdf4Table(FileTable):
+    """Channels by their names."""
+
+    word = "channel"
+    brings_time = True
+
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+        super().__init__(path, config, is_own)
+        if config.time is not None:
+            self.notes.append(f"{path}: [recording.time] is passed over, MDF4 channels have their own time")
+        self.notes += [f"{path}: {remark}" for remark in refuse_damaged(path)]
+        channels = _channels(path)
+        self.columns = {each.name: each.unit for each in reversed(channels)}
+        self.mapped = present(path, dict(config.signals), self.columns, is_own, self.word)
+        self._found = {name: self._channel(column, channels) for name, column in self.mapped.items()}
+        self.units = {name: each.unit for name, each in self._found.items() if each.unit}
+        self._groups = sorted({each.group for each in self._found.values()})
+        self.rasters = tuple(
+            tuple(name for name, each in self._found.items() if each.group == group) for group in self._groups
+        )
+        for surplus in dict.fromkeys(each.surplus for each in self._found.values() if each.surplus):
+            self.notes.append(
+                f"{path}: its heading leaves out {surplus} samples that are in it: it may be damaged"
+                if surplus > 0
+                else f"{path}: its heading counts {-surplus} samples that are not in it: its end may be missing"
+            )
+        groups = ", ".join(map(str, self._groups))
+        self.layout = f"MDF4, channels in group{'s' * (len(self._groups) > 1)} {groups}"
+
+    @staticmethod
+    def names(path: Path) -> Collection[str]:
+        """Names of the channels."""
+        return [each.name for each in _channels(path)]
+
+    @staticmethod
+    def headings(path: Path) -> Sequence[Heading]:
+        """Channels, with their group where several have one name."""
+        channels = _channels(path)
+        names = [each.name for each in channels]
+        return [
+            Heading(each.name, each.unit, each.group if names.count(each.name) > 1 else None)
+            for each in channels
+        ]
+
+    def parts(self, raster: int) -> Iterator[TablePart]:
+        """Parts of a group."""
+        indices = {name: self._found[name].index for name in self.rasters[raster]}
+        row = 0
+        for columns in mdf4_apart(FILE, "parts", self.path, self._groups[raster], indices, SAMPLES_AT_ONCE):
+            time = columns.pop(TIME)
+            for name, values in columns.items():
+                place = f"{self.path}, channel {self.mapped[name].name}"
+                if not values.size:
+                    raise UserError(place, "holds no plain numbers", "map a channel of numbers")
+                beyond = np.flatnonzero(np.abs(values) > LARGEST)
+                if beyond.size:
+                    raise UserError(
+                        place,
+                        f"sample {row + beyond[0]} is {values[beyond[0]]:g} {self.units.get(name, '')}".strip(),
+                        "record it again: the file is damaged, or mark such samples as invalid",
+                    )
+            row += time.size
+            yield TablePart(time, columns)
+
+    def place(self, row: int, raster: int) -> str:
+        """Place of a row: its number in the group."""
+        return f"{self.path}, group {self._groups[raster]}, sample {row}"
+
+    def _channel(self, column: ColumnConfig, channels: Sequence[Channel]) -> Channel:
+        """The channel of a name that is there."""
+        there = [each for each in channels if each.name == column.name]
+        chosen = [each for each in there if column.group in (None, each.group)]
+        if len(chosen) == 1:
+            return chosen[0]
+        times = f"appears {len(there)} times: it " if len(there) > 1 else ""
+        other = f", not in {column.group}" if column.group is not None else ""
+        raise UserError(
+            f"{self.path}, channel {column.name}",
+            f"{times}is in the groups {', '.join(str(each.group) for each in there)}{other}",
+            f"say which in [recording] of the bench file, group = {there[0].group}, or keep one channel of this name",
+        )
+
+
+def _channels(path: Path) -> list[Channel]:
+    return [Channel(*each) for each in mdf4_apart(FILE, "channels", path)]

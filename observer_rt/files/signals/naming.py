@@ -1,0 +1,139 @@
+"""Which column is which signal, by the names and units of the headings: one table of aliases, in three languages."""
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from observer_rt.config.injector import RecordingConfig
+from observer_rt.files.signals.table import OPTIONAL, TIME, Heading
+from observer_rt.files.signals.table_signals import UNITS
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import spelled
+
+_ALIASES = {  # in German, English and French, of names in small letters whose words stand apart
+    TIME: r"\btime|zeit\b|\btemps\b|stamp\b|^ts?\b|^sec\b|^x\b|\bdatum\b|\bdate",
+    "rail_pressure": r"rail|common|accumul|speicher|rampe|verteiler|\bp ?cr\b",
+    "needle_lift": r"lift|hub\b|needle|nadel|lev[ée]e|aiguille|\bstroke|\bh ?n\b",
+    "line_pressure": r"\bp?line|leitung|pipe|\btube|\bfeed|zulauf|inlet|conduite|ligne|\bp ?inj|\binj\w* p",
+    OPTIONAL: r"\brate\b|\broi\b|verlauf|\bd[mvq] ?dt\b|taux|d[ée]bit",
+}
+_COMMANDED = r"\bset|soll|target|demand|desired|\bcmd|consigne"
+_GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
+_NAME_AND_UNIT = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))$")
+_SHOWN = 20  # columns
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """Heading of a signal, None: none or several; problem: empty where the choice is certain."""
+
+    signal: str
+    heading: Heading | None
+    unit: str = ""
+    problem: str = ""
+
+
+def layout_of(place: str, headings: Sequence[Heading], brings_time: bool = False) -> RecordingConfig:
+    """Mapping of a file of these headings. brings_time: no column is its time.
+
+    Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
+    """
+    choices = [_chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
+    needed = [each for each in choices if each.signal != OPTIONAL or each.heading is not None]
+    problems = [f"{each.signal}: {each.problem}" for each in needed if each.problem]
+    if problems:
+        raise UserError(
+            place,
+            f"its headings do not say which column is which signal: {'; '.join(problems)}",
+            f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n",
+        )
+    return RecordingConfig.model_validate({each.signal: dict(_entries(each)) for each in needed})
+
+
+def in_words(layout: RecordingConfig) -> str:
+    """What headings say, in one line."""
+    columns = ([(TIME, layout.time)] if layout.time is not None else []) + list(layout.signals)
+    parts = (
+        f"{name} is '{column.name}'{f' in {column.unit}' if column.unit else ''}" for name, column in columns
+    )
+    return f"by its headings {', '.join(parts)}"
+
+
+def name_and_unit(cell: str) -> tuple[str, str]:
+    """`p_Rail [bar]` as both."""
+    found = _NAME_AND_UNIT.match(cell)
+    if found is None or not found["name"]:
+        return cell, ""
+    return found["name"], (found["square"] if found["square"] is not None else found["round"]).strip()
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of some signal."""
+    return any(known_unit(signal, text) for signal in UNITS)
+
+
+def known_unit(signal: str, unit: str) -> str:
+    """A unit as it is written for a signal; empty where it is none of its units."""
+    return spelled(unit, UNITS[signal]) or spelled(_GAUGE.sub("", unit), UNITS[signal])
+
+
+def signals_named(name: str) -> set[str]:
+    """Signals that a name speaks of, among them that of the time; none for a value that is only commanded."""
+    apart = re.sub(r"(?<=[a-zà-ÿ0-9])(?=[A-ZÀ-Þ])|(?<=[A-Za-z])(?=\d)", " ", name.rpartition("/")[2] or name)
+    words = re.sub(r"[^a-zà-ÿµμ0-9]+", " ", apart.lower()).strip()
+    if re.search(_COMMANDED, words):
+        return set()
+    found = {signal for signal, pattern in _ALIASES.items() if re.search(pattern, words)}
+    return found - {"line_pressure"} if "rail_pressure" in found and len(found) > 1 else found
+
+
+def _chosen(signal: str, headings: Sequence[Heading]) -> _Choice:
+    named = {each: _unit(signal, each) for each in headings if signal in signals_named(each.name)}
+    fitting = {each: unit for each, unit in named.items() if unit or not each.unit}
+    several = {each: unit for each, unit in fitting.items() if unit or each.is_calendar} or fitting
+    if len(several) == 1:
+        ((heading, unit),) = several.items()
+        has_unit = unit or (signal == TIME and heading.is_calendar)
+        return _Choice(signal, heading, unit, "" if has_unit else f"'{heading.name}' has no unit")
+    if named and not several:
+        heading = next(iter(named))
+        return _Choice(signal, None, problem=f"'{heading.unit}' of '{heading.name}' is no unit of it")
+    shown = " or ".join(
+        f"'{each.name}'" + ("" if each.group is None else f" of group {each.group}") for each in several
+    )
+    return _Choice(signal, None, problem=f"could be {shown}" if several else "no heading names it")
+
+
+def _unit(signal: str, heading: Heading) -> str:
+    """Unit that is stated, or else ends the name, as `rail_pressure_MPa`."""
+    if heading.unit or heading.is_calendar:
+        return known_unit(signal, heading.unit)
+    ends = [heading.name[each.end() :] for each in re.finditer(r"[_ .]", heading.name)]
+    return next(filter(None, (known_unit(signal, end) for end in ends)), "")
+
+
+def _entries(choice: _Choice) -> Iterator[tuple[str, str | int]]:
+    assert choice.heading is not None
+    yield "column", choice.heading.name
+    if choice.unit:
+        yield "unit", choice.unit
+    if choice.heading.group is not None:
+        yield "group", choice.heading.group
+
+
+def _section(choices: Sequence[_Choice], headings: Sequence[Heading]) -> str:
+    """The `[recording]` section, with places to fill in."""
+    names = [each.name for each in headings if each.name]
+    among = f'"..."  # one of {", ".join(names[:_SHOWN])}' if names else f"...  # from 1 to {len(headings)}"
+    lines = ["[recording]"]
+    for each in choices:
+        lines += ["", f"[recording.{each.signal}]"]
+        if each.heading is None:
+            end = "; or leave out this part, and state rate_hz" if each.signal == TIME else ""
+            lines += [f"column = {among}{end}"]
+        else:
+            lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in _entries(each)]
+        if not each.unit and not (each.heading is not None and each.heading.is_calendar):
+            lines += [f'unit = "..."  # one of {", ".join(UNITS[each.signal])}']
+    return "\n".join(lines)

@@ -6,16 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
-import openpyxl
 import pandas as pd
 from asammdf import MDF, Signal
-from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 from numpy.typing import NDArray
 from pyarrow import Table as ArrowTable
-from pyarrow import feather, parquet
-from scipy.io import savemat
+from pyarrow import parquet
 
 from observer_rt.files.formats import write_recording
 from observer_rt.files.signals.recording import Recording
@@ -56,17 +52,14 @@ def text(
 
 @dataclass(frozen=True)
 class Layout:
-    """A way to write a recording. make: gives the file in a folder, or the table; told: what its refusal says of it,
-    where the section must be confirmed."""
+    """A way to write a recording. make: gives the file in a folder, or the table."""
 
     name: str
     make: Callable[[Path, Recording], Any]
-    told: str = ""
 
 
 def _csv(
     name: str,
-    told: str = "",
     file: str = "a.csv",
     encoding: str = "utf-8",
     change: Callable[[str], str] = lambda content: content,
@@ -77,20 +70,7 @@ def _csv(
         (folder / file).write_bytes(gzip.compress(content) if file.endswith(".gz") else content)
         return folder / file
 
-    return Layout(name, make, told)
-
-
-def _grouped(sign: str) -> Callable[[str], str]:
-    """Numbers with separators of thousands, of text with decimal points and `;`."""
-
-    def change(content: str) -> str:
-        head, *rows = content.splitlines()
-        decimal = "." if sign == "," else ","
-        cells = [[f"{float(cell):,.4f}" for cell in row.split(";")] for row in rows]
-        swapped = str.maketrans(",.", f"{sign}{decimal}")
-        return "\n".join([head, *(";".join(row).translate(swapped) for row in cells), ""])
-
-    return change
+    return Layout(name, make)
 
 
 def _stamped(content: str) -> str:
@@ -102,64 +82,8 @@ def _stamped(content: str) -> str:
     )
 
 
-def _exchanged(content: str) -> str:
-    head, rest = content.split("\n", 1)
-    return head.replace("Rail", "x").replace("Leitung", "Rail").replace("x", "Leitung") + "\n" + rest
-
-
 def _frame(recording: Recording) -> pd.DataFrame:
     return pd.DataFrame(columns(recording, ENGLISH))
-
-
-def _excel(folder: Path, recording: Recording, units: bool) -> Path:
-    book = openpyxl.Workbook(write_only=True)
-    sheet = book.create_sheet("Messung")
-    table = columns(recording, PLAIN if units else ENGLISH)
-    if units:
-        sheet.append(["Prüfstand 4", "2026-03-01"])
-    sheet.append(list(table))
-    if units:
-        sheet.append(["s", "bar", "µm", "bar"])
-    for row in zip(*table.values(), strict=True):
-        sheet.append([float(value) for value in row])
-    book.save(folder / "a.xlsx")
-    return folder / "a.xlsx"
-
-
-def _matlab_5(folder: Path, recording: Recording, is_structure: bool) -> Path:
-    arrays = {name: values[:, None] for name, values in columns(recording, ENGLISH).items()}
-    savemat(folder / "a.mat", {"log": arrays} if is_structure else arrays, long_field_names=True)
-    return folder / "a.mat"
-
-
-def _matlab_73(folder: Path, recording: Recording) -> Path:
-    path = folder / "a.mat"
-    with h5py.File(path, "w", userblock_size=512) as file:
-        file.create_group("#refs#")
-        for name, values in columns(recording, ENGLISH).items():
-            file[name] = values[None, :]
-            file[name].attrs["MATLAB_class"] = np.bytes_("double")
-    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64 HDF5 schema 1.00 ."
-    with path.open("r+b") as raw:
-        raw.write(head.ljust(124) + b"\x00\x02IM")
-    return path
-
-
-def _hdf5(folder: Path, recording: Recording, has_groups: bool) -> Path:
-    units = ("s", "bar", "um", "bar")
-    with h5py.File(folder / "a.h5", "w") as file:
-        for (name, values), unit in zip(columns(recording, PLAIN).items(), units, strict=True):
-            found = file.create_dataset(
-                f"daq/{name}" if has_groups else name, data=values, compression="gzip"
-            )
-            found.attrs["unit"] = unit
-    return folder / "a.h5"
-
-
-def _hdf5_table(folder: Path, recording: Recording) -> Path:
-    with h5py.File(folder / "a.hdf5", "w") as file:
-        file["log"] = _frame(recording).to_records(index=False)
-    return folder / "a.hdf5"
 
 
 def _mdf(folder: Path, recording: Recording, version: str, suffix: str) -> Path:
@@ -175,19 +99,6 @@ def _mdf(folder: Path, recording: Recording, version: str, suffix: str) -> Path:
     return saved.rename(folder / f"a.{suffix}")
 
 
-def _tdms(folder: Path, recording: Recording, has_waveforms: bool) -> Path:
-    table = columns(recording, PLAIN)
-    own = {"wf_increment": 1.0 / recording.sample_rate, "wf_start_offset": float(recording.time[0])}
-    channels = [
-        ChannelObject("Log", name, values, {"unit_string": unit, **(own if has_waveforms else {})})
-        for (name, values), unit in zip(table.items(), ("s", "bar", "um", "bar"), strict=True)
-        if name != "t" or not has_waveforms
-    ]
-    with TdmsWriter(folder / "a.tdms") as writer:
-        writer.write_segment([RootObject(), GroupObject("Log"), *channels])
-    return folder / "a.tdms"
-
-
 def _parquet(folder: Path, recording: Recording, is_dated: bool) -> Path:
     frame = _frame(recording)
     if is_dated:
@@ -196,21 +107,6 @@ def _parquet(folder: Path, recording: Recording, is_dated: bool) -> Path:
         frame = frame.rename(columns={"time_s": "stamp"})
     parquet.write_table(ArrowTable.from_pandas(frame), folder / "a.parquet", write_page_checksum=True)
     return folder / "a.parquet"
-
-
-def _feather(folder: Path, recording: Recording) -> Path:
-    feather.write_feather(_frame(recording), folder / "a.feather")
-    return folder / "a.feather"
-
-
-def _numpy(folder: Path, recording: Recording, is_matrix: bool) -> Path:
-    path = folder / ("a.npy" if is_matrix else "a.npz")
-    table = columns(recording, ENGLISH)
-    if is_matrix:
-        np.save(path, np.array(list(table.values())).T)
-    else:
-        np.savez(path, **table)  # type: ignore[arg-type]
-    return path
 
 
 def _own(folder: Path, recording: Recording, suffix: str) -> Path:
@@ -265,9 +161,6 @@ LAYOUTS = (
     _csv("moments", separator=",", names=("stamp", *GERMAN[1:]), change=_stamped),
     _csv("text", file="a.txt"),
     _csv("packed", file="a.csv.gz"),
-    _csv("thousands with points", change=_grouped(".")),
-    _csv("thousands with commas", change=_grouped(",")),
-    _csv("thousands with apostrophes", change=_grouped("'")),
     _csv(
         "English",
         names=("Time (ms)", "Common rail pressure (bar)", "Needle lift (um)", "Inlet pressure (bar)"),
@@ -280,20 +173,9 @@ LAYOUTS = (
         time=1e3,
         form=".5f",
     ),
-    _csv("no units", names=("Zeit", "pRail", "Hub", "pLeitung"), time=1e3, form=".5f"),
     _csv("commented names", separator=",", names=("# Zeit [µs]", *GERMAN[1:])),
-    _csv("exchanged names", "exchanged", change=_exchanged),
-    _csv(
-        "names that say nothing",
-        "its name does not say so",
-        names=("Zeit", "A", "B", "C"),
-        time=1e3,
-        form=".5f",
-    ),
-    _csv("no names", "its name does not say so", names=(), time=1e3, form=".5f"),
     _csv(
         "rounded time",
-        "stamps are rounded to 1 ms",
         names=("Zeit [ms]", *GERMAN[1:]),
         time=1e3,
         change=lambda content: (
@@ -307,31 +189,10 @@ LAYOUTS = (
     Layout("own CSV", lambda folder, recording: _own(folder, recording, ".csv")),
     Layout("own MDF 4", lambda folder, recording: _own(folder, recording, ".mf4")),
     Layout("own Parquet", lambda folder, recording: _own(folder, recording, ".parquet")),
-    Layout("Excel", lambda folder, recording: _excel(folder, recording, units=False)),
-    Layout("Excel with units", lambda folder, recording: _excel(folder, recording, units=True)),
-    Layout("MATLAB 5", lambda folder, recording: _matlab_5(folder, recording, is_structure=False)),
-    Layout("MATLAB structure", lambda folder, recording: _matlab_5(folder, recording, is_structure=True)),
-    Layout("MATLAB 7.3", _matlab_73),
-    Layout("HDF5", lambda folder, recording: _hdf5(folder, recording, has_groups=False)),
-    Layout("HDF5 group", lambda folder, recording: _hdf5(folder, recording, has_groups=True)),
-    Layout("HDF5 table", _hdf5_table),
     Layout("MDF 4", lambda folder, recording: _mdf(folder, recording, "4.10", "mf4")),
-    Layout("MDF 3", lambda folder, recording: _mdf(folder, recording, "3.30", "mdf")),
-    Layout("MDF 3 as .dat", lambda folder, recording: _mdf(folder, recording, "3.30", "dat")),
-    Layout("TDMS waveforms", lambda folder, recording: _tdms(folder, recording, has_waveforms=True)),
-    Layout("TDMS", lambda folder, recording: _tdms(folder, recording, has_waveforms=False)),
     Layout("Parquet", lambda folder, recording: _parquet(folder, recording, is_dated=False)),
     Layout("Parquet moments", lambda folder, recording: _parquet(folder, recording, is_dated=True)),
-    Layout("Feather", _feather),
-    Layout("NumPy arrays", lambda folder, recording: _numpy(folder, recording, is_matrix=False)),
-    Layout(
-        "NumPy matrix",
-        lambda folder, recording: _numpy(folder, recording, is_matrix=True),
-        "its name does not say so",
-    ),
     Layout("DataFrame", lambda _, recording: _frame(recording)),
     Layout("DataFrame of moments", lambda _, recording: _indexed(recording)),
-    Layout("DataFrame of text", lambda _, recording: _frame(recording).astype(str)),
     Layout("arrays", lambda _, recording: columns(recording, GERMAN, 1e6)),
-    Layout("negated lift", lambda _, recording: _frame(recording) * [1.0, 1.0, -1.0, 1.0], "inverted"),
 )

@@ -85,38 +85,32 @@ def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, ow
     assert "likely um" in " ".join(outcome.out.split())
 
 
-def test_a_foreign_file_without_a_mapping_is_guessed(command: Command, foreign: Path, own: Path) -> None:
-    """And the guess is told; the masses are those by the section."""
-    told = command.done("evaluate", foreign).err
-    assert (
-        "guessed: time is 'Zeit' in ms, rail_pressure is 'p_Rail' in bar, needle_lift is 'Hub' in um" in told
-    )
-    guessed, stated = (
-        document(command, foreign, *bench)["recordings"][0] for bench in ((), ("--bench", own))
-    )
-    assert guessed["injections"] == stated["injections"] != []
+@pytest.fixture
+def speaking(foreign: Path) -> Path:
+    """The foreign file with units behind the names."""
+    names, units = "Zeit;p_Rail;Hub;p_Leitung", "Zeit [ms];p_Rail [bar];Hub [µm];p_Leitung [bar]"
+    foreign.write_text(foreign.read_text().replace(names, units))
+    return foreign
 
 
-def test_a_foreign_file_that_leaves_doubts_names_the_section(command: Command, foreign: Path) -> None:
-    text = foreign.read_text()
-    foreign.write_text(text.replace("p_Rail", "A").replace("p_Leitung", "B"))
-    said = command.refused("evaluate", foreign)
-    assert "rail_pressure: its name does not say so" in said
-    assert '[recording.rail_pressure]\ncolumn = "A"\nunit = "bar"' in said
-    told = command.done("evaluate", foreign, "--yes").err
-    layout = foreign.with_name("layout.toml")
-    layout.write_text(told.partition("to keep, in a bench file:")[2].partition(str(foreign))[0])
-    command.done("evaluate", foreign, "--bench", layout)
-    looked = command.done("check", "--recording", foreign, "--bench", layout).out
-    assert "rail_pressure is 'A' in bar" in looked
-    assert "bus database" not in looked
-
-
-def test_check_shows_what_it_guesses(command: Command, foreign: Path) -> None:
-    told = command.done("check", "--recording", foreign).out
-    assert "guessed, for a bench file" in told
-    assert 'column = "p_Leitung"' in told
+def test_a_foreign_file_is_read_by_its_headings(command: Command, speaking: Path, own: Path) -> None:
+    """And stderr says how; the masses are those by the section."""
+    told = command.done("evaluate", speaking).err
+    assert "by its headings time is 'Zeit' in ms, rail_pressure is 'p_Rail' in bar" in told
+    found, stated = (document(command, speaking, *bench)["recordings"][0] for bench in ((), ("--bench", own)))
+    assert found["injections"] == stated["injections"] != []
+    told = command.done("check", "--recording", speaking).out
+    assert "line_pressure is 'p_Leitung' in bar" in told
     assert "bus database" not in told
+
+
+def test_headings_without_units_name_the_section(command: Command, foreign: Path) -> None:
+    for words in (("evaluate", foreign), ("check", "--recording", foreign)):
+        outcome = command(*words)
+        said = outcome.out + outcome.err
+        assert outcome.code in (1, 2)
+        assert "[recording.rail_pressure]" in said
+        assert 'column = "p_Rail"' in said
 
 
 def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:

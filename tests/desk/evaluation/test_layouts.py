@@ -1,6 +1,5 @@
-"""One recording in fifty layouts: the same masses, or a refusal with the section that gives them."""
+"""One recording in many layouts: the same masses, or a refusal with the section to write."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -8,16 +7,13 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.config.injector import RecordingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.files.formats import guessed, read_recording
-from observer_rt.files.guess.guess import guess_of
-from observer_rt.files.signals.column import columns_of
+from observer_rt.files.formats import read_recording
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.tables import recording_of
 from observer_rt.foundation.errors import UserError
 from tests.device import simulated
-from tests.files.layouts import LAYOUTS, Layout
+from tests.files.layouts import LAYOUTS, Layout, text
 
 OURS = simulated(3, 0.2, (60e6, 120e6), seed=5)
 
@@ -28,14 +24,9 @@ def masses(recording: Recording) -> list[float]:
     return [report.mass for report in evaluation.reports]
 
 
-def read(made: Any, layout: RecordingConfig | None = None, folder: Path = Path()) -> Recording:
-    """A file or a table, by a section of the bench file or without."""
-    if not isinstance(made, Path):
-        return recording_of(made, layout)
-    if layout is None:
-        return read_recording(made)
-    bench = load_bench(folder / "bench.toml", off_bus=True)
-    return read_recording(made, bench.injector)
+def read(made: Any) -> Recording:
+    """A file or a table."""
+    return read_recording(made) if isinstance(made, Path) else recording_of(made)
 
 
 @pytest.fixture(scope="module")
@@ -45,16 +36,7 @@ def known() -> list[float]:
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
 def test_a_layout_gives_the_same_masses(tmp_path: Path, layout: Layout, known: list[float]) -> None:
-    made = layout.make(tmp_path, OURS)
-    if layout.told:
-        with pytest.raises(UserError, match=layout.told) as raised:
-            read(made)
-        section = "[recording]" + raised.value.remedy.partition("[recording]")[2]
-        (tmp_path / "bench.toml").write_text(section)
-        stated = RecordingConfig.model_validate(tomllib.loads(section)["recording"])
-        found = read(made, stated, tmp_path)
-    else:
-        found = read(made)
+    found = read(layout.make(tmp_path, OURS))
     assert found.sample_rate == pytest.approx(OURS.sample_rate, rel=1e-9)
     assert found.samples == OURS.samples
     np.testing.assert_allclose(found.line_pressure, OURS.line_pressure, atol=20.0)
@@ -63,21 +45,55 @@ def test_a_layout_gives_the_same_masses(tmp_path: Path, layout: Layout, known: l
     assert len(known) == 3
 
 
-def test_a_table_without_a_time_names_the_rate_to_state() -> None:
+@pytest.mark.parametrize(
+    ("names", "problem", "lacking"),
+    [
+        (("Zeit", "pRail", "Hub", "pLeitung"), "rail_pressure: 'pRail' has no unit", "unit"),
+        (("Zeit [ms]", "A [bar]", "Hub [um]", "p_line_bar"), "rail_pressure: no heading names it", "column"),
+        (("Zeit [ms]", "Rail [V]", "Hub [um]", "p_line_bar"), "'V' of 'Rail' is no unit of it", "column"),
+        ((), "time: no heading names it", "column"),
+    ],
+)
+def test_headings_that_do_not_say_it_name_the_section(
+    tmp_path: Path, names: tuple[str, ...], problem: str, lacking: str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(text(OURS, names, time=1e3, form=".5f"))
+    with pytest.raises(UserError, match="do not say which column is which") as raised:
+        read_recording(path)
+    assert problem in raised.value.problem
+    section = "[recording]" + raised.value.remedy.partition("[recording]")[2]
+    places = section.partition("[recording.rail_pressure]")[2].partition("[recording.")[0]
+    assert f"\n{lacking} = ..." in places or f'\n{lacking} = "..."' in places
+
+
+def test_a_section_reads_what_headings_do_not_say(tmp_path: Path) -> None:
+    path, bench = tmp_path / "a.csv", tmp_path / "bench.toml"
+    path.write_text(text(OURS, (), time=1e3, form=".5f"))
+    columns = zip(
+        ("time", "rail_pressure", "needle_lift", "line_pressure"), ("ms", "bar", "um", "bar"), strict=True
+    )
+    bench.write_text(
+        "[sampling]\nrate_hz = 50e3\n[recording]\n"
+        + "".join(
+            f'[recording.{name}]\ncolumn = {at}\nunit = "{unit}"\n'
+            for at, (name, unit) in enumerate(columns, 1)
+        )
+    )
+    found = read_recording(path, load_bench(bench, off_bus=True).injector)
+    np.testing.assert_allclose(found.line_pressure, OURS.line_pressure, atol=20.0)
+
+
+def test_a_table_without_a_time_is_read_by_its_rate() -> None:
     table = {
         "p_rail_bar": OURS.rail_pressure / 1e5,
         "lift_um": OURS.needle_lift * 1e6,
         "p_line_bar": OURS.line_pressure / 1e5,
     }
-    with pytest.raises(UserError, match="time: no column looks like it") as raised:
+    with pytest.raises(UserError, match="time: no heading names it") as raised:
         recording_of(table)
-    assert "rate_hz = ..." in raised.value.remedy
-    guess = guess_of("table", columns_of(table))
-    section = {each.signal: dict(each.entries()) for each in guess.columns}
-    found = recording_of(table, {**section, "rate_hz": 50e3})
+    assert "rate_hz" in raised.value.remedy
+    units = zip(("rail_pressure", "needle_lift", "line_pressure"), table, ("bar", "um", "bar"), strict=True)
+    found = recording_of(table, {"rate_hz": 50e3, **{s: {"column": c, "unit": u} for s, c, u in units}})
     np.testing.assert_allclose(found.line_pressure, OURS.line_pressure)
     assert found.sample_rate == 50e3
-
-
-def test_a_file_of_ours_needs_no_guess(tmp_path: Path) -> None:
-    assert guessed(LAYOUTS[27].make(tmp_path, OURS)) is None

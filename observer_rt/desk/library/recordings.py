@@ -43,7 +43,7 @@ def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Reco
     Parameters
     ----------
     given : path, DataFrame, mapping of arrays, or Recording
-        A file in any format that is read. Columns are found by names, units and values, such as those of `to_frame`;
+        A file in any format that is read. Columns are found by names and units, such as those of `to_frame`;
         named as the arrays of a `Recording` they are in SI units.
     bench : path, optional
         Bench file whose `[recording]` describes the columns.
@@ -134,7 +134,7 @@ def _held(recording: Recording, number: int) -> HeldSignals:
 def _of_table(
     given: pd.DataFrame | Mapping[str, Any], layout: RecordingConfig | None, name: str, console: Console
 ) -> SignalStream:
-    """Columns by a layout; without one those of a `Recording` in SI units, else what names, units and values say."""
+    """Columns by a layout; without one those of a `Recording` in SI units, else what names and units say."""
     if layout is None and {"time", *SIGNALS[:3]} <= set(given) <= {"time", *SIGNALS}:
         arrays: dict[str, Any] = {str(column): np.asarray(given[column], float) for column in given}
         return _held(Recording(**arrays, path=Path(name)), 0)

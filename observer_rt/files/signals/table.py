@@ -12,7 +12,6 @@ from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError, hint
-from observer_rt.foundation.sandbox import WorkerError, checked
 
 TIME = "time"
 LARGEST = 1e30  # no measurement, but what can be written in any unit

@@ -65,6 +65,12 @@ def _stored(file: MDF, group: int) -> int:
     heading = file.groups[group].channel_group
     size = heading.samples_byte_nr + heading.invalidation_bytes_nr
     stored = sum(block.original_size for block in file.groups[group].get_data_blocks())
+    data = file.groups[group].data_group
+    if data.data_block_addr and not data.record_id_len:
+        with Path(file.name).open("rb") as raw:  # asammdf passes over what is behind the samples stated
+            raw.seek(data.data_block_addr)
+            kind, length, _ = _HEAD.unpack(raw.read(_HEAD.size))
+        stored = max(stored, length - _HEAD.size) if kind == b"##DT" else stored
     return int(stored // size) if size else int(heading.cycles_nr)
 
 

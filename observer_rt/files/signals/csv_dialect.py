@@ -80,7 +80,7 @@ class _Trial:
     def score(self) -> tuple[int, int, int]:
         """How many names are there, and numbers below them."""
         numbers = sum(_count(self.cells[number]) for number in self.fitting)
-        return self.found, numbers, len(self.above[self.heading]) if self.found else 0
+        return self.found, numbers, len(self.above[self.heading]) if not numbers else 0
 
 
 def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False) -> Dialect:

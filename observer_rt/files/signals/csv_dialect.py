@@ -109,10 +109,10 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
     if config is None:
         heading = _likely_heading(best.above[:first], len(rows[0]) if rows else 0)
     if not by_name and not rows:
-        places = ", ".join(str(column.column) for column in wanted.values())
+        listed = ", ".join(str(column.column) for column in wanted.values())
         raise UserError(
             str(path),
-            f"none of its first {len(lines)} lines has {f'numbers in columns {places}' if places else '3 numbers'}",
+            f"none of its first {len(lines)} lines has {f'numbers in columns {listed}' if listed else '3 numbers'}",
             "say in [recording] of a bench file how it is written: the columns, the first is 1, separator, decimal, "
             "and [recording.time] format where the time is that of a calendar",
         )
@@ -123,7 +123,7 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
         bare, behind = zip(*map(name_and_unit, cells), strict=True)
         names = [name if bare.count(name) == 1 else cell for name, cell in zip(bare, cells, strict=True)]
         units = _units(behind, best.above[heading + 1 : first])
-    places = {}
+    places: dict[str, int] = {}
     for signal, column in wanted.items():
         if (at := _place(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
             places[signal] = at

@@ -121,7 +121,7 @@ class CsvTable(FileTable):
             return None
         if any(sign in text for sign in (*_UNSEEN, *dialect.comment)) or dialect.separator == dialect.decimal:
             return None
-        kinds = {
+        kinds: dict[int, Any] = {
             place: np.float64
             for name, place in dialect.places.items()
             if self._calendar is None or name != TIME

@@ -17,12 +17,12 @@ FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs a
 
 
 class Channel(NamedTuple):
-    """A channel as `mdf4_channels.channels` gives it. surplus: samples of its group that no heading states."""
+    """A channel as `mdf4_channels.channels` gives it. surplus: samples that no heading states."""
 
     name: str
     unit: str
     group: int
-    index: int
+    place: int
     surplus: int
 
 
@@ -72,7 +72,7 @@ class Mdf4Table(FileTable):
 
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Parts of a group."""
-        indices = {name: self._found[name].index for name in self.rasters[raster]}
+        indices = {name: self._found[name].place for name in self.rasters[raster]}
         row = 0
         for columns in mdf4_apart(FILE, "parts", self.path, self._groups[raster], indices, SAMPLES_AT_ONCE):
             time = columns.pop(TIME)

@@ -5,13 +5,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.checksum import refuse_damaged
-from observer_rt.files.mdf4.blocks import mdf4_apart
+from observer_rt.files.mdf4.blocks import crash_told, mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.sandbox import checked
 
 FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
 
@@ -24,6 +26,10 @@ class Channel(NamedTuple):
     group: int
     place: int
     surplus: int
+
+
+_CHANNEL = TypeAdapter(Channel)
+_PART = TypeAdapter(dict[str, np.ndarray], config=ConfigDict(arbitrary_types_allowed=True))
 
 
 class Mdf4Table(FileTable):
@@ -75,6 +81,8 @@ class Mdf4Table(FileTable):
         indices = {name: self._found[name].place for name in self.rasters[raster]}
         row = 0
         for columns in mdf4_apart(FILE, "parts", self.path, self._groups[raster], indices, SAMPLES_AT_ONCE):
+            with crash_told(self.path):
+                columns = checked(_PART, columns)
             time = columns.pop(TIME)
             for name, values in columns.items():
                 place = f"{self.path}, channel {self.mapped[name].name}"
@@ -110,4 +118,5 @@ class Mdf4Table(FileTable):
 
 
 def _channels(path: Path) -> list[Channel]:
-    return [Channel(*each) for each in mdf4_apart(FILE, "channels", path)]
+    with crash_told(path):
+        return [checked(_CHANNEL, answer) for answer in mdf4_apart(FILE, "channels", path)]

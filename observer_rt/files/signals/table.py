@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.foundation.errors import UserError, hint
@@ -35,24 +34,6 @@ class TablePart:
 
     time: Values
     signals: Mapping[str, Values]
-
-
-Place = tuple[int, int]
-"""Group and index of a channel of an MDF4 file."""
-
-
-class FoundChannels(NamedTuple):
-    """Places and units of the mapped channels of an MDF4 file, units of all channels; what is odd about the file."""
-
-    places: dict[str, Place]
-    units: dict[str, str]
-    columns: dict[str, str]
-    remarks: tuple[str, ...]
-
-
-_NAMES = TypeAdapter(list[str])
-_FOUND = TypeAdapter(FoundChannels)
-_PART = TypeAdapter(tuple[np.ndarray, dict[str, np.ndarray]], config=ConfigDict(arbitrary_types_allowed=True))
 
 
 class Table(ABC):

@@ -18,13 +18,11 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector import ColumnConfig, Meaning, RecordingConfig
 from observer_rt.files.canlog.asc import ASC
 from observer_rt.files.canlog.blf import BLF
-from observer_rt.files.canlog.busmaster import BUSMASTER
 from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
 from observer_rt.files.canlog.candump import CANDUMP
-from observer_rt.files.canlog.csv_log import CSV_LOG
-from observer_rt.files.canlog.pcap import PCAP
+from observer_rt.files.canlog.python_can import CSV_LOG
 from observer_rt.files.canlog.trc import TRC
-from observer_rt.files.mdf4.can_log import Mdf4Log, Mdf4LogWriter, is_bus_log
+from observer_rt.files.mdf4.can_log import MDF4_LOG
 from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
@@ -55,6 +53,7 @@ _ADVICE = {  # what to do with other kinds of files
     (".mat", ".h5", ".hdf5", ".tdms", ".feather", ".npy", ".npz"): _BY_PANDAS,
     (".sav", ".pkl", ".pickle"): 'in Python: to_parquet("{0}.parquet") of the DataFrame',
     (".mdf", ".dat"): 'in Python: asammdf.MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
+    (".pcap", ".pcapng"): "open it in SavvyCAN and save it as Candump/Kayak: {0}.log",
     (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
     (".gz", ".zst", ".zip", ".7z", ".bz2", ".xz"): "unpack it first; only text is read packed, by gzip",
 }
@@ -81,7 +80,6 @@ MDF4_SIGNALS = SignalFormat(
 PARQUET = SignalFormat(
     (".parquet",), f"Parquet, {_header(SI)}", OwnLayout(ParquetTable, _by_header(SI)), write_whole
 )
-MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
 
 BUILT_IN: tuple[Format, ...] = (
     CSV,
@@ -89,13 +87,11 @@ BUILT_IN: tuple[Format, ...] = (
     PARQUET,
     TEXT,
     CANDUMP,
-    BUSMASTER,
     BLF,
     ASC,
     TRC,
     MDF4_LOG,
     CSV_LOG,
-    PCAP,
 )
 
 

@@ -4,10 +4,9 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
-from itertools import islice, repeat
+from itertools import islice
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, NoReturn, Self
+from typing import ClassVar, NamedTuple, NoReturn, Self
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, FD_LENGTHS, STANDARD_MASK
 from observer_rt.bus.links.link import Frame
@@ -16,15 +15,12 @@ from observer_rt.foundation.files import file_errors
 
 NANOSECONDS = 1_000_000_000  # in a second
 REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the wrong order
+PAUSE = NANOSECONDS  # between two parts of a log whose clock was set back
 FRAMES_TO_JUDGE_STAMPS = 100
 LATEST_STAMP = (1 << 63) - 1  # ns since 1970, in 2262
 LOST_NOTE = "frames lost before this"
 _LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH + 1))}  # by whether FD
 _LOST = re.compile(rf"(\d+) {LOST_NOTE}")
-
-
-CLASSIC = (repeat(False),) * 3
-"""The columns `is_fd`, `bit_rate_switch` and `error_state_indicator` of frames of classic CAN."""
 
 
 class LogFrame(NamedTuple):
@@ -37,18 +33,6 @@ class LogFrame(NamedTuple):
     """Sent by the computer that recorded it."""
 
 
-_frame_of: Callable[[tuple[Any, ...]], Frame] = partial(tuple.__new__, Frame)  # in half the time
-_log_frame_of: Callable[[tuple[Any, ...]], LogFrame] = partial(tuple.__new__, LogFrame)
-
-
-def log_frames(*columns: Iterable[Any]) -> Iterator[LogFrame]:
-    """Frames by columns (n,): the fields of `Frame`, channel and whether each was sent."""
-    *frames, channels, are_sent = columns
-    return map(
-        _log_frame_of, zip(map(_frame_of, zip(*frames, strict=False)), channels, are_sent, strict=False)
-    )
-
-
 def lost_note(frames: int) -> str:
     """Note that a recorder writes into a log where frames were lost."""
     return f"{frames} {LOST_NOTE}"
@@ -57,9 +41,10 @@ def lost_note(frames: int) -> str:
 class LogReader(ABC):
     """Data frames of one log, read while iterating, in the order of the file; the counters belong to one reading.
 
-    Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry, for
-    time that steps back on a channel and for stamps that are whole seconds only. A file that ends within a frame was
-    cut while it was written: the frames before are read, and `notes` reports it.
+    Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry and for
+    stamps that are whole seconds only. A file that ends within a frame was cut while it was written: the frames
+    before are read. Where time steps back on a channel, a new part of the log begins, `PAUSE` after the one before.
+    `notes` reports both.
     """
 
     unit: ClassVar[str] = "line"
@@ -80,6 +65,7 @@ class LogReader(ABC):
         """Frames lost by the log's own record."""
         self.remarks: list[str] = []
         self._reordered = 0
+        self._steps_back: list[str] = []
         self._size = 0
         self._position = 0
 
@@ -127,6 +113,9 @@ class LogReader(ABC):
                 f"{self._reordered} frames stand up to {REORDERED // 1000} us before an earlier one; "
                 "the order of the file is kept"
             )
+        if self._steps_back:
+            more = f", and {len(self._steps_back) - 1} times more" if len(self._steps_back) > 1 else ""
+            notes.append(f"{self._steps_back[0]}{more}: split there, the next part follows after 1 s")
         return [f"{self.path}: {note}" for note in (*notes, *self.remarks)]
 
     def place(self, number: int) -> str:
@@ -149,9 +138,10 @@ class LogReader(ABC):
             self.lost_frames += int(lost[1])
 
     def _checked(self, entries: Iterable[tuple[int, LogFrame]]) -> Iterator[LogFrame]:
-        """The frames, each refused at its place unless a bus can carry it and time goes on."""
+        """The frames, each refused at its place unless a bus can carry it; time goes on in all of them."""
         latest: dict[str, int] = {}
-        lengths, largest, latest_stamp = _LENGTHS, (STANDARD_MASK, EXTENDED_MASK), LATEST_STAMP
+        shift = 0  # ns by which the part that is read was moved
+        lengths, largest = _LENGTHS, (STANDARD_MASK, EXTENDED_MASK)
         for number, entry in entries:
             frame, channel, _ = entry
             identifier, payload, stamp, is_extended, is_fd, _, _ = frame
@@ -161,20 +151,20 @@ class LogReader(ABC):
             if identifier > largest[is_extended]:
                 kind = "extended" if is_extended else "standard"
                 self.refuse(number, f"{identifier:X} is no {kind} identifier")
-            if not 0 <= stamp <= latest_stamp:
+            if not 0 <= stamp <= LATEST_STAMP - shift:
                 self.refuse(number, "its time is before 1970, or after 2262")
+            stamp += shift
             back = latest.get(channel, stamp) - stamp
-            if back <= 0:
-                latest[channel] = stamp
-            elif back > REORDERED:
-                self.refuse(
-                    number,
-                    f"time on {channel} steps back by {back / NANOSECONDS:.9g} s",
-                    "split the log there (the clock was set, or two logs were joined)",
+            if back > REORDERED:
+                self._steps_back.append(
+                    f"{self.unit} {number}: time on {channel} steps back by {back / NANOSECONDS:.9g} s"
                 )
-            else:
+                step = max(latest.values()) + PAUSE - stamp
+                shift, stamp = shift + step, stamp + step
+            elif back > 0:
                 self._reordered += 1
-            yield entry
+            latest[channel] = max(stamp, latest.get(channel, 0))
+            yield entry._replace(frame=frame._replace(stamp_ns=stamp)) if shift else entry
 
 
 class LogWriter(ABC):
@@ -248,23 +238,11 @@ class ChannelNumbers:
         return self._numbers[channel]
 
 
-def text_nanoseconds(text: str, digits: int = 9) -> int:
-    """Convert decimal text in units of 10^digits ns to whole ns: nothing is lost to binary fractions.
-
-    Raises ValueError for a text that is no number.
-    """
+def text_nanoseconds(text: str) -> int:
+    """Decimal text of seconds as whole ns: nothing is lost to binary fractions. Raises ValueError for other text."""
     whole, _, fraction = text.replace(",", ".").partition(".")
-    factor: int = 10**digits
-    return int(whole) * factor + int(fraction[:digits].ljust(digits, "0"))
-
-
-def seconds_text(nanoseconds: int, digits: int, fill: str = " ") -> str:
-    """Decimal text of a time [s], six digits behind the point where those are enough, else nine.
-
-    digits: width before the point, filled with `fill`.
-    """
-    seconds, rest = divmod(nanoseconds, NANOSECONDS)
-    return f"{seconds:{fill}>{digits}}." + (f"{rest:09d}" if rest % 1000 else f"{rest // 1000:06d}")
+    size = int(whole.lstrip("-")) * NANOSECONDS + int(fraction[:9].ljust(9, "0"))
+    return -size if whole.startswith("-") else size
 
 
 @dataclass(frozen=True)
@@ -286,6 +264,6 @@ class LogFormat:
     stamp_step: int = 1
     """ns to which stamps are written."""
     is_text: bool = False
-    """Whether its reader is a `TextLogReader`, which also reads what gzip packed."""
+    """Whether its reader also reads what gzip packed."""
     recognises: Callable[[Path], bool] | None = None
     """Whether a file is of this format, where those of another have the same suffix; None: any is."""

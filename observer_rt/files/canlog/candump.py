@@ -17,7 +17,6 @@ from observer_rt.files.canlog.can_log import (
     LogFrame,
     LogRecorder,
     lost_note,
-    seconds_text,
     text_nanoseconds,
 )
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, Rising, TextLogReader
@@ -39,10 +38,17 @@ _LINE = re.compile(
     r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
     r"(?:\s+(?P<direction>[RT]))?"
 )
+_XL_FRAME = re.compile(r"[0-9A-F]#[0-9A-F]{2}:[0-9A-F]{2}:[0-9A-F]{8}#|\[\d{4}\] \(")
+_ERROR_TEXT = re.compile(r"[a-z][a-z-]*(\{.*\})?,?")  # below an error frame
+_COLOUR = re.compile(r"\x1b\[[\d;]*m")
 
 
 class CandumpLog(TextLogReader):
-    """Reader; a line that begins with `#` is a comment."""
+    """Reader; a line that begins with `#` is a comment.
+
+    python-can reads neither comments nor what is printed on the screen, takes most error frames for data frames, and
+    keeps no ns.
+    """
 
     kind = "a candump log"
     remedy = "a line reads (seconds.microseconds) channel id#data or id##flags data in one word"
@@ -50,15 +56,27 @@ class CandumpLog(TextLogReader):
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         self._rising = Rising()
         self._undated = False
-        return super()._entries()
+        explains_error = False
+        for number, text in self._lines():
+            if explains_error and _ERROR_TEXT.fullmatch(text):
+                continue
+            errors = self.error_frames
+            try:
+                entry = self._entry(text, number)
+            except ValueError:
+                self.refuse_line(number, text)
+            explains_error = self.error_frames > errors
+            if entry is not None:
+                yield number, entry
 
     def _entry(self, text: str, number: int) -> LogFrame | None:
+        """The frame of a line, if it has one. Raises `ValueError` where malformed."""
         if text.startswith("#"):
             self.note_text(text)
             return None
         match = _LINE.fullmatch(text)
         if match is None:
-            return self._screen(text, number)
+            return self._screen(_COLOUR.sub("", text).strip(), number)
         names = ("seconds", "fraction", "flags", "fd_data", "data")
         seconds, fraction, fd_flags, fd_data, data = match.group(*names)
         stamp = int(seconds) * NANOSECONDS + int((fraction or "").ljust(9, "0"))
@@ -71,6 +89,9 @@ class CandumpLog(TextLogReader):
         """A frame as it is printed on the screen."""
         match = _SCREEN_LINE.fullmatch(text)
         if match is None:
+            if _XL_FRAME.search(text):
+                self.other_entries += 1
+                return None
             raise ValueError
         payload = bytes.fromhex(match["data"] or "")
         if len(payload) != int(match["length"]) and not match["remote"]:
@@ -131,7 +152,8 @@ class CandumpWriter(LogRecorder):
 
     def write(self, entry: LogFrame) -> None:
         frame = entry.frame
-        stamp = seconds_text(frame.stamp_ns, 10, "0")
+        seconds, rest = divmod(frame.stamp_ns, NANOSECONDS)
+        stamp = f"{seconds:010d}." + (f"{rest:09d}" if rest % 1000 else f"{rest // 1000:06d}")
         channel = entry.channel
         if channel.isdigit():
             channel = f"can{self._numbers.of(channel) - 1}"

@@ -2,6 +2,7 @@
 
 ASAM's rules for bus logging: one record a frame, groups apart by data, error and remote frames. A field may be
 virtual: not stored, but given by the number of the record through its conversion, which makes a constant of it.
+asammdf drops what follows a record that it does not know, and what the headings do not count: the bytes are counted.
 """
 
 from collections.abc import Iterator
@@ -15,29 +16,20 @@ from asammdf.blocks.v4_constants import (
     CHANNEL_TYPE_VLSD,
     FLAG_CG_PLAIN_BUS_EVENT,
     FLAG_CG_VLSD,
-    MASTER_TYPES,
     VIRTUAL_TYPES,
 )
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MASK, length_of
 from observer_rt.files.canlog.can_log import NANOSECONDS
-from observer_rt.files.mdf4.blocks import CountedRecords
-from observer_rt.files.mdf4.can_log import CHANNEL_NAME, MAX_LENGTH, RECORD, Totals
+from observer_rt.files.mdf4.can_log import CHANNEL_NAME, DATA, MAX_LENGTH, RECORD
 from observer_rt.files.mdf4.opening import opened, refuse_outside
 
-DATA, ERROR, REMOTE = KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")
-KNOWN_FIELDS = (
-    *("ID", "IDE", "DLC", "DataLength", "DataBytes", "Dir", "BusChannel", "EDL", "BRS", "ESI"),
-    *("SRR", "RTR", "R0", "R1", "CRC", "FrameDuration", "BitCount", "SingleWire", "WakeUp"),  # passed over
-)
+ERROR, REMOTE = "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 LOCAL_TIME = 0x1  # of the flags of the start
-DAY = 24 * 3600 * NANOSECONDS
-LONGEST_BEFORE = 7  # days from the start of a file to its first frame
-EXACT = 1 << 53  # ns: more are rounded in a float64
-ROUND_DIGITS = 6  # of the seconds in which a clock counts
 RECORDS_AT_ONCE = 50_000
+_ANY_SIZE = 1 << 62  # bytes
 _LARGEST_NUMBER = 0xFFFF_FFFF
 _LARGEST_TIME = np.iinfo(np.int64).max
 _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
@@ -46,56 +38,110 @@ _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
 def is_log(path: Path) -> Iterator[bool]:
     """Whether a file holds CAN frames, or can be nothing but a log whose frames were lost; once."""
     with opened(path) as file:
-        frames = [number for number in _groups(file, DATA) if _cycles(file, number)]
-        buses = {number for number in range(len(file.groups)) if _is_of_bus(file, number)}
+        frames = [group for group in _groups(file, DATA) if group.channel_group.cycles_nr]
+        is_of_bus = [_is_of_bus(group) for group in file.groups]
         others = [
-            number
-            for number, group in enumerate(file.groups)
-            if number not in buses and _cycles(file, number) and not group.channel_group.flags & FLAG_CG_VLSD
+            group
+            for group, of_bus in zip(file.groups, is_of_bus, strict=True)
+            if not of_bus and group.channel_group.cycles_nr and not group.channel_group.flags & FLAG_CG_VLSD
         ]
-        yield bool(frames or (buses and not others))
+        yield bool(frames or (any(is_of_bus) and not others))
 
 
-def records(path: Path, counted_json: str) -> Iterator[Totals | NDArray[np.void]]:
-    """Totals of a file, then its data frames in arrays of dtype `RECORD`.
+def frames(path: Path) -> Iterator[list[Any] | NDArray[np.void]]:
+    """Numbers of data, error, remote and other frames, and remarks; then the data frames, of dtype `RECORD`.
 
-    Frames of several groups are put in order of time; what steps back within one group stays as it is. counted_json:
-    `CountedRecords`, as they are in the file, whatever asammdf finds.
+    Frames of several groups are put in order of time; what steps back within one group stays as it is.
     """
-    counted = CountedRecords.of_json(counted_json)
     with opened(path) as file:
-        counts = {
-            number: counted.readable(group.channel_group.address, _cycles(file, number))
+        groups = [
+            _Frames(file, number)
             for number, group in enumerate(file.groups)
-            if _is_of_bus(file, number)
-        }
-        fields = {number: _Fields(file, number) for number in _groups(file, DATA) if counts[number]}
-        odd = dict.fromkeys(remark for each in fields.values() for remark in each.oddities())
-        data, error, remote = (sum(counts[number] for number in _groups(file, kind)) for kind in KINDS)
-        places = [file.groups[number].channel_group.address for number in _groups(file, DATA)]
-        remarks = (*counted.remarks, *counted.contradictions(places, "frames"), *odd)
-        yield Totals(data, error, remote, sum(counts.values()) - data - error - remote, remarks)
-        yield from in_order_of_time([each.records(counts[number]) for number, each in fields.items()])
+            if _holds(group, DATA) and group.channel_group.cycles_nr
+        ]
+        total = sum(int(group.channel_group.cycles_nr) for group in file.groups if _is_of_bus(group))
+        data = sum(int(each.is_valid.sum()) for each in groups)
+        error, remote = (
+            sum(int(group.channel_group.cycles_nr) for group in _groups(file, kind))
+            for kind in (ERROR, REMOTE)
+        )
+        yield [data, error, remote, total - data - error - remote, [*_contradictions(file, groups)]]
+        owners = np.repeat(np.arange(len(groups)), [each.stamps.size for each in groups])
+        times = [np.maximum.accumulate(each.stamps) for each in groups]
+        owners = owners[np.argsort(np.concatenate([*times, np.empty(0, np.int64)]), kind="stable")]
+        for first in range(0, owners.size, RECORDS_AT_ONCE):
+            part = owners[first : first + RECORDS_AT_ONCE]
+            records, is_valid = np.empty(part.size, RECORD), np.empty(part.size, np.bool_)
+            for number in np.unique(part):
+                records[part == number], is_valid[part == number] = groups[number].following(
+                    int(np.count_nonzero(part == number))
+                )
+            yield records[is_valid]
 
 
-def _groups(file: MDF, kind: str) -> list[int]:
-    """Numbers of the groups for CAN frames of a kind."""
-    return [
-        number
-        for number, group in enumerate(file.groups)
-        if any(channel.name == kind for channel in group.channels)
-    ]
+def _holds(group: Any, kind: str) -> bool:
+    return any(channel.name == kind for channel in group.channels)
 
 
-def _is_of_bus(file: MDF, number: int) -> bool:
+def _groups(file: MDF, kind: str) -> list[Any]:
+    """Groups for CAN frames of a kind."""
+    return [group for group in file.groups if _holds(group, kind)]
+
+
+def _is_of_bus(group: Any) -> bool:
     """Whether a group is for what happens on a bus, as it came."""
-    group = file.groups[number]
     is_plain = bool(group.channel_group.flags & FLAG_CG_PLAIN_BUS_EVENT)
-    return is_plain or any(channel.name in KINDS for channel in group.channels)
+    return is_plain or any(_holds(group, kind) for kind in (DATA, ERROR, REMOTE))
 
 
-def _cycles(file: MDF, number: int) -> int:
-    return int(file.groups[number].channel_group.cycles_nr)
+def _contradictions(file: MDF, groups: list["_Frames"]) -> Iterator[str]:
+    """Contradictions between what is read and the bytes that there are."""
+    uncounted = missing = 0
+    for each in groups:
+        group = file.groups[each.number]
+        if not group.data_group.record_id_len:
+            there = _stored(file, group.data_group.data_block_addr) // _record_size(group)
+        else:
+            there = sum(block.original_size for block in group.data_blocks) // _record_size(group)
+        uncounted += max(0, there - each.stamps.size)
+        missing += max(0, int(group.channel_group.cycles_nr) - there)
+    if uncounted:
+        yield f"its heading leaves out {uncounted} frames that are in it: it may be damaged"
+    if missing:
+        yield f"its heading counts {missing} frames that are not in it: its end may be missing"
+    mixed = {group.data_group.data_block_addr for group in file.groups if group.data_group.record_id_len}
+    for address in mixed - {0}:
+        members = [group for group in file.groups if group.data_group.data_block_addr == address]
+        lost = _stored(file, address) - sum(map(_sorted, members))
+        if lost:
+            yield f"{lost} of its bytes are not of whole records: its end is missing, or it is damaged"
+
+
+def _record_size(group: Any) -> int:
+    invalidation = 0 if group.uses_ld else group.channel_group.invalidation_bytes_nr
+    return max(1, int(group.channel_group.samples_byte_nr + invalidation))
+
+
+def _stored(file: MDF, address: int) -> int:
+    """Bytes of data at an address, unpacked."""
+    mdf = file._mdf
+    blocks = mdf._get_data_blocks_info(
+        address=address,
+        stream=mdf._file,
+        mapped=mdf._mapped,
+        total_size=_ANY_SIZE,
+        inval_total_size=_ANY_SIZE,
+    )
+    return sum(block.original_size for block in blocks)
+
+
+def _sorted(group: Any) -> int:
+    """Bytes that asammdf took for a group from data of several groups, ids and data of variable length included."""
+    id_size = int(group.data_group.record_id_len)
+    size = sum(block.original_size for block in group.data_blocks)
+    records = size // _record_size(group)
+    variable = [sum(block.original_size for block in blocks) for blocks in group.signal_data if blocks]
+    return int(size + id_size * records + sum(variable) + id_size * records * len(variable))
 
 
 def start_of(file: MDF) -> int:
@@ -108,53 +154,41 @@ def start_of(file: MDF) -> int:
     return int(moment.timestamp()) * NANOSECONDS + rest
 
 
-class _Fields:
-    """The fields of the frames in a group, by the names ASAM gives them."""
+class _Frames:
+    """The data frames of a group, by the names ASAM gives to their fields. stamps: (n,) ns; is_valid: (n,)."""
 
-    def __init__(self, file: MDF, group: int) -> None:
+    def __init__(self, file: MDF, number: int) -> None:
+        self.number = number
         self._file = file
-        self._group = group
-        self._start = start_of(file)
+        self._done = 0
         self._places = {
-            channel.name.removeprefix(f"{DATA}."): number
-            for number, channel in enumerate(file.groups[group].channels)
-            if channel.name.startswith(f"{DATA}.")
+            channel.name.removeprefix(f"{DATA}."): place
+            for place, channel in enumerate(file.groups[number].channels)
+            if channel.name.startswith(DATA)
         }
         missing = [name for name in ("ID", "DataBytes") if name not in self._places]
         if missing or not {"DataLength", "DLC"} & self._places.keys():
             raise ValueError(f"its frames have no {(*missing, 'DataLength')[0]}")
+        refuse_outside(file, number)
+        start = start_of(file)
+        everything = range(int(file.groups[number].channel_group.cycles_nr))
+        identifiers = self._get("ID", everything)
+        seconds = identifiers.timestamps.astype(np.float64)
+        if not np.all((seconds >= -start / NANOSECONDS) & (seconds <= (_LARGEST_TIME - start) / NANOSECONDS)):
+            raise ValueError("its frames have times before 1970, or after 2262")
+        self.stamps: NDArray[np.int64] = np.rint(seconds * NANOSECONDS).astype(np.int64) + start
+        self.is_valid = np.ones(self.stamps.size, np.bool_)
+        for signal in (identifiers, self._get(DATA, everything)):
+            if signal.invalidation_bits is not None:
+                self.is_valid &= ~np.asarray(signal.invalidation_bits, np.bool_)
 
-    def records(self, count: int) -> Iterator[NDArray[np.void]]:
-        """Records up to a number of them, some at once."""
-        refuse_outside(self._file, self._group)
-        for first in range(0, count, RECORDS_AT_ONCE):
-            yield self._read(range(first, min(first + RECORDS_AT_ONCE, count)))
-
-    def oddities(self) -> Iterator[str]:
-        """Oddities of its fields, of when its frames begin and what its clock counts: a file has no checksum."""
-        channels = self._file.groups[self._group].channels
-        names = {each.name for each in channels if each.channel_type not in MASTER_TYPES} - {DATA}
-        unknown = sorted(names - {f"{DATA}.{field}" for field in KNOWN_FIELDS})
-        if unknown:
-            yield f"its frames have fields that are not known here: {', '.join(map(ascii, unknown[:3]))}"
-        refuse_outside(self._file, self._group)
-        first = int(self._stamps(range(1))[0])
-        days = (first - self._start) // DAY
-        if self._start and days > LONGEST_BEFORE:
-            yield f"its frames begin {days} days after its start: it may be damaged"
-        if not self._start and first > EXACT:
-            yield "its times count from 1970 in floating point: they are off by up to 0.5 us"
-        master = self._file.masters_db.get(self._group)
-        if master is None:
-            return
-        tick = getattr(channels[master].conversion, "a", 1.0)
-        if float(f"{tick:.{ROUND_DIGITS}g}") != tick:
-            yield f"its clock counts in {tick!r} s, which is no round number: it may be damaged"
-
-    def _read(self, rows: range) -> NDArray[np.void]:
+    def following(self, count: int) -> tuple[NDArray[np.void], NDArray[np.bool_]]:
+        """The next records, and which of them are valid."""
+        rows = range(self._done, self._done + count)
+        self._done += count
         identifiers = self._numbers("ID", rows)
-        result = np.zeros(identifiers.size, RECORD)
-        result["stamp"] = self._stamps(rows)
+        result = np.zeros(count, RECORD)
+        result["stamp"] = self.stamps[rows.start : rows.stop]
         result["id"] = identifiers & EXTENDED_MASK
         is_extended = (identifiers >> EXTENDED_BIT > 0) | (result["id"] > STANDARD_MASK)
         result["is_extended"] = self._flags("IDE", rows, is_extended)
@@ -164,19 +198,11 @@ class _Fields:
         result["error_state"] = self._flags("ESI", rows, False)
         result["channel"] = self._channels(rows)
         result["is_sent"] = self._are_sent(rows)
-        return result
-
-    def _stamps(self, rows: range) -> NDArray[np.int64]:
-        seconds = self._get("ID", rows).timestamps.astype(np.float64)
-        latest = (_LARGEST_TIME - self._start) / NANOSECONDS
-        if not np.all((seconds >= -self._start / NANOSECONDS) & (seconds <= latest)):
-            raise ValueError("its frames have times before 1970, or after 2262")
-        stamps: NDArray[np.int64] = np.rint(seconds * NANOSECONDS).astype(np.int64) + self._start
-        return stamps
+        return result, self.is_valid[rows.start : rows.stop]
 
     def _get(self, field: str, rows: range, **further: Any) -> Any:
         return self._file.get(
-            group=self._group,
+            group=self.number,
             index=self._places[field],
             record_offset=rows.start,
             record_count=len(rows),
@@ -193,7 +219,7 @@ class _Fields:
     def _values(self, field: str, rows: range, keeps_text: bool = False) -> NDArray[Any]:
         """A field after its conversion; text for a number only where nothing is stored, or `keeps_text`."""
         raw = self._raw(field, rows)
-        channel = self._file.groups[self._group].channels[self._places[field]]
+        channel = self._file.groups[self.number].channels[self._places[field]]
         if channel.conversion is None:
             return raw
         is_virtual = channel.channel_type in VIRTUAL_TYPES
@@ -234,7 +260,7 @@ class _Fields:
         longest = int(lengths.max(initial=0))
         if longest > data.shape[1]:
             raise ValueError(f"it has frames of {longest} bytes in fields of {data.shape[1]}")
-        channel = self._file.groups[self._group].channels[self._places["DataBytes"]]
+        channel = self._file.groups[self.number].channels[self._places["DataBytes"]]
         is_variable = channel.channel_type == CHANNEL_TYPE_VLSD
         if is_variable and np.any(data[np.arange(data.shape[1]) >= lengths[:, np.newaxis]]):  # other records
             raise ValueError("the data of one of its frames are longer than the frame")
@@ -260,45 +286,3 @@ def _whole(field: str, values: NDArray[Any]) -> NDArray[np.int64]:
     if not np.all((values >= 0) & (values <= _LARGEST_NUMBER) & (np.rint(values) == values)):
         raise ValueError(f"the {field} of its frames is {values[0]:g} and the like")
     return values.astype(np.int64)
-
-
-def in_order_of_time(groups: list[Iterator[NDArray[np.void]]]) -> Iterator[NDArray[np.void]]:
-    """The records of all groups by time, those of each group in its own order."""
-    waiting = [_WaitingRecords(records) for records in groups]
-    while waiting := [each for each in waiting if each.fill()]:
-        horizon = min(each.latest for each in waiting)
-        parts = [each.taken_to(horizon) for each in waiting]
-        times = np.concatenate([time for time, _ in parts])
-        yield np.concatenate([part for _, part in parts])[np.argsort(times, kind="stable")]
-
-
-class _WaitingRecords:
-    """Records of one group that are not given on yet; their time is the latest up to each."""
-
-    def __init__(self, coming: Iterator[NDArray[np.void]]) -> None:
-        self._coming = coming
-        self._records: NDArray[np.void] = np.empty(0, np.void)
-        self._times: NDArray[np.int64] = np.empty(0, np.int64)
-        self._before = np.iinfo(np.int64).min
-
-    def fill(self) -> bool:
-        """Take the next records where none are left; whether there are any."""
-        while self._records.size == 0:
-            following = next(self._coming, None)
-            if following is None:
-                return False
-            self._records = following
-            self._times = np.maximum(np.maximum.accumulate(following["stamp"]), self._before)
-        return True
-
-    @property
-    def latest(self) -> int:
-        return int(self._times[-1])
-
-    def taken_to(self, horizon: int) -> tuple[NDArray[np.int64], NDArray[np.void]]:
-        count = int(np.searchsorted(self._times, horizon, side="right"))
-        times, taken = self._times[:count], self._records[:count]
-        if count:
-            self._before = int(times[-1])
-        self._times, self._records = self._times[count:], self._records[count:]
-        return times, taken

@@ -1,73 +1,61 @@
-"""CAN frames in MDF4 files: read by a process apart (`mdf4_frames`), written by ASAM's rules for bus logging."""
+"""CAN frames in MDF4 files: read by a process apart (`bus_frames`), written by ASAM's rules for bus logging."""
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogReader, LogWriter, log_frames
-from observer_rt.files.checksum import seal
-from observer_rt.files.mdf4.blocks import crash_told, mdf4_apart
-from observer_rt.files.mdf4.records import count_records
+from observer_rt.bus.links.link import Frame
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogReader, LogWriter
+from observer_rt.files.checksum import refuse_damaged, seal
+from observer_rt.files.mdf4.reader_process import crash_told, mdf4_apart
 from observer_rt.foundation.sandbox import WorkerError, checked
 
-RECORDS = "observer_rt.files.mdf4.bus_frames"
-
+FRAMES = "observer_rt.files.mdf4.bus_frames"  # what touches the file runs apart
 DATA = "CAN_DataFrame"
 MAX_LENGTH = FD_LENGTHS[-1]
-_FIELDS = (
-    ("BusChannel", "<u1"),
-    ("ID", "<u4"),
-    ("IDE", "<u1"),
-    ("DLC", "<u1"),
-    ("DataLength", "<u1"),
-    ("DataBytes", f"({MAX_LENGTH},)u1"),
-    ("Dir", "<u1"),
-    ("EDL", "<u1"),
-    ("BRS", "<u1"),
-    ("ESI", "<u1"),
-)
 CHANNEL_NAME = 16  # characters
 RECORD = np.dtype(
     [
-        ("stamp", np.int64),  # ns since 1970
         ("id", np.uint32),
+        ("stamp", np.int64),  # ns since 1970
         ("is_extended", np.bool_),
-        ("length", np.uint8),
-        ("data", np.uint8, MAX_LENGTH),
         ("is_fd", np.bool_),
-        ("channel", f"U{CHANNEL_NAME}"),
         ("bit_rate_switch", np.bool_),
         ("error_state", np.bool_),
+        ("channel", f"U{CHANNEL_NAME}"),
         ("is_sent", np.bool_),
+        ("length", np.uint8),
+        ("data", np.uint8, MAX_LENGTH),
     ]
 )
-
-_STORED = np.dtype([(f"{DATA}.{name}", kind) for name, kind in _FIELDS])
-
-
-class Totals(NamedTuple):
-    """Numbers of frames of each kind in a log, of entries of other buses, and remarks on these numbers."""
-
-    data: int
-    error: int
-    remote: int
-    other: int
-    remarks: tuple[str, ...]
-
-
-_TOTALS = TypeAdapter(Totals)
+"""A frame as it comes from the process apart."""
+_WRITTEN = np.dtype(
+    [
+        (f"{DATA}.BusChannel", "<u1"),
+        (f"{DATA}.ID", "<u4"),
+        (f"{DATA}.IDE", "<u1"),
+        (f"{DATA}.DLC", "<u1"),
+        (f"{DATA}.DataLength", "<u1"),
+        (f"{DATA}.DataBytes", f"({MAX_LENGTH},)u1"),
+        (f"{DATA}.Dir", "<u1"),
+        (f"{DATA}.EDL", "<u1"),
+        (f"{DATA}.BRS", "<u1"),
+        (f"{DATA}.ESI", "<u1"),
+    ]
+)
 _FLAG = TypeAdapter(bool)
+_TOTALS = TypeAdapter(tuple[int, int, int, int, list[str]])
 
 
 def is_bus_log(path: Path) -> bool:
     """Whether an MDF4 file is a log of a bus. Raises `UserError` for a file that is damaged or none of MDF."""
     with crash_told(path):
-        return checked(_FLAG, next(mdf4_apart(RECORDS, "is_log", path), None))
+        return checked(_FLAG, next(mdf4_apart(FRAMES, "is_log", path), None))
 
 
 class Mdf4Log(LogReader):
@@ -76,7 +64,8 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        parts = mdf4_apart(RECORDS, "records", self.path, count_records(self.path).as_json)
+        self.remarks += refuse_damaged(self.path)
+        parts = mdf4_apart(FRAMES, "frames", self.path)
         with crash_told(self.path):
             totals = checked(_TOTALS, next(parts, None))
         self._size, self.error_frames, self.remote_frames, self.other_entries, remarks = totals
@@ -88,33 +77,24 @@ class Mdf4Log(LogReader):
         for part in parts:
             with crash_told(self.path):
                 records = _records_of(part)
-            for entry in _entries_of(records):
+            data = records["data"].tobytes()
+            for place, (*fields, channel, is_sent, length) in zip(
+                range(0, len(data), MAX_LENGTH),
+                records[list(RECORD.fields or ())[:-1]].tolist(),
+                strict=True,
+            ):
                 self._position += 1
-                yield self._position, entry
+                frame = Frame(fields[0], data[place : place + length], *fields[1:])
+                yield self._position, LogFrame(frame, channel, is_sent)
 
 
 def _records_of(part: Any) -> NDArray[np.void]:
+    """Frames that the process apart sent. Raises `WorkerError` for anything else."""
     if not (isinstance(part, np.ndarray) and part.dtype == RECORD and part.ndim == 1):
         raise WorkerError("its reader gave something else than frames")
     if np.any(part["length"] > MAX_LENGTH):
         raise WorkerError(f"its reader gave frames of more than {MAX_LENGTH} bytes")
     return part
-
-
-def _entries_of(records: NDArray[np.void]) -> Iterator[LogFrame]:
-    data = records["data"].tobytes()
-    starts = range(0, len(data), MAX_LENGTH)
-    payloads = (
-        data[start : start + size] for start, size in zip(starts, records["length"].tolist(), strict=True)
-    )
-    before, after = (
-        [records[name].tolist() for name in names]
-        for names in (
-            ("stamp", "is_extended", "is_fd", "bit_rate_switch", "error_state"),
-            ("channel", "is_sent"),
-        )
-    )
-    return log_frames(records["id"].tolist(), payloads, *before, *after)
 
 
 class Mdf4LogWriter(LogWriter):
@@ -154,10 +134,11 @@ class Mdf4LogWriter(LogWriter):
 
         from observer_rt.files.mdf4.opening import add_history
 
-        flat = np.dtype([(name, "S64" if kind.startswith("(") else kind) for name, kind in _FIELDS])
-        samples = np.array(self._records, flat).view(_STORED)
+        flat = np.dtype(
+            [(name, "S64" if _WRITTEN[name].shape else _WRITTEN[name]) for name in _WRITTEN.fields or ()]
+        )
         signal = Signal(
-            samples=samples,
+            samples=np.array(self._records, flat).view(_WRITTEN),
             timestamps=np.array(self._stamps, np.float64) / NANOSECONDS,
             name=DATA,
             source=SourceInformation(source_type=SOURCE_BUS, bus_type=BUS_TYPE_CAN),
@@ -168,3 +149,6 @@ class Mdf4LogWriter(LogWriter):
             file.append(signal)
             file.save(handle, add_history_block=False)
         seal(self.path)
+
+
+MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)

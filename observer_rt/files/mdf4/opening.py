@@ -15,7 +15,7 @@ from asammdf.blocks.utils import MdfException
 from asammdf.blocks.v4_blocks import FileHistory
 
 from observer_rt.files.checksum import BLANK
-from observer_rt.files.mdf4.blocks import READABLE, refuse_other_files
+from observer_rt.files.mdf4.reader_process import READABLE, refuse_other_files
 from observer_rt.foundation.errors import UserError
 
 DAMAGE = (  # the ways in which asammdf fails on a damaged file

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.checksum import refuse_damaged
-from observer_rt.files.mdf4.blocks import crash_told, mdf4_apart
+from observer_rt.files.mdf4.reader_process import crash_told, mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
 from observer_rt.foundation.errors import UserError

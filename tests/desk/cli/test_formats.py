@@ -13,7 +13,7 @@ from observer_rt.files.replay.log_frames import LogPart
 from observer_rt.foundation.errors import UserError
 from tests.desk.cli.conftest import Command, document
 from tests.device import frames_of
-from tests.files.canlog.log_cases import sent_log, write_log
+from tests.files.canlog.log_cases import moved, sent_log, write_log
 
 PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 LOG = """
@@ -67,7 +67,7 @@ def test_a_log_format_from_outside(
     write_log(blf, frames)
     command.done("convert", blf, log)
     assert is_log(log)
-    assert list(open_log(log)) == [frame._replace(channel="can0") for frame in frames]
+    assert moved(open_log(log), [frame._replace(channel="can0") for frame in frames]) < 2000
     assert LogPart(log).extent().frames == len(frames)  # what `replay` sends
     ours, theirs = (document(command, path, "--bench", bench)["recordings"][0] for path in (blf, log))
     assert theirs["injections"] == ours["injections"] != []
@@ -126,9 +126,7 @@ def test_the_page_lists_the_formats_of_the_registry() -> None:
 
 def test_the_help_lists_the_formats_of_the_registry(command: Command) -> None:
     text = " ".join(command("convert", "--help").out.split())
-    assert (
-        "Recording (.csv, .mf4, .parquet, .txt, .csv.gz, .txt.gz, .xlsx, .xlsm, .mat, .h5, .hdf5, .tdms, .mdf, .dat, "
-        ".feather, .npy, .npz) or CAN log (.log, .blf, .asc, .trc, .mf4, .csv, .pcapng, .pcap)." in text
-    )
+    recordings, logs = ".csv, .mf4, .parquet, .txt, .csv.gz, .txt.gz", ".log, .blf, .asc, .trc, .mf4, .csv"
+    assert f"Recording ({recordings}) or CAN log ({logs})." in text
     assert "no CAN FD in .trc" in text
     assert "Log to write (.log, .blf)" in " ".join(command("record", "--help").out.split())

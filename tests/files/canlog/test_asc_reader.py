@@ -74,20 +74,8 @@ def test_decimal_numbers(tmp_path: Path) -> None:
     assert (found.frame.frame_id, found.frame.payload) == (256, bytes((255, 16, 7)))
 
 
-def test_fd_lines_of_a_decimal_log_are_hexadecimal(tmp_path: Path) -> None:
-    """As CANalyzer writes them: the same frame from a classic and from an FD channel."""
-    classic, fd = read(
-        tmp_path,
-        "   12.500000 5  291             Rx   d 8  16  17   1   0 149 100  99  15  Length = 230000 ID = 291",
-        "   12.500000 CANFD   2 Rx        123  Any_12             1 0 8  8 10 11 01 00 95 64 63 0f" + FD_TAIL,
-        base="dec",
-    )
-    assert classic.frame.frame_id == fd.frame.frame_id == 0x123
-    assert classic.frame.payload == fd.frame.payload == bytes((16, 17, 1, 0, 149, 100, 99, 15))
-
-
 def test_a_decimal_fd_line_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="line 7: not a line of an ASC log"):
+    with pytest.raises(UserError, match="line 7: its CAN FD frames are hexadecimal"):
         read(tmp_path, "   0.1 CANFD   1 Rx  291  1 0 3  3 1 17 255" + FD_TAIL, base="dec")
 
 
@@ -206,21 +194,6 @@ def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
     ]
 
 
-def test_long_frames_in_lines_of_classic_can_are_fd(tmp_path: Path) -> None:
-    """As some converters write them: the length code in decimal, whatever the base."""
-    data = [bytes(range(length)) for length in (8, 12, 64)]
-    found = log(
-        tmp_path,
-        f"   0.1 1  123             Rx   d 8 {data[0].hex(' ')}",
-        f"   0.2 1  123             Rx   d 9 {data[1].hex(' ')}",
-        f"   0.3 1  123             Rx   d 15 {data[2].hex(' ')}  // a comment",
-    )
-    frames = [entry.frame for entry in found]
-    assert [frame.payload for frame in frames] == data
-    assert [frame.is_fd for frame in frames] == [False, True, True]
-    assert any("2 frames of more than 8 bytes in lines of classic CAN" in note for note in found.notes())
-
-
 def test_an_empty_file(tmp_path: Path) -> None:
     path = tmp_path / "bus.asc"
     path.write_text("")
@@ -231,16 +204,16 @@ def test_an_empty_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("   3.1 1  100   Rx d 4 01 02 03 04 05 06 07 08", "8 bytes follow a length code 4"),
-        ("   3.1 1  100   Rx d 8 " + "00 " * 12, "12 bytes follow a length code 8"),
-        ("   3.1 1  100   Rx d 9 " + "00 " * 11, "11 bytes follow a length code 9"),
+        ("   3.1 1  100   Rx d 4 01 02 03 04 05 06 07 08", "more than 4 bytes follow the length 4"),
+        ("   3.1 1  100   Rx d 8 " + "00 " * 12, "more than 8 bytes follow the length 8"),
+        ("   3.1 1  100   Rx d 9 " + "00 " * 11, "more than 8 bytes follow the length 9"),
         ("   3.1 1  100   Rx d 8 01 A0 0F", "not a line of an ASC log"),
         ("   3.1 1  100   Rx d 3 01 A0 F", "not a line of an ASC log"),
         ("   3.1 1  100   Rx d 3 01 A0 GG", "not a line of an ASC log"),
         ("   3.1 1  100   Rx x 3 01 A0 00", "not a line of an ASC log"),
         ("   3.1 1  100", "not a line of an ASC log"),
         ("   3.1 1  800   Rx d 0", "800 is no standard identifier"),
-        ("   3.1 1  EngineData   Rx d 1 00", "identifier 'EngineData' is a name"),
+        ("   3.1 1  EngineData   Rx d 1 00", "not a line of an ASC log: '3.1 1  EngineData"),
         ("   3.1 CANFD 1 Rx 100  1 0 9 12 00 00", "not a line of an ASC log"),
         ("   3.1 CANFD 1 Rx 100  1 0 9 8 00 00 00 00 00 00 00 00", "not a line of an ASC log"),
         ("   3.1 CANFD 1 Rx 100  1 0 9 11 " + "00 " * 11, "not a line of an ASC log"),
@@ -258,3 +231,19 @@ def test_a_decimal_line_without_its_end_is_left_out(tmp_path: Path) -> None:
     found.path.write_text(found.path.read_text().removesuffix("5\nEnd TriggerBlock\n"))
     assert list(found) == []
     assert any("line 7 is cut short" in note for note in found.notes())
+
+
+def test_times_before_the_trigger(tmp_path: Path) -> None:
+    found = read(tmp_path, "  -0.500000 1  123   Rx d 1 AA", "   0.250000 1  123   Rx d 1 AA")
+    assert [entry.frame.stamp_ns - START for entry in found] == [-500_000_000, 250_000_000]
+
+
+def test_an_empty_frame_and_a_remote_one_on_a_channel_of_can_fd(tmp_path: Path) -> None:
+    tail = "  102187  133   {} e000fb6c 46500250 4b140250 20011736 2001040d"
+    lines = [
+        f"   0.1 CANFD   1 Rx   7d   0 0 {flags[1]} 0 {tail.format(flags[0])}"
+        for flags in (("1000", 0), ("10", 8))
+    ]
+    found = log(tmp_path, *lines)
+    assert [(entry.frame.payload, entry.frame.is_fd) for entry in found] == [(b"", True)]
+    assert found.remote_frames == 1

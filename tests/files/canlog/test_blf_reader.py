@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.blf import BlfLog, BlfWriter
+from observer_rt.files.canlog.blf import BlfLog
 from observer_rt.files.canlog.can_log import LogFrame
+from observer_rt.files.canlog.writers import BlfWriter
 from observer_rt.foundation.errors import UserError
-from tests.files.canlog.log_cases import START, mixture
+from tests.files.canlog.log_cases import START, mixture, moved
 
 DAY = (2017, 9, 6, 30, 15, 6, 13, 191)  # Saturday
 DAY_NS = 1_506_783_973_191_000_000
@@ -131,6 +132,39 @@ def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
     assert (found.remote_frames, found.error_frames, found.other_entries) == (2, 2, 1)
 
 
+def test_requests_to_send_are_no_frames(tmp_path: Path) -> None:
+    fd = struct.pack("<HBBLLBBB5x64s", 1, 2, 8, 1, 0, 0, 1, 8, b"")
+    objects = [obj(kind, classic(flags=2)) for kind in (1, 86)] + [obj(100, fd), obj(1, classic(flags=1))]
+    found = log(tmp_path, container(b"".join(objects)))
+    assert [entry.is_sent for entry in found] == [True]
+    assert found.other_entries == 3
+
+
+def test_stamps_before_the_start(tmp_path: Path) -> None:
+    found = log(tmp_path, container(obj(1, classic(), 2**64 - 60 * 10**9) + obj(1, classic(), 5)))
+    assert [entry.frame.stamp_ns for entry in found] == [DAY_NS - 60 * 10**9, DAY_NS + 5]
+    assert found.notes() == []
+
+
+def test_what_the_recorder_says_it_lost_is_told(tmp_path: Path) -> None:
+    lost = obj(125, bytes(8)) + obj(126, struct.pack("<LLQLL", 1, 0, 6, 37, 0)) + obj(91, bytes(8))
+    found = log(tmp_path, container(obj(1, classic()) + lost))
+    assert len(list(found)) == 1
+    assert found.notes() == [
+        f"{found.path}: 37 frames were lost while it was recorded",
+        f"{found.path}: its recorder had no room for all frames: some were lost",
+    ]
+
+
+def test_objects_that_the_heading_counts_and_that_are_not_there_are_told(tmp_path: Path) -> None:
+    found = log(tmp_path, container(obj(1, classic())))
+    data = bytearray(found.path.read_bytes())
+    struct.pack_into("<L", data, 32, 3)
+    found.path.write_bytes(data)
+    assert len(list(found)) == 1
+    assert found.notes() == [f"{found.path}: its heading counts 3 objects, 1 are in it"]
+
+
 def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
     (found,) = log(tmp_path, container(obj(1, classic(dlc=15))))
     assert found.frame.payload == bytes(range(8))
@@ -175,9 +209,9 @@ def test_what_was_flushed_is_read_though_the_writer_never_ended(tmp_path: Path) 
     for frame in frames[20:]:
         writer.write(frame)
     found = BlfLog(path)
-    assert list(found) == frames[:20]
+    assert moved(found, frames[:20]) < 2000
     writer.close()
-    assert list(found) == frames
+    assert moved(found, frames) < 2000
 
 
 def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
@@ -188,7 +222,7 @@ def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
             writer.write(frame)
             writer.write_lost(lost)
     found = BlfLog(path)
-    assert list(found) == [frame, frame]
+    assert moved(found, [frame, frame]) < 2000
     assert found.lost_frames == 12
     assert found.other_entries == 0
 

@@ -149,7 +149,34 @@ def test_impossible_lengths(tmp_path: Path, line: str) -> None:
 def test_time_that_steps_back_names_the_line(tmp_path: Path) -> None:
     lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(300)]
     lines[250] = "(1.200000) vcan0 100#00\n"
-    assert "line 251: time on vcan0 steps back by 0.049 s" in message(tmp_path, "".join(lines))
+    found = log(tmp_path, "".join(lines))
+    stamps = [entry.frame.stamp_ns for entry in found]
+    assert stamps[249:252] == [1_249_000_000, 2_249_000_000, 2_300_000_000]
+    assert found.notes() == [
+        f"{found.path}: line 251: time on vcan0 steps back by 0.049 s: split there, the next part follows after 1 s"
+    ]
+
+
+def test_words_below_an_error_frame_belong_to_it(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        " (1700000000.100000)  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME\n"
+        "\tcontroller-problem{rx-error-warning}\n\tprotocol-violation{{}{acknowledge-slot}}\n\tbus-error\n"
+        " (1700000000.300000)  can0  124   [2]  0A 0B\n",
+    )
+    assert [entry.frame.frame_id for entry in found] == [0x124]
+    assert found.notes() == [f"{found.path}: left out: 1 error frame"]
+    assert "line 2: not a line" in message(tmp_path, " (1.500000)  can0  124   [2]  0A 0B\n\tbus-error\n")
+
+
+def test_frames_of_can_xl_and_colours(tmp_path: Path) -> None:
+    found = log(
+        tmp_path,
+        "(1.1) can0 45123#81:00:12345678#11223344.556677\n (1.2)  can0  45123  [0002] (81|00:12345678) 11 22\n"
+        "\x1b[31m (1.300000)  can0  124   [2]  0A 0B\x1b[0m\n",
+    )
+    assert [entry.frame.payload for entry in found] == [b"\x0a\x0b"]
+    assert found.other_entries == 2
 
 
 def test_channels_may_overtake_each_other(tmp_path: Path) -> None:

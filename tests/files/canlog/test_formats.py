@@ -13,7 +13,7 @@ from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.formats import is_log, open_log
 from observer_rt.foundation.errors import UserError
-from tests.files.canlog.log_cases import FORMATS, START, as_read, log_frames, mixture, write_log
+from tests.files.canlog.log_cases import FORMATS, START, as_read, log_frames, mixture, moved, write_log
 
 SUFFIXES = sorted(FORMATS)
 STREAMED = [suffix for suffix in SUFFIXES if suffix != ".mf4"]  # readable up to where they were cut
@@ -29,7 +29,7 @@ def test_whatever_is_written_is_read(tmp_path: Path, suffix: str) -> None:
     def check(frames: list[LogFrame]) -> None:
         write_log(path, frames)
         log = open_log(path)
-        assert list(log) == as_read(frames, suffix)
+        assert moved(log, as_read(frames, suffix)) < 2000
         assert log.notes() == [] or not frames  # an empty one may be the rest of a damaged one
 
     check()
@@ -43,7 +43,7 @@ def test_the_first_stamp_is_kept(tmp_path: Path, suffix: str, start: int) -> Non
     write_log(path, frames)
     step = FORMATS[suffix].stamp_step
     for found, frame in zip(open_log(path), frames, strict=True):
-        assert abs(found.frame.stamp_ns - frame.frame.stamp_ns) <= step / 2
+        assert abs(found.frame.stamp_ns - frame.frame.stamp_ns) <= step
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -97,7 +97,7 @@ def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
 def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("observer_rt.files.canlog.blf.CONTAINER_BYTES", 1000)
+    monkeypatch.setattr("can.BLFWriter.max_container_size", 1000)
     path, cut = tmp_path / f"bus{suffix}", tmp_path / f"cut{suffix}"
     write_log(path, mixture(suffix, 30))
     data = path.read_bytes()
@@ -152,26 +152,36 @@ def test_a_log_under_the_wrong_name_is_recognised(tmp_path: Path, suffix: str, c
 @pytest.mark.parametrize("suffix", STREAMED)
 def test_a_log_of_another_program_is_named(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
-    path.write_text("Time Stamp,ID,Extended,Dir,Bus,LEN,D1\n1,123,false,Rx,0,1,00\n" * 100)
-    with pytest.raises(UserError, match=r"it looks like a log of SavvyCAN\n.*name it so: bus\.csv"):
-        list(open_log(path))
+    for begin, name, remedy in (
+        ("Time Stamp,ID,Extended,Dir,Bus,LEN,D1", "a log of SavvyCAN", r"save it as Candump/Kayak: bus\.log"),
+        ("***BUSMASTER Ver 3.2.2***", "a log of BUSMASTER", r"convert it to bus\.asc"),
+        ('"TimestampEpoch";"BusChannel"', r"a \.csv of CSS Electronics", r"give the \.mf4"),
+        ("\n\r\r\n", "a capture", "in SavvyCAN"),
+    ):
+        path.write_bytes(f"{begin}\n1,123,false,Rx,0,1,00\n".encode() * 100)
+        with pytest.raises(UserError, match=rf"it looks like {name}\n.*{remedy}"):
+            list(open_log(path))
     path.write_text("@ TEXT @ 2 @ 64 @ 0 @ 55 @\n46,016\t1\t0004\t45A\t8\t5A 04 00\n" * 100)
     with pytest.raises(UserError, match=r"it looks like a log of CarBus Analyzer\n.*export it as"):
         list(open_log(path))
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_time_that_steps_back_is_refused_and_a_swap_is_told(tmp_path: Path, suffix: str) -> None:
+def test_time_that_steps_back_begins_a_part_and_a_swap_is_told(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
-    stamps = [START, START + 5_000_000, START + 4_500_000]
+    begin = START // 1000 * 1000
+    stamps = [begin, begin + 5_000_000, begin + 4_500_000]
     frames = [LogFrame(Frame(1, b"\1", stamp, False, False), "1") for stamp in stamps]
     write_log(path, frames)
     log = open_log(path)
     assert len(list(log)) == 3
     assert suffix == ".mf4" or "1 frames stand up to 1000 us before" in log.notes()[0]
-    write_log(path, [*frames, frames[0]])
-    with pytest.raises(UserError, match=r"steps back by 0\.00"):
-        list(open_log(path))
+    write_log(path, [*frames, frames[0], frames[1]])
+    log = open_log(path)
+    found = [entry.frame.stamp_ns for entry in log]
+    assert found[-2] - max(found[:3]) == pytest.approx(1_000_000_000, abs=1000)
+    assert found[-1] - found[-2] == pytest.approx(5_000_000, abs=1000)
+    assert sum("steps back by 0.00" in note and "split there" in note for note in log.notes()) == 1
 
 
 def test_a_classic_format_says_that_it_holds_no_fd(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from observer_rt.foundation.errors import UserError
 HEADS = {
     "1.0": ";##########################################################################\n;   a.trc\n",
     "1.1": ";$FILEVERSION=1.1\n;$STARTTIME=44548.6028595139\n;\n",
-    "1.2": ";$FILEVERSION=1.2\n;$STARTTIME=44548.6028595139;\n;\n",
     "1.3": ";$FILEVERSION=1.3\n;$STARTTIME=44548.6028595139\n;\n",
     "2.0": ";$FILEVERSION=2.0\n;$STARTTIME=44548.6028595139\n;$COLUMNS=N,O,T,I,d,l,D\n;\n",
     "2.1": ";$FILEVERSION=2.1\n;$STARTTIME=44548.6028595139\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n;\n",
@@ -25,11 +24,6 @@ ROWS = {
         "     1)     17535.4  Rx     00000100  8  00 01 02 03 04 05 06 07 \n"
         "     2)     17540.3  Warng  FFFFFFFF  4  00 00 00 08  BUSHEAVY \n"
         "     3)     19295.4  Rx         0704  1  RTR\n     4)     21097.1  Tx         0705  0\n"
-    ),
-    "1.2": (
-        "     1)     17535.400  1  Rx     00000100  8  00 01 02 03 04 05 06 07 \n"
-        "     2)     17540.300  1  Warng  FFFFFFFF  4  00 00 00 08  BUSHEAVY \n"
-        "     3)     19295.400  1  Rx         0704  1  RTR\n     4)     21097.100  1  Tx         0705  0\n"
     ),
     "1.3": (
         "     1)     17535.4 1  Rx    00000100 -  8    00 01 02 03 04 05 06 07\n"
@@ -94,7 +88,6 @@ def test_fd_frames_by_length_code_and_by_length(
 ERRORS = {
     "1.0": "     5)     21098      0008  4  ERROR 00 1C 02 05\n",
     "1.1": "     5)     21098.0  Error      0008  4  00 1C 02 05\n",
-    "1.2": "     5)     21098.000  1  Error      0008  4  00 1C 02 05\n",
     "1.3": "     5)     21098.000 1  Error     0008 -  4    00 1C 02 05\n",
     "2.0": "      5     21098.000 ER          Rx    02 01 0A 00 00\n",
     "2.1": "      5     21098.000 ER 1         - Rx -  5    02 01 0A 00 00\n",
@@ -125,8 +118,9 @@ def test_messages_of_a_transport_protocol_are_left_out_and_told(tmp_path: Path) 
         (HEADS["2.1"] + "  1  1.0 DT 1 0100 Rx -  2 00 0\n", "line 5: not a line of a TRC log"),
         (HEADS["2.1"] + "  1  1.0 DT 1 0100\n", "line 5: not a line of a TRC log"),
         (HEADS["2.1"] + "  1  1.0 DT 1 0800 Rx -  0\n", "line 5: 800 is no standard identifier"),
-        (HEADS["2.1"].replace("2.1", "3.0") + "  1  1.0\n", "line 5: version '3.0' is not known"),
-        (HEADS["2.1"].replace(",I,", ",") + "  1  1.0\n", "line 5: columns N,O,T,B,d,R,L,D do not suffice"),
+        (HEADS["1.1"].replace("1.1", "1.2") + "  1  1.0\n", "line 1: version '1.2' is not read"),
+        (HEADS["2.1"].replace("2.1", "3.0") + "  1  1.0\n", "line 1: version '3.0' is not read"),
+        (HEADS["2.1"].replace(",I,", ",") + "  1  1.0\n", "line 3: columns N,O,T,B,d,R,L,D do not suffice"),
         (HEADS["2.1"].replace("44548.6", "today "), "line 2: 'today 028595139' is no start time"),
         ("  1  1.0 DT 1 0100 Rx -  0\n", "line 1: no TRC log: no version"),
     ],
@@ -142,3 +136,16 @@ def test_what_is_left_of_a_frame_is_not_a_shorter_one(tmp_path: Path) -> None:
     found = log(tmp_path, HEADS["2.1"] + ROWS["2.1"] + "      5     21098.100 FD 1      0705 Rx -  0")
     assert len(list(found)) == 2
     assert any("line 9 is cut short" in note for note in found.notes())
+
+
+@pytest.mark.parametrize("start", ["0", "0.0;"])
+def test_a_start_of_0_is_none(tmp_path: Path, start: str) -> None:
+    head = HEADS["1.1"].replace("44548.6028595139", start)
+    found = log(tmp_path, head + ROWS["1.1"])
+    assert [entry.frame.stamp_ns for entry in found] == [17_535_400_000, 21_097_100_000]
+    assert f"{found.path}: its times are taken to count from its start" in found.notes()
+
+
+def test_a_start_may_end_with_a_semicolon(tmp_path: Path) -> None:
+    plain, other = HEADS["1.1"], HEADS["1.1"].replace("5139", "5139;")
+    assert list(log(tmp_path, other + ROWS["1.1"])) == list(log(tmp_path, plain + ROWS["1.1"]))

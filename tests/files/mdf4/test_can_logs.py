@@ -2,6 +2,7 @@
 
 import struct
 from datetime import UTC, datetime
+from operator import ne
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,10 +18,12 @@ from observer_rt.files.formats import is_log, open_log
 from observer_rt.files.mdf4.bus_frames import start_of
 from observer_rt.foundation.errors import UserError
 from tests.files.canlog.log_cases import START, log_frames, mixture, write_log
+from tests.files.canlog.test_damaged_logs import unless_refused
 from tests.files.logger_file import Field, value_of, write_logger_file
 
 MIDNIGHT = START // 10**9 * 10**9
 STORED = {"ID": 29, "IDE": 1, "BusChannel": 4, "DataLength": 7, "Dir": 1, "EDL": 1, "BRS": 1, "ESI": 1}
+BYTES = {"ID": "<u4", "DataLength": "u1", "DataBytes": "(8,)u1"}
 CONSTANT = ("IDE", "BusChannel", "Dir", "EDL", "BRS", "ESI")
 ALL_STORED = [Field(name, bits) for name, bits in STORED.items()]
 
@@ -143,7 +146,7 @@ def test_frames_of_several_groups_in_order_of_time(tmp_path: Path) -> None:
     assert list(open_log(path)) == sorted(frames, key=lambda f: f.frame.stamp_ns)
 
 
-def test_time_that_steps_back_in_one_of_several_groups_is_refused(tmp_path: Path) -> None:
+def test_time_that_steps_back_in_one_of_several_groups_is_told(tmp_path: Path) -> None:
     frames = [frame._replace(channel="1") for frame in mixture(".mf4", 60)]
     others = [frame._replace(channel="2") for frame in mixture(".mf4", 60)]
     paths = [tmp_path / "a.mf4", tmp_path / "b.mf4"]
@@ -151,8 +154,9 @@ def test_time_that_steps_back_in_one_of_several_groups_is_refused(tmp_path: Path
     write_logger_file(paths[1], others, ALL_STORED, MIDNIGHT)
     with MDF.stack(paths) as file:
         file.save(tmp_path / "stacked.mf4")
-    with pytest.raises(UserError, match="time on 1 steps back by"):
-        list(open_log(tmp_path / "stacked.mf4"))
+    log = open_log(tmp_path / "stacked.mf4")
+    assert len(list(log)) == 120
+    assert any("time on 1 steps back by" in note for note in log.notes())
 
 
 def test_text_for_a_direction_and_a_length_without_its_field(tmp_path: Path) -> None:
@@ -225,7 +229,7 @@ def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) ->
 
 
 def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
-    """A shorter length gives a frame fewer bytes, and all later ones those of another."""
+    """A shorter length gives a frame fewer bytes, and no other one those of another; a longer one is refused."""
     card, path = tmp_path / "card.mf4", tmp_path / "saved.mf4"
     frames = mixture(".mf4", 20)
     write_logger_file(card, frames, ALL_STORED, MIDNIGHT)
@@ -243,8 +247,8 @@ def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
             damaged = bytearray(data)
             struct.pack_into("<I", damaged, place, length ^ change)
             path.write_bytes(damaged)
-            with pytest.raises(UserError, match=r"leads to where no data begin|beyond the data"):
-                list(open_log(path))
+            found = unless_refused(path, lambda: list(open_log(path)))
+            assert found is None or sum(map(ne, found, frames)) <= 1
         place += 4 + length
 
 
@@ -292,47 +296,27 @@ def test_a_start_in_local_time_is_read_by_the_zone_of_this_computer() -> None:
         assert start_of(SimpleNamespace(header=header)) == start
 
 
-@pytest.mark.parametrize(
-    ("offset", "tick", "said"),
-    [
-        (29 * 86_400.0, 1e-9, "its frames begin 29 days after its start: it may be damaged"),
-        (
-            0.0,
-            1.0000009e-9,
-            "its clock counts in 1.0000009e-09 s, which is no round number: it may be damaged",
-        ),
-        (86_400.0, 5e-9, None),
-    ],
-)
-def test_times_that_look_damaged_are_told(
-    tmp_path: Path, offset: float, tick: float, said: str | None
-) -> None:
-    path = tmp_path / "card.mf4"
-    write_logger_file(path, mixture(".mf4", 5), ALL_STORED, MIDNIGHT)
-    conversion = struct.pack("<dd", 0.0, 1e-9)
-    assert conversion in path.read_bytes()
-    path.write_bytes(path.read_bytes().replace(conversion, struct.pack("<dd", offset, tick)))
+def test_frames_marked_as_invalid_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "invalid.mf4"
+    frames = np.zeros(20, [(f"CAN_DataFrame.{name}", kind) for name, kind in BYTES.items()])
+    frames["CAN_DataFrame.ID"], frames["CAN_DataFrame.DataLength"] = range(20), 8
+    is_invalid = np.isin(range(20), (5, 6, 7))
+    with MDF(version="4.10") as file:
+        file.append(Signal(frames, np.arange(20) / 100, name="CAN_DataFrame", invalidation_bits=is_invalid))
+        file.save(path)
     log = open_log(path)
-    assert len(list(log)) == 5
-    assert log.notes() == ([f"{path}: {said}"] if said else [])
+    assert [entry.frame.frame_id for entry in log] == [n for n in range(20) if not 5 <= n <= 7]
+    assert log.other_entries == 3
 
 
-def test_fields_that_are_not_known_are_told(tmp_path: Path) -> None:
-    """As one whose name is damaged."""
+@pytest.mark.parametrize("is_finalised", [True, False])
+def test_what_asammdf_drops_behind_an_unknown_record_is_told(tmp_path: Path, is_finalised: bool) -> None:
     path = tmp_path / "card.mf4"
-    write_logger_file(path, mixture(".mf4", 5), ALL_STORED, MIDNIGHT)
-    path.write_bytes(path.read_bytes().replace(b"DataFrame.Dir", b"DataFrame.D\x1br"))
+    write_logger_file(path, mixture(".mf4", 20), ALL_STORED, MIDNIGHT, is_finalised, data_width=64)
+    data = bytearray(path.read_bytes())
+    size = (len(data) - data.rindex(b"##DT") - 24) // 20
+    data[data.rindex(b"##DT") + 24 + 10 * size] = 77
+    path.write_bytes(data)
     log = open_log(path)
-    assert not any(entry.is_sent for entry in log)
-    assert log.notes() == [f"{path}: its frames have fields that are not known here: 'CAN_DataFrame.D\\x1br'"]
-
-
-def test_times_since_1970_in_floating_point_are_told(tmp_path: Path) -> None:
-    path = tmp_path / "card.mf4"
-    frames = mixture(".mf4", 5)
-    write_logger_file(path, frames, ALL_STORED, 0)
-    log = open_log(path)
-    assert all(abs(a.frame.stamp_ns - b.frame.stamp_ns) <= 500 for a, b in zip(log, frames, strict=True))
-    assert log.notes() == [
-        f"{path}: its times count from 1970 in floating point: they are off by up to 0.5 us"
-    ]
+    assert len(list(log)) == 10
+    assert any("are not of whole records" in note for note in log.notes())

@@ -1,1 +1,0 @@
-"""Loops over recordings: records of a file."""

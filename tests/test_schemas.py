@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 from pydantic import BaseModel
 
-from observer_rt.desk.fleet.answers import DiscoveredRow
 from observer_rt.identification.discovery.report.document import FindingsDocument
 from observer_rt.identification.fit.document import FitDocument
 
@@ -15,7 +14,6 @@ FOLDER = Path(__file__).parents[1] / "docs" / "schemas"
 DOCUMENTS: dict[str, type[BaseModel]] = {
     "findings": FindingsDocument,
     "fit": FitDocument,
-    "discovered": DiscoveredRow,
 }
 
 

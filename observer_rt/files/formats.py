@@ -12,10 +12,8 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.injector import ColumnConfig, Meaning, RecordingConfig
+from observer_rt.config.injector import Meaning, RecordingConfig
 from observer_rt.files.canlog.asc import ASC
 from observer_rt.files.canlog.blf import BLF
 from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
@@ -211,25 +209,6 @@ def open_recording(
 
 def _by_headings(path: Path, reader: OwnLayout) -> RecordingConfig:
     return layout_of(str(path), reader.table.headings(path), reader.table.brings_time)
-
-
-def first_number(path: Path, injector: BenchInjector, column: str) -> float:
-    """The first number of a column that is no signal, as printed. Raises `UserError` for a file without it."""
-    place, remedy = f"{path}, column {column}", "name a column of numbers that every recording has"
-    reader = _of(path, signal_formats()).reader
-    if not isinstance(reader, OwnLayout):
-        raise UserError(place, "is none that a file of this kind could have", remedy)
-    with file_errors(path):
-        mapping = injector.config.recording
-        mapping = reader.mapping if reader.is_of(path, mapping) else mapping or _by_headings(path, reader)
-        its = ColumnConfig(column=int(column) if mapping.by_place and column.isdigit() else column)
-        table = reader.table(path, mapping.model_copy(update={"needle_lift": its, "injection_rate": None}))
-        raster = next(place for place, names in enumerate(table.rasters) if "needle_lift" in names)
-        for part in table.parts(raster):
-            numbers = part.signals["needle_lift"]
-            if np.isfinite(numbers).any():
-                return float(numbers[np.isfinite(numbers)][0])
-    raise UserError(place, "holds no number", remedy)
 
 
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:

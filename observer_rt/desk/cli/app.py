@@ -176,8 +176,8 @@ for _heading, _commands in {
         (effects, "channel_skew seat_area"),
     ),
     "Many recordings": (
-        (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)' --discover"),
-        (trend, "results --limit nozzle=30% --plot wear.png"),
+        (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)'"),
+        (trend, "results --limit nozzle=30%"),
     ),
 }.items():
     for _command, _example in _commands:

@@ -1,11 +1,13 @@
-"""`observer-rt batch`: thousands of recordings in parallel, into a folder or a database, an injection a row."""
+"""`observer-rt batch`: thousands of recordings in parallel, into a folder of Parquet, an injection a row."""
 
 import json
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pyarrow as pa
 from rich.console import Console
@@ -13,87 +15,96 @@ from rich.console import Console
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.desk.fleet.cluster import Broken, Jobs, Work
-from observer_rt.desk.fleet.dataset import Results
+from observer_rt.desk.fleet.dataset import Dataset
 from observer_rt.desk.fleet.job import FailedFile, Task, evaluated, hashed
-from observer_rt.desk.fleet.moment import WRITTEN
 from observer_rt.foundation.console import progress_bar, results, say
+from observer_rt.foundation.errors import InterruptionError
 from observer_rt.foundation.files import file_hash
 
-if TYPE_CHECKING:
-    from observer_rt.desk.fleet.discovering import FoundAnswers
-
 _WAITING = 4  # files at a worker, so that it need not wait for the next
-_Outcome = tuple[Path, str, pa.Table | FailedFile | None]
-"""A file, its hash, and its rows; None: they were there before."""
+_RETRIES = 2  # of a job whose worker is gone
+_WAIT = 0.5  # s to a look at Ctrl-C
 
 
 @dataclass
 class Evaluated:
-    """Numbers of files by outcome; paths: of those that did not fail, by SHA-256.
-
-    without_time: files evaluated now that do not state when they were recorded.
-    """
+    """Numbers of files by outcome, and those that failed; skipped: done before, or copies."""
 
     done: int = 0
     skipped: int = 0
-    failed: int = 0
-    without_time: int = 0
-    paths: dict[str, Path] = field(default_factory=dict)
+    failed: list[FailedFile] = field(default_factory=list)
 
     @property
-    def well(self) -> int:
-        """Files whose rows are there."""
-        return self.done + self.skipped
+    def files(self) -> int:
+        """Of all outcomes."""
+        return self.done + self.skipped + len(self.failed)
 
-
-def evaluate_all(work: Work, task: Task, paths: Sequence[Path], dataset: Results) -> Evaluated:
-    """Rows of all files into the dataset. Raises `InterruptionError` when it is interrupted."""
-    counts = Evaluated()
-    with progress_bar(work.console, "evaluating", len(paths)) as progress:
-        for path, sha256, rows in _outcomes(work, task, paths, dataset):
-            _take(dataset, counts, path, sha256, rows)
-            progress(counts.well + counts.failed)
-    work.refuse_interrupted(counts.well, len(paths), "files")
-    return counts
-
-
-def _outcomes(work: Work, task: Task, paths: Sequence[Path], dataset: Results) -> Iterator[_Outcome]:
-    """Outcome of each file, as it becomes known; only as many are at work as keep the workers busy."""
-    jobs: Jobs[tuple[Path, str]] = Jobs(work.cluster.client)
-    remaining = iter(paths)
-    begun: set[str] = set()
-
-    def begin_more() -> None:
-        for path in islice(remaining, max(0, _WAITING * jobs.places - len(jobs))):
-            jobs.begin((path, ""), hashed, task.folder / path)
-
-    for (path, sha256), result in jobs.outcomes(work.stop, begin_more):
-        if isinstance(result, str) and (dataset.is_done(result) or result in begun):
-            yield path, result, None
-        elif isinstance(result, str):
-            begun.add(result)
-            jobs.begin((path, result), evaluated, task, path, result)
-        elif isinstance(result, Broken):
-            yield path, sha256, FailedFile(path, sha256, f"{path}: {result}")
+    def take(self, dataset: Dataset, path: Path, sha256: str, rows: pa.Table | FailedFile | str) -> None:
+        """One file into the dataset; rows: a hash where they are there already."""
+        if isinstance(rows, str):
+            self.skipped += 1
+        elif isinstance(rows, FailedFile):
+            dataset.take_failure(rows)
+            self.failed.append(rows)
         else:
-            yield path, sha256, result
+            dataset.take(path, sha256, rows)
+            self.done += 1
 
 
-def _take(
-    dataset: Results, counts: Evaluated, path: Path, sha256: str, rows: pa.Table | FailedFile | None
-) -> None:
-    if isinstance(rows, FailedFile):
-        dataset.take_failures([rows])
-        counts.failed += 1
-        return
-    if rows is None:
-        counts.skipped += 1
-    else:
-        dataset.take(path, sha256, rows)
-        counts.done += 1
-        counts.without_time += rows.num_rows > 0 and rows["time_from"][0].as_py() == WRITTEN
-    counts.paths.setdefault(sha256, path)
+def evaluate_all(
+    client: Any, stop: threading.Event, task: Task, paths: Sequence[Path], dataset: Dataset, console: Console
+) -> Evaluated:
+    """Rows of all files into the dataset. client: of `connected`; stop: set when the user wants no more.
+
+    Only as many files are at work as keep the workers busy. Raises `InterruptionError` when it is interrupted.
+    """
+    submit = partial(client.submit, pure=False, retries=_RETRIES)
+    remaining, counts = iter(paths), Evaluated()
+    running: dict[Any, tuple[Path, str]] = {}
+    begun: set[str] = set()
+    with progress_bar(console, "evaluating", len(paths)) as progress:
+        while not stop.is_set():
+            most = _WAITING * max(1, sum(client.ncores().values()))
+            for path in islice(remaining, max(0, most - len(running))):
+                running[submit(hashed, task.folder / path)] = path, ""
+            if not running:
+                return counts
+            for future in _ready(running):
+                path, sha256 = running.pop(future)
+                result = _result(future, path, sha256)
+                if isinstance(result, str) and not dataset.is_done(result) and result not in begun:
+                    begun.add(result)
+                    running[submit(evaluated, task, path, result)] = path, result
+                else:
+                    counts.take(dataset, path, sha256, result)
+                    progress(counts.files)
+    client.cancel(list(running))
+    raise InterruptionError(
+        f"interrupted; {counts.done + counts.skipped} of {len(paths)} files are done\n"
+        "  remedy: give the same command again to go on"
+    )
+
+
+def _ready(running: Collection[Any]) -> Collection[Any]:
+    """Jobs that are over, after a moment's wait."""
+    from distributed import wait
+
+    try:
+        over: Collection[Any] = wait(list(running), timeout=_WAIT, return_when="FIRST_COMPLETED").done
+    except TimeoutError:
+        return ()
+    return over
+
+
+def _result(future: Any, path: Path, sha256: str) -> Any:
+    """Of a job: what its function returned, or that it returned nothing, not even an error that it foresees."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    problem = f"{type(error).__name__}: {error}\n  remedy: please report it, with the file"
+    if type(error).__name__ == "KilledWorker":
+        problem = f"its worker died {_RETRIES + 1} times\n  remedy: fewer --workers, if memory is short"
+    return FailedFile(path, sha256, f"{path}: {problem}")
 
 
 def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str | None) -> dict[str, Any]:
@@ -108,35 +119,23 @@ def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str |
     }
 
 
-def tell(
-    dataset: Results, counts: Evaluated, found: "FoundAnswers | None", as_json: bool, console: Console
-) -> None:
-    """Print the outcome: files, and answers if asked for, in words or JSON; those that failed."""
-    for failed in dataset.failed:
+def tell(dataset: Dataset, counts: Evaluated, as_json: bool, console: Console) -> None:
+    """Print the numbers of files by outcome, in words or JSON, and which files failed."""
+    for failed in counts.failed:
         say(console, f"left out: {failed.problem}")
-    if counts.without_time:
-        say(
-            console,
-            f"{counts.without_time} recordings do not state when they were made: their time is when the files were "
-            "last written, which `trend` does not take",
-        )
     if as_json:
-        said: dict[str, Any] = {
+        said = {
             "done": counts.done,
             "skipped": counts.skipped,
-            "failed": counts.failed,
+            "failed": len(counts.failed),
             "injections": dataset.injections,
             "out": str(dataset.folder),
         }
-        if found is not None:
-            said["discovered"] = found.as_json()
         print(json.dumps(said, indent=2))
         return
     text = f"{counts.done} files, {dataset.injections} injections"
     if counts.skipped:
         text += f"; {counts.skipped} were done before, or are copies"
     if counts.failed:
-        text += f"; {counts.failed} could not be evaluated, see {dataset.errors}"
+        text += f"; {len(counts.failed)} could not be evaluated, see {dataset.errors}"
     say(results(), f"{text}; {dataset.folder}")
-    if found is not None:
-        found.show(dataset.folder)

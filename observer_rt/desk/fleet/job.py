@@ -16,12 +16,12 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.desk.evaluation.logged import open_source
-from observer_rt.desk.fleet.groups import InjectorNames, RecordingTimes
-from observer_rt.desk.fleet.moment import PATH, zero_of
+from observer_rt.desk.fleet.moment import zero_of
+from observer_rt.desk.fleet.recordings import PathPattern, injector_of
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.reports.injection_report import INDICATORS, Output, columns_of, row_of
+from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.engine.signal_survey import refuse_dead, refuse_implausible
-from observer_rt.files.formats import first_number, is_log
+from observer_rt.files.formats import is_log
 from observer_rt.files.signals.table_signals import OtherRateError
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
@@ -35,25 +35,10 @@ SCHEMA = pa.schema(
         ("injector", pa.string()),
         ("time", pa.timestamp("us", tz="UTC")),
         ("time_from", pa.string()),
-        ("age", pa.float64()),
         *((name, _KINDS[kind]) for name, kind in columns_of(RESULT_FIELDS, Output.PARQUET).items()),
     ]
 )
-"""time: of the injection's begin; time_from: what says it (`moment`); age: of the injector, by `--age-from`."""
-OLD_NAMES = {
-    "mass_ci95_low_mg": "mass_low_mg",
-    "mass_ci95_high_mg": "mass_high_mg",
-    **{
-        column: f"{each.name}{end}"
-        for each in INDICATORS
-        for column, end in zip(each.columns, ("", "_low", "_high"), strict=True)
-        if column != each.name
-    },
-}
-"""Names of columns before they had the journal's."""
-
-
-NO_MEMORY = "not enough memory\n  remedy: fewer --workers"
+"""time: of the injection's begin; time_from: what says it (`moment`)."""
 _ROWS = 1024
 
 
@@ -61,30 +46,23 @@ _ROWS = 1024
 class Task:
     """Settings shared by all files. knowledge: learned before, to start each file with.
 
-    folder: where relative paths begin; pattern: as of `InjectorNames`; time_pattern: as of `RecordingTimes`;
-    age_column: of the recordings, with operating hours or the like.
+    folder: where relative paths begin; names: of injectors, in the paths.
     """
 
     bench: Bench
     folder: Path
     knowledge: Knowledge | None = None
     learning: bool = True
-    pattern: str | None = None
-    time_pattern: str | None = None
-    age_column: str | None = None
+    names: PathPattern | None = None
 
 
 @dataclass(frozen=True)
 class FailedFile:
-    """Failure of a file, or of the discovery of an injector; sha256: empty where the file could not be read.
+    """Failure of a file; sha256: empty where it could not be read."""
 
-    file: None where it is the discovery that failed.
-    """
-
-    file: Path | None
+    file: Path
     sha256: str
     problem: str
-    injector: str = ""
 
 
 def hashed(path: Path) -> str | FailedFile:
@@ -103,7 +81,7 @@ def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
     except ObserverError as error:
         return FailedFile(path, sha256, str(error))
     except MemoryError:
-        return FailedFile(path, sha256, NO_MEMORY)
+        return FailedFile(path, sha256, f"{path}: not enough memory\n  remedy: fewer --workers")
     finally:
         gc.collect()  # observer and listener hold each other: without it the next files find their memory taken
 
@@ -118,20 +96,14 @@ def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:
 
 def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
     """Rows of one injector of a file."""
-    name = InjectorNames(task.pattern).of(path, alone)
+    name = injector_of(path, task.names, alone)
     place = task.folder / path
     try:
         evaluation = _evaluation(task, place, alone, in_one_go=True)
     except OtherRateError:
         evaluation = _evaluation(task, place, alone, in_one_go=False)
     c = effective_model(alone.injector.parameters).coefficients
-    said = RecordingTimes(task.time_pattern).of(path)
-    zero, by = (
-        zero_of(place, evaluation.source)
-        if said is None
-        else (said - timedelta(seconds=evaluation.source.stretches[0].start), PATH)
-    )
-    age = None if task.age_column is None else first_number(place, alone.injector, task.age_column)
+    zero, by = zero_of(place, evaluation.source)
     for result in evaluation.injections:
         yield {
             **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
@@ -140,7 +112,6 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
             "injector": name,
             "time": zero + timedelta(seconds=result.start),
             "time_from": by,
-            "age": age,
         }
 
 

@@ -2,29 +2,38 @@
 
 import struct
 from datetime import UTC, datetime
+from enum import StrEnum
 from pathlib import Path
 
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.formats import is_log, open_log
 from observer_rt.files.signals.stream import SignalStream
 
-PATH, FRAMES, COLUMN, HEADER, WRITTEN = "path", "frames", "column", "header", "written"
-"""What says a time; WRITTEN: nothing in the file, only when it was last written, which copying changes."""
 _SINCE_1970 = 1e9  # s, in 2001: time in a recording is never so late unless it counts from 1970
 _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
 
 
-def zero_of(path: Path, source: SignalStream) -> tuple[datetime, str]:
+class TimeFrom(StrEnum):
+    """What says a time. WRITTEN: nothing in the file, only when it was last written, which copying changes."""
+
+    FRAMES = "frames"
+    COLUMN = "column"
+    HEADER = "header"
+    WRITTEN = "written"
+
+
+def zero_of(path: Path, source: SignalStream) -> tuple[datetime, TimeFrom]:
     """Moment of time 0 in a file, and what says it: its frames, stamps or header; else it ended when last written."""
     start, end = source.stretches[0].start, source.stretches[-1]
     if is_log(path):
-        begin, by = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start, FRAMES
+        begin, by = next(iter(open_log(path))).frame.stamp_ns / NANOSECONDS - start, TimeFrom.FRAMES
     elif source.origin + start > _SINCE_1970:
-        begin, by = source.origin, COLUMN
+        begin, by = source.origin, TimeFrom.COLUMN
     elif (stated := _mdf4_start(path)) > 0:
-        begin, by = stated / NANOSECONDS, HEADER
+        begin, by = stated / NANOSECONDS, TimeFrom.HEADER
     else:
-        begin, by = path.stat().st_mtime - end.start - end.samples / source.sample_rate, WRITTEN
+        begin = path.stat().st_mtime - end.start - end.samples / source.sample_rate
+        by = TimeFrom.WRITTEN
     return datetime.fromtimestamp(begin, UTC), by
 
 

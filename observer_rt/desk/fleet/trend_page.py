@@ -1,165 +1,133 @@
-"""The page of trends, which draws itself from its numbers, and their picture."""
+"""Trends for people and programs: the table of the terminal, the page, JSON."""
 
-import json
 import math
-import os
-from collections.abc import Sequence
-from itertools import takewhile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.dates import date2num
-from matplotlib.figure import Figure
+from rich.table import Table
 
-from observer_rt.desk.fleet.course import SURE, Course, Signal
-from observer_rt.desk.fleet.forecast import QUANTITIES
 from observer_rt.desk.fleet.trend import InjectorTrend
-from observer_rt.desk.fleet.trend_words import cells, headings
-from observer_rt.foundation.figures import save_figure
+from observer_rt.desk.fleet.wear import FEWEST, QUANTITIES, SURE, Course, Crossing, Limit
+from observer_rt.foundation.console import plain_table
+from observer_rt.foundation.figures import FOUND, GIVEN, svg_figure
 from observer_rt.foundation.files import templates_of
 from observer_rt.foundation.outputs import write_text
 
-_COLOURS = {"nozzle": "#0b4f9e", "seat": "#188038"}
-_SIDE_BY_SIDE, _MOST_DRAWN = 3, 24
-_COLUMNS = 240  # of time in the picture of many
+_COLOURS = dict(zip(QUANTITIES, (FOUND, GIVEN), strict=True))
+_MOST_DRAWN = 24
+_MONTH = 30.4375  # days
 _PAGES = templates_of(__package__)
 
 
-def write_page(path: Path, found: Sequence[InjectorTrend], source: Path) -> None:
-    """One self-contained HTML page."""
-    outlooks = found[0].outlooks if found else ()
-    links = [
-        [quote(os.path.relpath(file, path.absolute().parent)) for file in trend.files] for trend in found
+def table_of(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> Table:
+    """For the terminal: changes of flow at the last recordings, their rates, dates of limits; an injector a row."""
+    numbers = range(1, 2 + 2 * len(QUANTITIES))
+    return plain_table(_headings(limits), [list(_cells(trend)) for trend in trends], right=numbers)
+
+
+def _headings(limits: Sequence[Limit]) -> list[str]:
+    changes = [text for name in QUANTITIES for text in (f"{name}, %", "a month, %")]
+    return ["injector", "recordings", *changes, "last valid", *map(str, limits)]
+
+
+def _cells(trend: InjectorTrend) -> Iterator[str]:
+    yield trend.injector
+    yield str(trend.recordings)
+    for name in QUANTITIES:
+        sizes = _sizes(trend.courses[name]) if trend.courses else (None, None)
+        yield from (
+            "-" if size is None else f"{100.0 * size[0]:+.2f} ± {100.0 * SURE * size[1]:.2f}"
+            for size in sizes
+        )
+    yield f"{trend.times[-1]:%Y-%m-%d}" if trend.times else "never"
+    for crossing in trend.crossings:
+        yield f"needs {FEWEST} recordings" if crossing is None else _when(trend, crossing)
+
+
+def _sizes(course: Course) -> tuple[tuple[float, float], tuple[float, float] | None]:
+    """The change at the last recording, and its rate a month, None of recordings at one time; standard deviations."""
+    rate = (_MONTH * course.rate, _MONTH * course.rate_sigma) if np.ptp(course.days) else None
+    return (float(course.level[-1]), float(course.level_sigma[-1])), rate
+
+
+def _when(trend: InjectorTrend, crossing: Crossing) -> str:
+    low, middle, high = (
+        f"{trend.date(day):%Y-%m-%d}" if math.isfinite(day) else None
+        for day in (crossing.low, crossing.middle, crossing.high)
+    )
+    if crossing.is_reached:
+        return f"reached {middle}"
+    return f"{middle} ({low} to {high or 'later'})" if middle else f"not before {low}"
+
+
+def as_json(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> list[dict[str, object]]:
+    """For programs: relative changes of flow at the last recordings, their rates, dates of limits (null: unknown)."""
+    return [
+        {
+            "injector": trend.injector,
+            "recordings": trend.recordings,
+            "injections": trend.injections,
+            **{name: _course_json(course) for name, course in trend.courses.items()},
+            "limits": [
+                {"limit": str(limit), **(_crossing_json(trend, crossing) if crossing else {})}
+                for limit, crossing in zip(limits, trend.crossings, strict=True)
+            ],
+        }
+        for trend in trends
     ]
-    folder = _beginning([link for each in links for link in each])
-    numbers = {
-        "colours": scale_of(found),
-        "scale": scale_of(found, 1.0, [each.limit.size for each in outlooks]),
-        "limits": [[each.limit.name, 100.0 * each.limit.size] for each in outlooks],
-        "folder": folder,
-        "trends": [
-            _numbers(trend, [link.removeprefix(folder) for link in its])
-            for trend, its in zip(found, links, strict=True)
-        ],
-    }
-    text = json.dumps(numbers, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _course_json(course: Course) -> dict[str, object]:
+    now, rate = (
+        size and {"value": size[0], "ci95": [size[0] + side * SURE * size[1] for side in (-1.0, 1.0)]}
+        for size in _sizes(course)
+    )
+    return {**(now or {}), "rate_per_month": rate}
+
+
+def _crossing_json(trend: InjectorTrend, crossing: Crossing) -> dict[str, object]:
+    low, middle, high = (
+        trend.date(day).isoformat() if math.isfinite(day) else None
+        for day in (crossing.low, crossing.middle, crossing.high)
+    )
+    return {"reached": crossing.is_reached, "date": middle, "ci95": [low, high]}
+
+
+def write_page(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Limit], source: Path) -> None:
+    """One self-contained HTML page: the table of all injectors, the courses of the most worn ones."""
+    drawn = [trend for trend in trends if trend.times][:_MOST_DRAWN]
+    scale = _scale(drawn, limits)
     page = _PAGES.get_template("trend.html.j2").render(
-        trends=found,
-        headings=headings(found),
-        cells=cells(found),
-        limits=len(outlooks),
-        numbers=Markup(text),  # no tag can begin in it
+        headings=_headings(limits),
+        rows=[list(_cells(trend)) for trend in trends],
+        drawn=[(trend.injector, _picture(trend, limits, scale)) for trend in drawn],
         source=source,
     )
     write_text(path, page)
 
 
-def scale_of(found: Sequence[InjectorTrend], part: float = 0.995, limits: Sequence[float] = ()) -> int:
-    """Change of flow [%] at the ends of the one scale of all injectors: a round one that holds this part of them."""
-    levels = [np.abs(course.level) for trend in found for course in trend.courses.values()]
-    held = float(np.quantile(np.concatenate(levels), part)) if sum(map(len, levels)) else 0.0
-    return 10 * max(1, math.ceil(10.0 * max(held, *map(abs, limits), 0.0)))
+def _scale(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> float:
+    """Change of flow [%] at the ends of the one scale of all pictures."""
+    changes = [np.abs(course.level).max() for trend in trends for course in trend.courses.values()]
+    return 110.0 * max(0.05, *changes, *(abs(limit.size) for limit in limits))
 
 
-def _numbers(trend: InjectorTrend, links: Sequence[str]) -> dict[str, Any]:
-    """Minutes since 1970, links to the files, ages; value, its interval's half, level, its half [%]."""
-    return {
-        "name": trend.injector,
-        "times": [round(each.timestamp() / 60.0) for each in trend.times],
-        "files": links,
-        "ages": [float(f"{each:.7g}") for each in trend.ages],
-        **{name: [_rounded(each) for each in _drawn(course)] for name, course in trend.courses.items()},
-    }
-
-
-def _beginning(links: Sequence[str]) -> str:
-    """What all links begin with."""
-    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*links, strict=False))
-    return "".join(letters[0] for letters in alike) if len(links) > 1 else ""
-
-
-def _drawn(course: Course) -> tuple[Signal, Signal, Signal, Signal]:
-    return course.value, SURE * course.sigma, course.level, SURE * course.level_sigma
-
-
-def _rounded(values: Signal) -> list[float]:
-    found: list[float] = np.round(100.0 * values, 2).tolist()
-    return found
-
-
-def write_picture(path: Path, found: Sequence[InjectorTrend]) -> None:
-    """All injectors in one picture on one scale, many of them as a map; format by suffix."""
-    save_figure(_map(found) if len(found) > _MOST_DRAWN else _courses(found), path, 130)
-
-
-def _courses(found: Sequence[InjectorTrend]) -> Figure:
-    columns = max(1, min(_SIDE_BY_SIDE, len(found)))
-    rows = max(1, -(-len(found) // columns))
-    figure = Figure(figsize=(5.0 * columns, 3.2 * rows), layout="constrained")
-    places = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for number, place in enumerate(places.flat):
-        if number < len(found):
-            _draw(place, found[number])
-            place.set_title(found[number].injector)
-        else:
-            place.axis("off")
-    return figure
-
-
-def _draw(axes: Axes, trend: InjectorTrend) -> None:
-    times = date2num(trend.times)
-    axes.xaxis_date()
-    for name, course in trend.courses.items():
-        if not course.level.size:
-            continue
-        low, high = course.band
-        axes.fill_between(times, 100.0 * low, 100.0 * high, color=_COLOURS[name], alpha=0.2, lw=0)
-        axes.plot(times, 100.0 * course.level, color=_COLOURS[name], lw=2, label=name)
-        points: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 0.8, "color": _COLOURS[name], "alpha": 0.55}
-        axes.errorbar(times, 100.0 * course.value, 100.0 * SURE * course.sigma, **points)
-    axes.axhline(0.0, color="0.6", lw=0.8)
-    axes.set_ylabel("change of flow, %")
-    axes.tick_params(axis="x", labelrotation=20)
-    if trend.times:
-        axes.legend(loc="best", frameon=False)
-    else:
-        axes.text(0.5, 0.5, "no valid injection", transform=axes.transAxes, ha="center")
-
-
-def _map(found: Sequence[InjectorTrend]) -> Figure:
-    """Injectors downwards, the most worn first; time to the right; change of flow as colour."""
-    figure, scale = (
-        Figure(figsize=(12.0, min(16.0, 3.0 + 0.02 * len(found))), layout="constrained"),
-        scale_of(found),
-    )
-    known = [date2num(trend.times) for trend in found if trend.times]
-    begin, end = (min(each[0] for each in known), max(each[-1] for each in known)) if known else (0.0, 1.0)
-    grid = np.linspace(begin, end, _COLUMNS)
-    for axes, name in zip(figure.subplots(1, len(QUANTITIES), sharey=True), QUANTITIES, strict=True):
-        image = axes.imshow(
-            [_held(grid, trend, name) for trend in found],
-            aspect="auto",
-            interpolation="nearest",
-            cmap="RdBu_r",
-            vmin=-scale,
-            vmax=scale,
-            extent=(begin, end, len(found), 0),
-        )
+def _picture(trend: InjectorTrend, limits: Sequence[Limit], scale: float) -> Markup:
+    with svg_figure(8.0, 2.6) as (figure, svg):
+        axes = figure.subplots()
+        times = date2num(trend.times)
+        for name, course in trend.courses.items():
+            colour, level, half = _COLOURS[name], 100.0 * course.level, 100.0 * SURE * course.level_sigma
+            axes.fill_between(times, level - half, level + half, color=colour, alpha=0.2, lw=0)
+            axes.plot(times, level, color=colour, lw=2, label=name)
+            value, error = 100.0 * course.value, 100.0 * SURE * course.sigma
+            axes.errorbar(times, value, error, fmt="o", ms=3, lw=0.8, color=colour, alpha=0.55)
+        for limit in limits:
+            axes.axhline(100.0 * limit.size, color=_COLOURS[limit.name], lw=1, ls="--")
         axes.xaxis_date()
-        axes.tick_params(axis="x", labelrotation=20)
-        axes.set_title(f"{name} flow")
-        axes.set_facecolor("0.85")
-    axes.figure.colorbar(image, ax=figure.axes, label="change of flow, %")
-    figure.axes[0].set_ylabel("injectors, the most worn first")
-    return figure
-
-
-def _held(grid: Signal, trend: InjectorTrend, name: str) -> Signal:
-    """Level [%] on a grid of dates: of the recording before, NaN before the first."""
-    place = np.searchsorted(date2num(trend.times), grid + 1e-9, side="right") - 1
-    level = np.append(100.0 * trend.courses[name].level, np.nan)
-    return np.asarray(level[place], float)
+        axes.set(ylabel="change of flow, %", ylim=(-scale, scale))
+        axes.legend(loc="upper left", frameon=False)
+        return Markup(svg())  # made here, of numbers and escaped words

@@ -13,7 +13,6 @@ from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values, present
 from observer_rt.foundation.errors import UserError
 
-INSTALL = "pip install 'observer-rt[parquet]'"
 READABLE = "give a complete Parquet file"
 
 _FIRST_PAGE = 4  # bytes: the magic number
@@ -112,14 +111,12 @@ def _doubles(column: Any) -> Values:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """A file to read. Raises `UserError` for a damaged one, and where pyarrow is not installed."""
+    """A file to read. Raises `UserError` for a damaged one."""
     with path.open("rb"):  # whose errors are the usual ones; pyarrow reads its own files faster
         pass
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise UserError(str(path), "is read by pyarrow, which is missing", INSTALL) from None
+    import pyarrow
+    import pyarrow.parquet
+
     try:
         with (
             pyarrow.OSFile(str(path)) as opened,

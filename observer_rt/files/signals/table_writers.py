@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from observer_rt.files.checksum import BLANK, seal
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
 WRITE_FORMAT = "%.12g"
@@ -128,15 +127,11 @@ class ParquetWriter(TableWriter):
         self, path: Path, columns: Sequence[WrittenColumn], said: Mapping[str, str] | None = None
     ) -> None:
         """said: further metadata of the file."""
+        import pyarrow
+        import pyarrow.parquet
+
         super().__init__(path, columns)
         self._said = said or {}
-        try:
-            import pyarrow
-            import pyarrow.parquet
-        except ImportError:
-            raise UserError(
-                str(path), "is written by pyarrow, which is missing", "pip install 'observer-rt[parquet]'"
-            ) from None
         self._arrow = pyarrow
         self._writer: Any = None
 

@@ -40,7 +40,6 @@ ASKED = {
     ("discover", "--out"): "discover {worn} --out {out}",
     ("batch", "--out"): "batch {worn} --out {out}",
     ("trend", "--out"): "trend {here} --out {out}.html",
-    ("trend", "--plot"): "trend {here} --out trend.html --plot {out}.svg",
 }
 # parameters that name what is read; a new one that names a file must be among them, or declare what is written
 READ = {

@@ -43,3 +43,8 @@ def masses(path: Path, model: Path | None = None, learning: bool = True) -> list
     bench = load_bench(model=model)
     (alone,), _ = evaluate_stream(bench, [open_recording(path, bench.injector)], learning=learning)
     return [1e6 * report.mass for report in alone.reports]
+
+
+def campaign(injector: str, change: float) -> pa.Table:
+    """Twelve recordings, ten days apart, between which nozzle flow changes so much."""
+    return pa.concat_tables(rows(f"{injector}_{k}", injector, [change * k], day=10 * k) for k in range(12))

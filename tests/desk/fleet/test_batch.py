@@ -1,12 +1,11 @@
 """A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged."""
 
+import json
 import shutil
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 
-from observer_rt.desk.fleet import database
 from observer_rt.desk.fleet.dataset import read_injections
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.files import file_hash
@@ -46,8 +45,8 @@ def test_a_killed_worker_loses_and_doubles_nothing_and_a_bad_file_is_a_row(
     rows = read_injections(tmp_path).to_pylist()
     keys = [(row["file"], row["number"]) for row in rows]
     assert len(set(keys)) == len(keys) == said["injections"]
-    failed = pq.read_table(tmp_path / "errors.parquet").to_pylist()
-    assert [Path(each["file"]).name for each in failed] == ["damaged.csv"]
+    (failed,) = map(json.loads, (tmp_path / "errors.jsonl").read_text().splitlines())
+    assert Path(failed["file"]).name == "damaged.csv"
 
     for path in sorted(recordings.glob("*/run_?.csv")):
         mine = [row for row in rows if row["sha256"] == file_hash(path)]
@@ -73,15 +72,6 @@ def test_an_interrupted_batch_goes_on(recordings: Path, tmp_path: Path) -> None:
     assert said["done"] != 0
     assert said["done"] + said["skipped"] == 7
     assert read_injections(tmp_path).num_rows == before + said["injections"]
-
-
-def test_a_database_is_filled_and_not_filled_again(recordings: Path, tmp_path: Path) -> None:
-    out = tmp_path / "made" / "results.duckdb"
-    said = ended(started(recordings, "--out", out))
-    assert (said["done"], said["skipped"], said["failed"]) == (6, 1, 1)
-    assert database.read_injections(out).num_rows == said["injections"] > 0
-    again = ended(started(recordings, "--out", out))
-    assert (again["done"], again["skipped"], again["failed"]) == (0, 7, 1)
 
 
 def test_no_scheduler_is_said_with_what_to_do(recordings: Path, tmp_path: Path) -> None:

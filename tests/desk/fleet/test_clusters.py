@@ -68,19 +68,15 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     return Desk(folder)
 
 
-def test_effects_are_in_force_and_found_on_a_scheduler_that_is_there(scheduler: str, desk: Desk) -> None:
+def test_effects_are_in_force_on_a_scheduler_that_is_there(scheduler: str, desk: Desk) -> None:
     """Its workers find files by the paths of the command."""
     common = ("injector_a.csv", "--scheduler", scheduler)
-    found = ended(started(*common, "--out", "found", "--discover", cwd=desk.folder))
-    (row,) = found["discovered"]["injectors"]
-    assert (row["injector"], row["verdict"], row["effects"]) == ("a", "named", "orifice_area")
-    assert row["size"] == pytest.approx(0.3, abs=0.05)
-    assert (desk.folder / "found" / row["report"]).exists()
-
+    plain = ended(started(*common, "--out", "plain", cwd=desk.folder))
+    assert (plain["done"], plain["failed"]) == (1, 0)
     own = ended(started(*common, "--out", "own", "--model", "amended.toml", cwd=desk.folder))
     assert (own["done"], own["failed"]) == (1, 0)
     nominal = masses(desk.folder / "injector_a.csv")
     with_wear = masses(desk.folder / "injector_a.csv", desk.folder / "amended.toml")
-    assert desk.masses("found") == pytest.approx(nominal, rel=1e-12)
+    assert desk.masses("plain") == pytest.approx(nominal, rel=1e-12)
     assert desk.masses("own") == pytest.approx(with_wear, rel=1e-12)
     assert nominal != pytest.approx(with_wear, rel=1e-6)

@@ -11,7 +11,7 @@ from asammdf import MDF, Signal
 
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.fleet.job import Task, evaluated
-from observer_rt.desk.fleet.moment import COLUMN, HEADER, PATH, WRITTEN, zero_of
+from observer_rt.desk.fleet.moment import TimeFrom, zero_of
 from observer_rt.files.formats import open_recording, write_recording
 from tests.device import worn_recording
 from tests.files.signals.foreign import RATE, bench
@@ -25,7 +25,7 @@ def test_a_column_of_calendar_time_says_it(tmp_path: Path, form: str) -> None:
     path = write(tmp_path, ["t;p_Rail;lift;p_Line", *rows(";", "." if form == ISO else ",", form)])
     stream = open_recording(path, bench(tmp_path, time=form).injector)
     zero, by = zero_of(path, stream)
-    assert by == COLUMN
+    assert by == TimeFrom.COLUMN
     assert abs((zero - START).total_seconds()) < 1e-3
 
 
@@ -34,7 +34,7 @@ def test_so_does_one_that_counts_from_1970(tmp_path: Path) -> None:
     path = write(tmp_path, ["t;p_Rail;lift;p_Line", *lines])
     stream = open_recording(path, bench(tmp_path, time='unit = "s"').injector)
     zero, by = zero_of(path, stream)
-    assert (zero.timestamp(), by) == (0.0, COLUMN)
+    assert (zero.timestamp(), by) == (0.0, TimeFrom.COLUMN)
     assert stream.stretches[0].start == pytest.approx(WHEN.timestamp(), abs=0.1)
 
 
@@ -45,23 +45,15 @@ def test_the_header_of_an_mdf_file_says_it(tmp_path: Path) -> None:
             file.append(Signal(np.linspace(1.0, 2.0, 5000), time, name=name, unit=unit))
         file.start_time = WHEN
         file.save(path)
-    assert zero_of(path, open_recording(path)) == (WHEN, HEADER)
+    assert zero_of(path, open_recording(path)) == (WHEN, TimeFrom.HEADER)
 
 
 def test_else_it_is_when_the_file_was_written_which_the_rows_say(tmp_path: Path) -> None:
     path = tmp_path / "worn_20260301_1205.parquet"
     write_recording(path, worn_recording(3))
     os.utime(path, (1e9, 1e9))
-    (written, first) = row(path, Task(load_bench(), tmp_path))
-    assert written == WRITTEN
-    assert first < datetime.fromtimestamp(1e9, UTC)
-    said, first = row(path, Task(load_bench(), tmp_path, time_pattern=r"_(\d{8}_\d{4})"))
-    assert said == PATH
-    assert 0.0 <= (first - WHEN).total_seconds() < 1.0
-
-
-def row(path: Path, task: Task) -> tuple[str, datetime]:
-    table = evaluated(task, path, "hash")
+    table = evaluated(Task(load_bench(), tmp_path), path, "hash")
     assert isinstance(table, pa.Table)
     first = table.to_pylist()[0]
-    return first["time_from"], first["time"]
+    assert first["time_from"] == TimeFrom.WRITTEN
+    assert first["time"] < datetime.fromtimestamp(1e9, UTC)

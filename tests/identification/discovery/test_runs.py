@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.desk.fleet.answers import said_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.runs import DiscoveryRun, as_json, change_lines, changes, run_table
@@ -65,7 +64,6 @@ def test_a_proposal_stands_beside_those_of_other_runs(document: dict[str, Any], 
     assert "as if it hummed" in [
         cell for column in run_table(runs).columns for cell in map(str, column.cells)
     ]
-    assert said_of(runs[1].document)["proposal"] == "as if it hummed"
 
 
 def test_sizes_in_different_models_are_not_subtracted(document: dict[str, Any], tmp_path: Path) -> None:

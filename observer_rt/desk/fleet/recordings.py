@@ -1,0 +1,108 @@
+"""Recordings named by files, folders and patterns, and what their paths say: the injector, and the date."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from glob import glob
+from pathlib import Path
+from typing import Self
+
+from observer_rt.config.bench import Bench
+from observer_rt.files.formats import formats, suffixes_of
+from observer_rt.files.signals.recording import TRUTH_SUFFIX
+from observer_rt.foundation.console import suffix_of
+from observer_rt.foundation.errors import UserError
+
+INJECTOR_FROM, TIME_FROM = "--injector-from", "--time-from"
+_GLOB = re.compile(r"[*?\[]")
+_DATE_FORMATS = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}  # by the number of digits
+_NOTES = {".txt", ".txt.gz", ".dat", ".npy"}  # in folders more often notes than recordings: to be named
+
+
+def recordings_in(sources: Sequence[str]) -> list[Path]:
+    """All files, each once, in order: of a folder those, at any depth, whose suffix is a recording's or a log's.
+
+    Truths beside simulated recordings are left out. Raises `UserError` for a name under which nothing is.
+    """
+    paths: dict[Path, None] = {}
+    for source in sources:
+        files = list(_files(source))
+        if not files:
+            known = ", ".join(suffixes_of(formats()))
+            raise UserError(source, "names no recording", f"give files, folders or patterns of {known}")
+        paths |= dict.fromkeys(files)
+    return list(paths)
+
+
+def _files(source: str) -> Iterator[Path]:
+    path = Path(source)
+    if path.is_dir():
+        suffixes = set(suffixes_of(formats())) - _NOTES
+        for file in sorted(path.rglob("*")):
+            if file.is_file() and suffix_of(file) in suffixes and not file.name.endswith(TRUTH_SUFFIX):
+                yield file
+    elif path.exists():
+        yield path
+    elif _GLOB.search(source):
+        for name in sorted(glob(source, recursive=True)):  # noqa: PTH207 (an absolute pattern, too)
+            yield from _files(name)
+
+
+@dataclass(frozen=True)
+class PathPattern:
+    """A regular expression that an option of the command line gives, for paths."""
+
+    option: str
+    expression: re.Pattern[str]
+
+    @classmethod
+    def read(cls, option: str, text: str) -> Self:
+        """Raises `UserError` for a text that is no regular expression."""
+        try:
+            return cls(option, re.compile(text))
+        except re.error as error:
+            raise UserError(f"{option} {text}", f"is no regular expression: {error}", "correct it") from error
+
+    def text_in(self, path: Path) -> str:
+        """Its first group in a path, or all that it matches. Raises `UserError` where it matches nothing."""
+        match = self.expression.search(str(path))
+        text = match and match[min(1, self.expression.groups)]
+        if not text:
+            raise UserError(
+                str(path), f"'{self.expression.pattern}' is not in its path", f"see {self.option}"
+            )
+        return text
+
+    def date_in(self, path: Path) -> datetime:
+        """Date, and time of day (UTC) if it is there. Raises `UserError` where it matches none."""
+        digits = re.sub(r"\D", "", self.text_in(path))
+        try:
+            return datetime.strptime(digits, _DATE_FORMATS[len(digits)]).replace(tzinfo=UTC)
+        except (KeyError, ValueError):
+            raise UserError(
+                str(path),
+                f"'{self.expression.pattern}' finds no date in its path",
+                f"see {self.option}: year, month, day and, if it is there, the time of day",
+            ) from None
+
+
+def injector_of(path: Path, names: PathPattern | None, alone: Bench) -> str:
+    """Injector of a recording: by its path, or without a pattern that of the bench.
+
+    Raises `UserError` for a path in which the pattern finds none.
+    """
+    if names is not None:
+        return names.text_in(path)
+    return alone.injector.name or f"injector_{alone.injector.config.outputs.injector_id}"
+
+
+def doubt_of_one(paths: Sequence[Path], names: PathPattern | None, bench: Bench) -> str:
+    """Warning that recordings count as those of one injector only because nothing names it; or empty."""
+    if names is not None or len(paths) < 2 or len(bench.injectors) > 1 or bench.injector.name:
+        return ""
+    return (
+        f"all {len(paths)} recordings count as those of one injector, {injector_of(Path(), None, bench)}\n"
+        f"  remedy: if they are of several, say what in their paths names it, such as {INJECTOR_FROM} "
+        r"'([^/]+)\.\w+$', into a new folder"
+    )

@@ -111,7 +111,7 @@ def write_page(path: Path, trends: Sequence[InjectorTrend], limits: Sequence[Lim
 
 def _scale(trends: Sequence[InjectorTrend], limits: Sequence[Limit]) -> float:
     """Change of flow [%] at the ends of the one scale of all pictures."""
-    changes = [np.abs(course.level).max() for trend in trends for course in trend.courses.values()]
+    changes = [float(np.abs(course.level).max()) for trend in trends for course in trend.courses.values()]
     return 110.0 * max(0.05, *changes, *(abs(limit.size) for limit in limits))
 
 

@@ -1,12 +1,13 @@
 """Trends for people and programs: table, page, JSON."""
 
+import html
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pytest
-from lxml import html
 
 from observer_rt.desk.fleet.trend import InjectorTrend, trends
 from observer_rt.desk.fleet.trend_page import as_json, table_of, write_page
@@ -66,8 +67,8 @@ def test_the_page_has_every_injector_and_pictures_of_the_most_worn(tmp_path: Pat
     made = trends(table, [LIMIT])
     write_page(tmp_path / "trend.html", made, [LIMIT], tmp_path)
     text = (tmp_path / "trend.html").read_text()
-    page = html.fromstring(text)
-    assert [cell.text for cell in page.xpath("//tr/td[1]")] == [trend.injector for trend in made]
-    assert [heading.text for heading in page.xpath("//h3")] == [trend.injector for trend in made[:24]]
-    assert len(page.xpath("//*[local-name()='svg']")) == 24
+    names = [html.escape(trend.injector) for trend in made]
+    assert re.findall(r"<tr><td>(.*?)</td>", text) == names
+    assert re.findall(r"<h3>(.*)</h3>", text) == names[:24]
+    assert text.count("<svg") == 24
     assert "src=" not in text

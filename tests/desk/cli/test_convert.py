@@ -1,21 +1,27 @@
 """`observer-rt convert`: frames and signals from format to format, and what it refuses."""
 
 import itertools
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.formats import is_log, open_log, read_recording
 from tests.desk.cli.conftest import Command
 from tests.device import frames_of
-from tests.files.canlog.log_cases import as_read, mixture, sent_log, write_log
+from tests.files.canlog.log_cases import as_read, mixture, moved, sent_log, write_log
 
 FORMATS = (".asc", ".blf", ".log", ".mf4", ".trc")
 
 
-def contents(path: Path) -> list[tuple[object, ...]]:
-    return [tuple(frame.frame) for frame in open_log(path)]
+MOST_MOVED = 2000  # ns, by the float seconds of python-can's writers
+
+
+def alone(entries: Iterable[LogFrame]) -> list[LogFrame]:
+    """The frames without what not every format keeps."""
+    return [entry._replace(channel="", is_sent=False) for entry in entries]
 
 
 @pytest.mark.parametrize(("source", "target"), list(itertools.permutations(FORMATS, 2)))
@@ -24,7 +30,7 @@ def test_frames_survive_every_conversion(command: Command, tmp_path: Path, sourc
     write_log(tmp_path / f"in{source}", frames)
     outcome = command.done("convert", tmp_path / f"in{source}", tmp_path / f"out{target}")
     assert outcome.out == f"{tmp_path / f'out{target}'}: 50 frames\n"
-    assert contents(tmp_path / f"out{target}") == [tuple(frame.frame) for frame in frames]
+    assert moved(alone(open_log(tmp_path / f"out{target}")), alone(frames)) < MOST_MOVED
 
 
 @pytest.mark.parametrize("target", FORMATS)
@@ -32,7 +38,7 @@ def test_channels_stay_apart_and_one_can_be_chosen(command: Command, tmp_path: P
     frames = mixture(".trc", 50)
     write_log(tmp_path / "in.log", frames)
     command.done("convert", tmp_path / "in.log", tmp_path / f"all{target}")
-    assert list(open_log(tmp_path / f"all{target}")) == as_read(frames, target)
+    assert moved(open_log(tmp_path / f"all{target}"), as_read(frames, target)) < MOST_MOVED
     chosen = ("--from-channel", "can1")
     command.done("convert", tmp_path / "in.log", tmp_path / f"one{target}", *chosen)
     assert len(list(open_log(tmp_path / f"one{target}"))) == sum(f.channel == "2" for f in frames)

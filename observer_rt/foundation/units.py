@@ -58,7 +58,6 @@ _SPELLINGS = {  # in small letters, of units above
     "microns": "um",
     "mikrometer": "um",
     "bara": "bar",
-    "barg": "bar",
     "n/mm2": "MPa",
     "n/mm²": "MPa",
     "n/mm^2": "MPa",

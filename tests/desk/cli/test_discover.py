@@ -151,7 +151,7 @@ def test_an_interrupted_search_goes_on_where_it_was(
         ("without rate", "no measured injection rate"),
         ("given twice", "given twice"),
         ("out is a file", "is a file"),
-        ("wrong column", "unknown column"),
+        ("wrong column", "its headings do not say which column"),
         ("cut short", "no complete injection"),
     ],
 )

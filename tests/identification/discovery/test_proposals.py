@@ -122,7 +122,6 @@ def test_the_page_shows_the_gap_shrink_with_the_law(accepted: Findings) -> None:
         "confidence that something unknown is missing",
         "observer-rt evaluate --model found/amended.toml RECORDING",
         "What lost",
-        "It says nothing for or against",
     ):
         assert words in page
     assert "balance of the line" not in page

@@ -17,7 +17,7 @@ from observer_rt.foundation.errors import UserError
 INJECTOR_FROM, TIME_FROM = "--injector-from", "--time-from"
 _GLOB = re.compile(r"[*?\[]")
 _DATE_FORMATS = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}  # by the number of digits
-_NOTES = {".txt", ".txt.gz", ".dat", ".npy"}  # in folders more often notes than recordings: to be named
+_NOTES = {".txt", ".txt.gz"}  # in folders more often notes than recordings: to be named
 
 
 def recordings_in(sources: Sequence[str]) -> list[Path]:

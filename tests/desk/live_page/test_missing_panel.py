@@ -16,6 +16,7 @@ from observer_rt.desk.live_page.missing.panel import HEIGHT, gap_drawing, panel_
 from observer_rt.desk.live_page.missing.search import MissingSearch
 from observer_rt.desk.live_page.samples import SeenInjection
 from observer_rt.foundation.errors import UserError
+from tests.desk.live_page import event_loop
 
 
 @pytest.fixture
@@ -86,5 +87,5 @@ def test_a_second_press_is_refused_and_a_search_that_cannot_begin_says_why(
             await asyncio.sleep(0.01)
 
     monkeypatch.setattr("observer_rt.desk.live_page.missing.search.question", lambda *_: ["/no/such/program"])
-    asyncio.run(press_twice())
+    event_loop.run(press_twice())
     assert "No such file" in search.failure

@@ -17,6 +17,7 @@ from observer_rt.config.injector import EvidenceConfig
 from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
 from observer_rt.desk.live_page.missing.word import SecretWord
 from observer_rt.desk.live_page.watching import LogSource, Watching
+from tests.desk.live_page import event_loop
 
 QUESTION = "observer_rt.desk.live_page.missing.search.question"
 
@@ -61,7 +62,7 @@ def test_a_second_press_of_the_search_is_refused_in_words(
         (await asyncio.to_thread(gate.open, "w")).close()
         return [(answer.code, answer.body.decode()) for answer in answers]
 
-    (first, _), (second, said) = asyncio.run(press_twice())
+    (first, _), (second, said) = event_loop.run(press_twice())
     assert (first, second) == (200, 409)
     assert "is on its way" in said
 
@@ -69,7 +70,7 @@ def test_a_second_press_of_the_search_is_refused_in_words(
 def test_a_page_of_another_server_presses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
     monkeypatch.setattr(QUESTION, lambda *arguments: asked.append(arguments))
-    answer = asyncio.run(pressed_from(tmp_path, "http://elsewhere.example"))
+    answer = event_loop.run(pressed_from(tmp_path, "http://elsewhere.example"))
     assert (answer.code, asked) == (403, [])
     assert "another server" in answer.body.decode()
 

@@ -13,8 +13,9 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from observer_rt.foundation.console import check_suffix
+from observer_rt.foundation.console import FIGURE_SUFFIXES, check_suffix
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.extras import require
 from observer_rt.foundation.file_kinds import FileKind, refuse_other_kind
 from observer_rt.foundation.files import file_errors
 
@@ -39,6 +40,8 @@ def check_output(
     """
     if suffixes:
         check_suffix(f"{option} {path}", path, suffixes)
+    if path.suffix in FIGURE_SUFFIXES:
+        require("matplotlib")
     check_own_file(option, path, kind)
     if path.exists() and not force:
         raise UserError(f"{option} {path}", "exists already", f"name another file, or {consent}")

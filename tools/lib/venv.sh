@@ -140,7 +140,7 @@ is_built() { # the core, of its sources as they are: importing it builds it wher
     (cd "$repository" && "$venv/bin/python" -c 'import observer_rt.core') >/dev/null 2>&1
 }
 
-ensure_venv() { # extras ("" or "[dev]"); several at once take turns
+ensure_venv() { # extras ("[desk]" or "[dev]"); several at once take turns
     local extras=$1 stamp=$venv/.installed$1 python
     exec 9<"$repository"
     flock 9
@@ -153,7 +153,7 @@ ensure_venv() { # extras ("" or "[dev]"); several at once take turns
         ensure_headers
         install_package "$extras"
         installed_state >"$stamp"
-        installed_state >"$venv/.installed" # the extras include the plain package
+        installed_state >"$venv/.installed[desk]" # which every other choice includes
     fi
     exec 9<&-
     export PATH="$venv/bin:$PATH"

@@ -18,6 +18,7 @@ from observer_rt.desk.cli.offline import evaluate, reproduce, simulate
 from observer_rt.desk.cli.project import project
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError
+from observer_rt.foundation.extras import missing_library
 
 EXIT_CODES = (
     "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "
@@ -86,6 +87,10 @@ def main() -> None:
         _fail(str(_worded(error)), error.exit_code)
     except ObserverError as error:
         _fail(str(error), error.exit_code)
+    except ModuleNotFoundError as error:
+        if (missing := missing_library(error.name or "")) is None:
+            raise
+        _fail(str(missing), missing.exit_code)
     except BrokenPipeError:
         _abandon(sys.stdout)
         sys.exit(1)

@@ -4,7 +4,6 @@ import json
 import math
 from dataclasses import dataclass
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -174,10 +173,6 @@ class MonitorOptions:
 
 def monitor(options: MonitorOptions) -> None:
     """Serve a live page of a bench: last injections, masses, wear, states and what to do. Listens, sends nothing."""
-    if find_spec("tornado") is None:
-        raise UserError(
-            "monitor", "needs Tornado, which is not installed", "pip install 'observer-rt[monitor]'"
-        )
     from observer_rt.desk.live_page.server import serve_page
     from observer_rt.desk.live_page.watching import FrameSource, LiveSource, LogSource
 

@@ -15,6 +15,7 @@ from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError
+from observer_rt.foundation.extras import require
 from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Standing, Writes
 from observer_rt.foundation.outputs import check_output, make_folder
 
@@ -178,6 +179,7 @@ def discover(options: DiscoverOptions) -> None:
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
 
+    require("jinja2", "latex2mathml", "matplotlib")
     for name, wanted in (("--in-part", options.in_part), ("--instead", options.instead)):
         if wanted and not options.accept_term:
             raise UserError(name, "says nothing of which proposal", "add --accept-term N")

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import RunError
 
 CONNECT_TIMEOUT = 10.0  # s
 _SETTINGS = {
@@ -26,15 +26,11 @@ def connected(address: str | None, workers: int | None) -> Iterator[Any]:
     """A `distributed.Client` of workers. address: of their scheduler; None: some are started here, one a CPU unless
     stated.
 
-    Raises `UserError` without Dask, `RunError` for a scheduler that cannot be reached.
+    Raises `RunError` for a scheduler that cannot be reached.
     """
-    try:
-        import dask
-        from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise UserError(
-            "batch", "needs Dask, which is not installed", "pip install 'observer-rt[batch]'"
-        ) from error
+    import dask
+    from distributed import Client, LocalCluster
+
     logging.getLogger("distributed").setLevel(logging.ERROR)  # a file of ours says what failed
     if address is not None:
         try:

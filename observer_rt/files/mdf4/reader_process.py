@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.extras import require
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.sandbox import WorkerError, run_apart
 
@@ -16,6 +17,7 @@ MAJOR_VERSION = b"4."
 
 def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterator[Any]:
     """Call `run_apart`; a reader that crashes is damage of the file. Raises `UserError` naming the file."""
+    require("asammdf")
     with crash_told(path), file_errors(path):
         yield from run_apart(module, function, path, *arguments)
 

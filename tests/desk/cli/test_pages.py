@@ -42,7 +42,7 @@ NOT_RUN = {  # with the reason, and what looks after it instead
     "tools/demo --missing-effect --outside --seed 2": "it is `observer-rt demo`, which test_effect_demo.py runs",
     "tools/test": "it runs these tests",
     "source .venv/bin/activate": "these tests run in that environment",
-    "pip install -e '.[batch,monitor]'": "below: the package has these extras",
+    "pip install -e '.[desk,batch,monitor]'": "below: the package has these extras",
     "sudo ip link set can0 up type can bitrate 500000 dbitrate 5000000 fd on restart-ms 100": (
         "it needs a controller; below: it is what `check` tells for the example bench file"
     ),
@@ -231,7 +231,7 @@ def test_the_extras_that_are_installed_are_there() -> None:
         for extras in re.findall(r"pip install .*\[([\w,]+)\]", page.text)
         for name in extras.split(",")
     }
-    assert {"batch", "monitor"} <= named <= set(project["optional-dependencies"])
+    assert {"batch", "desk", "monitor"} <= named <= set(project["optional-dependencies"])
 
 
 def test_the_readme_is_two_screens() -> None:

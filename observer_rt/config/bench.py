@@ -36,7 +36,6 @@ EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
 
 _Sections = TypeVar("_Sections", bound=Section)
 
-MOST_INJECTORS = 8
 
 _OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
 
@@ -169,12 +168,6 @@ def load_bench(
     if off_bus and _is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
     stated = validated(_Named, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
-    if len(stated) > MOST_INJECTORS:
-        raise UserError(
-            f"{path}: injectors",
-            f"there are {len(stated)}, one process takes {MOST_INJECTORS}",
-            "make two bench files of it",
-        )
     files = {
         name: BenchFile(path, name, number, shared, own)
         for number, (name, own) in enumerate((stated or {"": {}}).items())

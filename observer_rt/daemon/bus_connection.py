@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 
 from observer_rt.bus.links.link import BusState, Link, LinkDownError, condition_messages
 from observer_rt.bus.links.receiver import Outage
-from observer_rt.engine.reports.news import Notice, of_bus
+from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.words import Topic
 
@@ -82,7 +82,7 @@ class LinkWatch:
             return []
         is_well = self._link.condition.state is BusState.ACTIVE
         notices = [
-            of_bus(Topic.LINK, text, is_well)
+            Notice(Topic.LINK, text, is_well)
             for text in condition_messages(self._channel, self._condition, self._link.condition)
         ]
         self._condition = self._link.condition
@@ -92,7 +92,7 @@ class LinkWatch:
                 f"{dropped} frames of {self._channel} were lost before this process could read them\n"
                 "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
             )
-            notices.append(Notice(Topic.LINK, text, incident=f"frames of {self._channel} lost"))
+            notices.append(Notice(Topic.LINK, text))
         if unsent := self._outbox.unsent - self._unsent:
             self._unsent += unsent
             text = (
@@ -100,7 +100,7 @@ class LinkWatch:
                 "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
                 f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
             )
-            notices.append(Notice(Topic.LINK, text, incident=f"transmit queue of {self._channel} full"))
+            notices.append(Notice(Topic.LINK, text))
         if notices:
             self._next = now + round(PERIOD * 1e9)
         return notices
@@ -199,7 +199,7 @@ class Port:
         self._outage = None
         self._watch.begin_anew()
         if self._is_reported:
-            self._tell(of_bus(Topic.LINK, f"{self.label} is back", is_over=True))
+            self._tell(Notice(Topic.LINK, f"{self.label} is back", is_over=True))
         return True
 
     def _tell_outage(self, reason: str) -> bool:
@@ -207,5 +207,5 @@ class Port:
         (before, when), now = self._last_outage, time.monotonic()
         self._last_outage = reason, now
         if is_new := reason != before or now - when > SILENCE:
-            self._tell(of_bus(Topic.LINK, f"waiting for the interface: {reason}"))
+            self._tell(Notice(Topic.LINK, f"waiting for the interface: {reason}"))
         return is_new

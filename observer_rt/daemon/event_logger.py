@@ -1,10 +1,8 @@
-"""Logs reports and notices in words, each incident once: to the log, the stream of records and the manager."""
+"""Logs reports and notices in words: to the log, the stream of records and the manager."""
 
 import math
-import threading
-import time
 
-from observer_rt.daemon.log import Voice
+from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notify import Notifier
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
@@ -14,38 +12,14 @@ from observer_rt.engine.words import Topic, named
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.model.effective import Coefficients
 
-TOGETHER = 10.0  # s within which the same from another injector is the same incident
-
-
-class Deduplicator:
-    """Remembers the latest reports about the buses, and their sources."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._said: dict[str, tuple[float, set[str]]] = {}
-
-    def is_new(self, who: str, what: str) -> bool:
-        """Whether `who` is the first to report it, or reports it again."""
-        now = time.monotonic()
-        with self._lock:
-            self._said = {
-                text: (when, names) for text, (when, names) in self._said.items() if now - when < TOGETHER
-            }
-            _, names = self._said.get(what, (-math.inf, {who}))
-            if is_new := who in names:
-                names = set()
-                self._said[what] = now, names
-            names.add(who)
-            return is_new
-
 
 class EventLogger:
     """Listener that logs in words."""
 
-    def __init__(self, log: Voice, notifier: Notifier, c: Coefficients, once: Deduplicator) -> None:
-        """c: of the nominal model; once: of all injectors, for what they share."""
+    def __init__(self, log: ServiceLog, notifier: Notifier, c: Coefficients, name: str) -> None:
+        """c: of the nominal model; name: of the injector, for records; empty: it has none."""
         self._log = log
-        self._once = once
+        self._named = {"injector": name} if name else {}
         self._notifier = notifier
         self._c = c
 
@@ -54,13 +28,16 @@ class EventLogger:
         match news:
             case InjectionReport():
                 self._log.say(Topic.INJECTION, line(news) + self._offset(news))
-                self._log.record(injection_record(news, self._c, has_energizing=news.commanded is not None))
+                record = injection_record(news, self._c, has_energizing=news.commanded is not None)
+                self._log.record(self._named | record)
             case MeasuredMass():
                 self._log.say(Topic.MEASURED, news.as_text())
             case Mismatch():
                 self._log.say(Topic.ENERGIZING, news.as_text())
-            case Notice() if not news.incident or self._once.is_new(self._log.name, news.incident):
-                self._notice(news)
+            case Notice():
+                self._log.say(news.topic, news.text, news.is_over)
+                if news.topic in (Topic.STATE, Topic.LINK):
+                    self._notifier.status(news.text)
 
     def _offset(self, report: InjectionReport) -> str:
         """Offset of the line-pressure sensor in words, where that is why."""
@@ -68,14 +45,6 @@ class EventLogger:
             return ""
         offset = report.indicators[OFFSET].value * self._c.pressure_scale / MEGAPASCAL
         return f", line pressure reads {offset:+.2f} MPa off"
-
-    def _notice(self, notice: Notice) -> None:
-        """Logs a notice, without a name where it is the same for all injectors."""
-        is_shared = notice.incident == notice.text
-        text = notice.text if is_shared else self._log.named(notice.text)
-        self._log.log.say(notice.topic, text, notice.is_over)
-        if notice.topic in (Topic.STATE, Topic.LINK):
-            self._notifier.status(text)
 
 
 def line(report: InjectionReport) -> str:

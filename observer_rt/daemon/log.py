@@ -87,27 +87,6 @@ class ServiceLog:
                 outlet.close()
 
 
-class Voice:
-    """Log of one injector within that of all; `name` stands before it where there are several."""
-
-    def __init__(self, log: ServiceLog, name: str) -> None:
-        self.log = log
-        self.name = name
-
-    def named(self, text: str) -> str:
-        """The text with the injector it is about."""
-        return f"{self.name}: {text}" if self.name else text
-
-    def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
-        """Logs as `ServiceLog.say`."""
-        warning = _WARNING if text.startswith(_WARNING) else ""
-        self.log.say(topic, warning + self.named(text.removeprefix(_WARNING)), is_over)
-
-    def record(self, content: Mapping[str, Any]) -> None:
-        """Records as `ServiceLog.record`."""
-        self.log.record({"injector": self.name, **content} if self.name else content)
-
-
 def is_journal(stream: IO[str], environment: Mapping[str, str]) -> bool:
     """Whether a stream is the one that systemd connected with the journal."""
     try:

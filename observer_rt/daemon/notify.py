@@ -2,10 +2,9 @@
 
 import os
 import socket
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 
 _FEEDS = 3  # a watchdog's time-out that long
 
@@ -47,34 +46,3 @@ class Notifier:
             return
         with suppress(OSError):  # a manager that does not listen is no reason to stop observing
             self._socket.sendto(message.encode(), self._address)
-
-
-class WatchdogPulse:
-    """Feeds the watchdog for several loops: when all that run have gone round, and not while one hangs."""
-
-    def __init__(self, notifier: Notifier, loops: int) -> None:
-        self._notifier = notifier
-        self._lock = threading.Lock()
-        self._running = self._awaited = frozenset(range(loops))
-
-    @contextmanager
-    def beating(self, loop: int) -> Iterator[Callable[[], None]]:
-        """Yields a beat to be called whenever loop number `loop` went round; afterwards nobody waits for it.
-
-        After the last one the manager hears that the service stops.
-        """
-        try:
-            yield lambda: self._hear(loop)
-        finally:
-            with self._lock:
-                self._running -= {loop}
-                self._awaited -= {loop}
-                if not self._running:
-                    self._notifier.stopping()
-
-    def _hear(self, loop: int) -> None:
-        with self._lock:
-            self._awaited -= {loop}
-            if not self._awaited:
-                self._awaited = self._running
-                self._notifier.alive()

@@ -5,11 +5,10 @@ At the socket a request says which model the file is to name, and is answered on
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 from typing import Protocol
@@ -36,15 +35,11 @@ def kept_by_daemon(fitted: BenchInjector, state: Path | None = None) -> tuple[Pa
 
 
 class Reloadable(Protocol):
-    """An injector that is observed: its name and the SHA-256 of its model."""
-
-    @property
-    def name(self) -> str:
-        """Empty where the bench has one injector."""
+    """An injector that is observed."""
 
     @property
     def model(self) -> str:
-        """SHA-256, hexadecimal."""
+        """SHA-256 of its model, hexadecimal."""
 
     @property
     def is_between_events(self) -> bool:
@@ -55,13 +50,12 @@ class Reloadable(Protocol):
 class _Wish:
     """Request for the bench file to be read; model: SHA-256 of that it is to name for the injector."""
 
-    injector: str
     model: str
     answer: "Future[Message]" = field(default_factory=Future)
 
     def is_met_by(self, bench: Bench) -> bool:
         """Whether the file does; if not, the request is refused."""
-        fitted = bench.of(self.injector or None).injector
+        fitted = bench.injector
         if (named := model_hash(fitted.parameters)) == self.model:
             return True
         problem = (
@@ -80,43 +74,42 @@ class Reloading:
     ) -> None:
         """read_again: the bench as its file is now; raises `UserError` for one that may not start.
 
-        say: logs a line; stack: closes the sockets.
+        say: logs a line; stack: closes the socket.
         """
         self._stop = stop
         self._read_again = read_again
         self._say = say
         self._waiting: deque[_Wish] = deque()
         self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
-        self._sockets = stack.enter_context(ExitStack())
-        self._places: Mapping[str, Path] = {}
+        self._socket = stack.enter_context(ExitStack())
+        self._place: Path | None = None
 
     def listen(self, bench: Bench, state: Path | None) -> None:
-        """Take requests where what each injector keeps is locked. state: of the command line."""
-        kept = {fitted.name: kept_by_daemon(fitted, state) for fitted in bench.injectors}
-        places = {name: paths[0] for name, paths in kept.items() if paths}
-        if places == self._places:
+        """Take requests where what the injector keeps is locked. state: of the command line."""
+        place = next(iter(kept_by_daemon(bench.injector, state)), None)
+        if place == self._place:
             return
-        self._sockets.close()
-        self._places = places
-        for name, place in places.items():
-            try:
-                self._sockets.enter_context(control_socket(place, {RELOAD: partial(self._reload, name)}))
-            except OSError as error:
-                self._say(
-                    f"warning: no requests can be taken beside {place}: {error}\n"
-                    "  remedy: name a folder of a local disk; SIGUSR1 has the bench file read all the same"
-                )
+        self._socket.close()
+        self._place = place
+        if place is None:
+            return
+        try:
+            self._socket.enter_context(control_socket(place, {RELOAD: self._reload}))
+        except OSError as error:
+            self._say(
+                f"warning: no requests can be taken beside {place}: {error}\n"
+                "  remedy: name a folder of a local disk; SIGUSR1 has the bench file read all the same"
+            )
 
     @contextmanager
     def watching(
-        self, bench: Bench, services: Sequence[Reloadable]
+        self, bench: Bench, service: Reloadable
     ) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
-        """An event that ends the services, and the bench that is then to take their place, if one is.
+        """An event that ends the service, and the bench that is then to take its place, if one is.
 
-        When asked to, the bench file is read and checked, and made ready beside them; they end between events.
+        When asked to, the bench file is read and checked, and made ready beside it; it ends between events.
         """
         ended, successors, content = SignalledEvent(), list[Bench](), content_of(bench)
-        models = {service.name: service.model for service in services}
 
         def take_over() -> None:
             is_signalled = self._stop.reload.is_set()
@@ -127,10 +120,10 @@ class Reloading:
                 return
             if not (found := changes(content, content_of(after))):
                 self._say(f"{bench.path} is as it was: nothing to take over")
-                self._settle(bench, models)
+                self._settle(bench, service.model)
                 return
             patience = time.monotonic() + _PATIENCE
-            while not all(each.is_between_events for each in services) and time.monotonic() < patience:
+            while not service.is_between_events and time.monotonic() < patience:
                 time.sleep(_TURN)
             successors.append(after)
             self._say(f"{bench.path} is taken over: {'; '.join(found)}")
@@ -139,7 +132,7 @@ class Reloading:
             ended.set()
 
         def wait() -> None:
-            self._settle(bench, models)
+            self._settle(bench, service.model)
             while not ended.wait(_LOOK):
                 self._taken = [self._waiting.popleft() for _ in range(len(self._waiting))]
                 if self._taken or self._stop.reload.is_set():
@@ -166,19 +159,16 @@ class Reloading:
                 wish.answer.set_exception(error)
         self._taken = ()
 
-    def _settle(self, bench: Bench, models: Mapping[str, str]) -> None:
+    def _settle(self, bench: Bench, model: str) -> None:
         """Answer whoever asked for the bench that is served now."""
         for wish in self._taken:
-            answer = {
-                "model": models[wish.injector],
-                "version": __version__,
-                "bench": str(bench.path.absolute()),
-            }
-            wish.answer.set_result(answer)
+            wish.answer.set_result(
+                {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
+            )
         self._taken = ()
 
-    def _reload(self, injector: str, request: Message) -> Message:
-        wish = _Wish(injector, str(request.get("model")))
+    def _reload(self, request: Message) -> Message:
+        wish = _Wish(str(request.get("model")))
         self._waiting.append(wish)
         try:
             return wish.answer.result(_LONGEST)

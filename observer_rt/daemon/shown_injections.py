@@ -172,14 +172,6 @@ def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> 
     return table
 
 
-def last_injection(item: ShownInjection, c: Coefficients) -> tuple[Text, ...]:
-    """Number, mass [mg], its interval, wear of the nozzle and verdict: cells of a row."""
-    report = item.report
-    verdict = Text("yes", "green") if report.valid else Text(_names(report), "yellow")
-    number, _, *mass = (each.text(each.of(report, c)) for each in _FIRST)
-    return (*map(Text, (number, *mass, _wear(report, True))), verdict)
-
-
 def _wear(report: InjectionReport, with_interval: bool) -> str:
     wear = report.indicators[NOZZLE]
     sigma = f" ±{1.96 * wear.sigma:.1%}" if with_interval and wear.sigma is not None else ""

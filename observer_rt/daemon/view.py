@@ -1,10 +1,9 @@
-"""The terminal view, of one injector or several: state and inputs, an injection as curves, the recent ones."""
+"""The terminal view: state and inputs, an injection as curves, the recent ones."""
 
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from rich.console import Console, Group, RenderableType
@@ -27,7 +26,6 @@ from observer_rt.daemon.shown_injections import (
     ShownInjection,
     curves,
     injections,
-    last_injection,
 )
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
@@ -45,9 +43,6 @@ NOISE_EVERY = 5_000_000_000  # ns between two looks at the spectrum of the noise
 FEW_LINES = 30  # of a terminal, below which inputs that are well share a line
 PAUSE = 10 * MILLISECOND  # lateness that is none of a bus
 FRAMES_PER_SECOND = 8
-TURN = 5_000_000_000  # ns, for which one injector is shown
-_HEADINGS = ("injector", "state", "reason", "no", "mass mg", "± 95 %", "nozzle flow", "valid?")
-_BORDER = 2  # lines: the headings, and one to spare
 
 
 class View:
@@ -57,7 +52,6 @@ class View:
         """references: worked out when drawn, not on the loop's time; None: the model as given."""
         nominal = NominalInjection(fitted)
         self._title = title
-        self._name = fitted.name
         self._sample_rate = fitted.config.sampling.rate_hz
         self._coefficients = nominal.coefficients
         self._references: References = references or nominal
@@ -77,19 +71,6 @@ class View:
             for shown in self._shown:
                 if shown.report is news.report:
                     shown.measured = news
-
-    def summary(self, now: int) -> tuple[Text, ...]:
-        """Injector, state, reason and the last injection: cells of a row."""
-        name = Text(self._name)
-        if self._daemon is None:
-            return name, Text("starting", "dim")
-        state, reasons = self._daemon.standing(now)
-        cells = (
-            name,
-            Text(state.name, "green" if is_good(state) else "red"),
-            Text(", ".join(reason.name for reason in reasons), "yellow"),
-        )
-        return (*cells, *last_injection(self._shown[-1], self._coefficients)) if self._shown else cells
 
     def render(self, now: int, width: int, height: int) -> RenderableType:
         """The whole view at a monotonic time [ns], for a terminal of `width` x `height` characters."""
@@ -228,25 +209,7 @@ def _figures(daemon: Daemon) -> list[Text]:
     return lines
 
 
-class Overview:
-    """Draws the views of all injectors; `render` may be called from another thread."""
-
-    def __init__(self, views: Sequence[View]) -> None:
-        self._views = views
-
-    def render(self, now: int, width: int, height: int) -> RenderableType:
-        """The whole overview at a monotonic time [ns], for a terminal of `width` x `height` characters."""
-        shown = now // TURN % len(self._views)
-        table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-        for title in _HEADINGS:
-            table.add_column(title, no_wrap=True)
-        for number, view in enumerate(self._views):
-            table.add_row(*view.summary(now), style="bold" if number == shown else "")
-        whole = self._views[shown].render(now, width, height - len(self._views) - _BORDER)
-        return Group(table, Text(), whole)
-
-
-def draw(screen: View | Overview, until: threading.Event, console: Console) -> None:
+def draw(screen: View, until: threading.Event, console: Console) -> None:
     """Draw the view on a terminal until the event is set."""
 
     def picture() -> RenderableType:

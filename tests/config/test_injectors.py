@@ -72,13 +72,6 @@ def test_a_step_needs_a_first_identifier(tmp_path: Path, outputs: str) -> None:
     assert "all whole numbers" in error.problem
 
 
-def test_nine_are_too_many(tmp_path: Path) -> None:
-    path = three_injectors(tmp_path, "can0")
-    path.write_text(path.read_text() + "".join(f"[injectors.n{number}]\n" for number in range(6)))
-    with pytest.raises(UserError, match="there are 9, one process takes 8"):
-        load_bench(path)
-
-
 WRONG = {
     "injectors.left.output": ("[injectors.left.outputs]", "did you mean 'outputs'?"),
     "injectors.right.outputs.injecter_id = 3": ("injector_id = 2", "did you mean 'injector_id'?"),

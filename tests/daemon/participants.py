@@ -22,7 +22,7 @@ from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_monitoring.arrivals import Arrivals
 from observer_rt.daemon.pump.pump import FramePump
 from observer_rt.daemon.shown_injections import References
-from observer_rt.daemon.view import Overview, View
+from observer_rt.daemon.view import View
 from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
@@ -167,7 +167,7 @@ class Pumped:
         self.pump.close()
 
 
-def drawn(screen: View | Overview, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
+def drawn(screen: View, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
     """Lines on a terminal of this size; now: a monotonic time [ns]."""
     file = io.StringIO()
     console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)

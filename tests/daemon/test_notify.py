@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.daemon.notify import Notifier, WatchdogPulse
+from observer_rt.daemon.notify import Notifier
 
 
 @pytest.fixture
@@ -69,22 +69,3 @@ def test_without_a_manager_nothing_happens(settings: dict[str, str]) -> None:
     notifier = Notifier(settings)
     notifier.ready()
     notifier.alive()
-
-
-def test_a_loop_that_hangs_is_not_hidden_by_the_others(manager: socket.socket) -> None:
-    notifier = Notifier(environment(manager, WATCHDOG_USEC="3", WATCHDOG_PID=str(os.getpid())))
-    pulse = WatchdogPulse(notifier, 2)
-    with pulse.beating(0) as first:
-        with pulse.beating(1) as second:
-            first()
-            first()
-            assert heard(manager) == []
-            second()
-            assert heard(manager) == ["WATCHDOG=1"]
-            first()
-            assert heard(manager) == []
-        first()  # the other has ended
-        time.sleep(0.001)
-        first()
-        assert set(heard(manager)) == {"WATCHDOG=1"}
-    assert heard(manager) == ["STOPPING=1"]

@@ -50,6 +50,7 @@ class Shell:
             (programs / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {what} "$@"\n')
             (programs / name).chmod(0o755)
         path = f"{programs}:{os.environ['PATH']}"
+        self._started = 0  # commands
         self._environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
 
     def do(self, command: str) -> None:
@@ -63,7 +64,8 @@ class Shell:
     @contextmanager
     def going(self, command: str, ready: str) -> Iterator[Path]:
         """A command that runs until Ctrl-C, once it has told that it is ready; gives the file of its stdout."""
-        out, err = (self.folder / f"{command.split()[1]}.{stream}" for stream in ("out", "err"))
+        self._started += 1
+        out, err = (self.folder / f"{self._started}.{stream}" for stream in ("out", "err"))
         with out.open("w") as stdout, err.open("w") as stderr:
             process = subprocess.Popen(
                 ["bash", "-c", f"set -o pipefail; {command}"],
@@ -145,15 +147,16 @@ def test_an_injector_of_ones_own(shell: Shell, vcan: str) -> None:
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_several_injectors(shell: Shell, vcan: str) -> None:
-    """The page's daemon of two injectors, and what is recorded beside it."""
+    """The page's daemons of two injectors, and what is recorded beside them."""
     several_injectors.write_bench(shell.folder)
     for words in several_injectors.make_log():
         shell.do(shlex.join(["observer-rt", *words]))
     several_injectors.merge_logs(shell.folder)
-    run, record, replay = (command for command in several_injectors.PAGE.commands if needs_bus(command))
+    left, right, record, replay = (each for each in several_injectors.PAGE.commands if needs_bus(each))
     interfaces = [OwnInterface(f"can{number}") for number in range(3)]
     try:
-        _run_and_record(shell, run, record, replay, "start: left: ready")
+        with shell.going(left, "start: ready"):
+            _run_and_record(shell, right, record, replay)
     finally:
         for each in interfaces:
             each.remove()
@@ -164,8 +167,8 @@ def test_several_injectors(shell: Shell, vcan: str) -> None:
     shell.do("observer-rt evaluate engine.blf --bench engine.toml")
 
 
-def _run_and_record(shell: Shell, run: str, record: str, replay: str, ready: str = "start: ready") -> None:
-    with shell.going(run, ready), shell.going(record, "recording socketcan can0"):
+def _run_and_record(shell: Shell, run: str, record: str, replay: str) -> None:
+    with shell.going(run, "start: ready"), shell.going(record, "recording socketcan can0"):
         shell.do(replay)
 
 

@@ -4,36 +4,28 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import Executor
 from types import FrameType
 from typing import Any, cast
 
-from observer_rt.daemon.notify import Notifier
-from observer_rt.daemon.run import InjectorService
-from observer_rt.daemon.side_by_side import serve_side_by_side
+from observer_rt.daemon.run import InjectorService, serve_beside
 from observer_rt.foundation.console import SignalledEvent, stop_on_signals
 
 
 class Signalled:
     """A service that is sent a signal while the main thread waits for it; the signal wakes its own thread only."""
 
-    name = ""
     was_stopped = False
 
-    def run(self, stop: threading.Event, learning: Executor, on_alive: Callable[[], None]) -> None:
+    def run(self, stop: threading.Event) -> None:
         time.sleep(0.3)  # until the main thread waits
         signal.pthread_kill(threading.get_ident(), signal.SIGTERM)
         self.was_stopped = stop.wait(20.0)
 
-    def tell_end(self, failure: BaseException) -> None:
-        raise AssertionError
 
-
-def test_a_signal_that_does_not_interrupt_the_wait_for_services_is_heard() -> None:
+def test_a_signal_that_does_not_interrupt_the_wait_for_the_service_is_heard() -> None:
     service, ended = Signalled(), SignalledEvent()
     with stop_on_signals() as stop, stop.setting(ended):
-        serve_side_by_side([cast(InjectorService, service)], Notifier(), ended, None)
+        serve_beside(cast(InjectorService, service), ended, None)
     assert service.was_stopped
 
 

@@ -1,4 +1,4 @@
-"""The terminal view: all on one screen, whatever its size; of several injectors a line each, one as a whole."""
+"""The terminal view: all on one screen, whatever its size."""
 
 import time
 from pathlib import Path
@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import load_bench
-from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.shown_injections import ComparedRate, NominalInjection
-from observer_rt.daemon.view import TURN, Overview, View
+from observer_rt.daemon.view import View
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import Notes
 from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, drawn, serving, until
 from tests.device import core_of, frames_of, hand, worn_recording
-from tests.three_injectors import NAMES, frames_of_all, one_alone, three_injectors
 
 
 @pytest.fixture
@@ -115,33 +112,3 @@ def test_before_the_first_injection(path: Path) -> None:
     text = HeardDaemon(path, ScriptedLink()).drawn()
     assert "WAITING_FOR_DATA" in text
     assert "no injection yet" in text
-
-
-@pytest.fixture
-def overview(tmp_path: Path) -> Overview:
-    """The first has seen four injections, the second waits for data, the third for its interface."""
-    bench = load_bench(three_injectors(tmp_path, "overview"))
-    mapped = map_bench(bench)
-    views = [View(f"{each.injector.name}: title", each.injector) for each in bench.each]
-    links = [ScriptedLink(frames_of_all([one_alone(tmp_path, 0, "x")], [worn_recording()])), ScriptedLink()]
-    for alone, bus, link, view in zip(bench.each, mapped.injectors, links, views, strict=False):
-        daemon = Daemon(alone, bus, [link], listeners=[view.hear])
-        view.watch(daemon)
-        with serving(daemon):
-            until(link.empty.is_set)
-    return Overview(views)
-
-
-@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40)])
-def test_all_of_them_and_one_as_a_whole(overview: Overview, width: int, height: int) -> None:
-    for turn, name in enumerate((*NAMES, NAMES[0])):
-        lines = [line.rstrip() for line in drawn(overview, width, height, turn * TURN)]
-        assert len(lines) <= height
-        assert max(map(len, lines)) <= width
-        first, second, third = lines[1:4]
-        assert first.split()[:3] == ["one", "ADAPTED", "4"]
-        assert first.endswith("yes")
-        assert second.split() == ["two", "WAITING_FOR_DATA", "STARTING"]
-        assert third.split() == ["three", "starting"]
-        assert [line for line in lines if f" {name}: title " in line]
-        assert sum(": title" in line for line in lines) == 1

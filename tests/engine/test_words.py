@@ -11,8 +11,8 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_injector
-from observer_rt.daemon.event_logger import Deduplicator, EventLogger
-from observer_rt.daemon.log import ServiceLog, Voice
+from observer_rt.daemon.event_logger import EventLogger
+from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notify import Notifier
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.learning.indicators import Estimate
@@ -55,9 +55,7 @@ def test_a_table_of_the_page_is_written_anew() -> None:
 def test_the_page_names_every_key_of_the_records() -> None:
     stream = io.StringIO()
     with ServiceLog(Console(file=io.StringIO()), stream=stream) as log:
-        teller = EventLogger(
-            Voice(log, ""), Notifier({}), effective_model(load_injector()).coefficients, Deduplicator()
-        )
+        teller = EventLogger(log, Notifier({}), effective_model(load_injector()).coefficients, "")
         teller.hear(some_report())
     section = PAGE.text.split("\n## Injections as JSON\n")[1].split("\n    ")[0]
     assert set(re.findall(r"`(\w+)`", section)) - {"null"} == set(json.loads(stream.getvalue()))
@@ -68,9 +66,7 @@ def test_an_offset_is_told_with_its_size() -> None:
     report = some_report(valid=False, reason=Reason.PRESSURE_OFFSET)
     report = replace(report, indicators={**report.indicators, OFFSET: Estimate(0.03)})
     with ServiceLog(Console(file=stream)) as log:
-        teller = EventLogger(
-            Voice(log, ""), Notifier({}), effective_model(load_injector()).coefficients, Deduplicator()
-        )
+        teller = EventLogger(log, Notifier({}), effective_model(load_injector()).coefficients, "")
         for each in (report, replace(report, reason=Reason.SENSOR_LAG)):
             teller.hear(each)
     offset, lag = stream.getvalue().splitlines()

@@ -66,13 +66,13 @@ def test_what_injectors_lost_is_counted_window_by_window(traffic: Traffic) -> No
 def test_what_several_injectors_say_is_added_up() -> None:
     record = '{"time": "x", "injector": "i0", "number": 1, "reasons": [%s]}'
     words = (
-        "INFO stop: i%d: stopped after 9 samples, %d injections; 0 samples lost, 5 corrections adopted, %d late, "
+        "INFO stop: stopped after 9 samples, %d injections; 0 samples lost, 5 corrections adopted, %d late, "
         "%d events not learned from in time"
     )
     said = [
         *(record % each for each in ("", '"SUDDEN_CHANGE"', '"NOT_JUDGED"')),
-        words % (0, 2, 1, 0),
-        words % (1, 1, 0, 1),
+        words % (2, 1, 0),
+        words % (1, 0, 1),
     ]
     assert counted(2, 0.5, 0, said) == InjectorsRow(2, 0.5, 0, 3, judged=2, learned=2, late=1)
     with pytest.raises(RunError, match="1 of 2 injectors"):

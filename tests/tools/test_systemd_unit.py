@@ -1,4 +1,4 @@
-"""The systemd unit: what it starts exists, and it is watched as the service tells."""
+"""The systemd unit, also as a template: what it starts exists, and it is watched as the service tells."""
 
 import configparser
 import shlex
@@ -35,7 +35,7 @@ def test_it_starts_a_command_with_options_that_there_are() -> None:
     assert Path(program).name == "observer-rt"
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     known = {option for parameter in commands[name].params for option in parameter.opts}
-    assert {argument for argument in arguments if argument.startswith("--")} <= known
+    assert {each.partition("=")[0] for each in arguments if each.startswith("--")} <= known
 
 
 def test_it_waits_for_ready_watches_and_restarts_but_not_for_a_wrong_bench_file() -> None:
@@ -58,11 +58,13 @@ def test_it_asks_for_what_the_loop_wants() -> None:
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
-def test_systemd_finds_nothing_wrong_with_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["observer-rt.service", "observer-rt@.service"])
+def test_systemd_finds_nothing_wrong_with_it(tmp_path: Path, name: str) -> None:
+    """Alone, and as a template for the injectors of a bench."""
     program = shlex.split(unit()["Service"]["ExecStart"])[0]
-    (tmp_path / "observer-rt.service").write_text(UNIT.read_text().replace(program, "/bin/true"))
+    (tmp_path / name).write_text(UNIT.read_text().replace(program, "/bin/true"))
     done = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", tmp_path / "observer-rt.service"],
+        ["systemd-analyze", "verify", "--man=no", tmp_path / name.replace("@", "@left")],
         capture_output=True,
         text=True,
         check=False,

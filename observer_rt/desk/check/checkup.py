@@ -67,9 +67,12 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     return findings
 
 
-def refuse_errors(bench: Bench, state: Path | None = None, journal: Path | None = None) -> None:
-    """Raise `UserError` for the first of all errors that `checkup` finds in a bench."""
-    errors = [finding.error for finding in bench_findings(bench, state, journal) if finding.error is not None]
+def refuse_errors(
+    bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
+) -> None:
+    """Raise `UserError` for the first of all errors that `checkup` finds in a bench; others as `bench_findings`."""
+    findings = bench_findings(bench, state, journal, injector)
+    errors = [finding.error for finding in findings if finding.error is not None]
     if not errors:
         return
     first, *others = errors
@@ -77,9 +80,14 @@ def refuse_errors(bench: Bench, state: Path | None = None, journal: Path | None 
     raise UserError(first.place, first.problem, first.remedy + more)
 
 
-def bench_findings(bench: Bench, state: Path | None = None, journal: Path | None = None) -> list[Finding]:
-    """All findings about a bench but those of the machine. state, journal: instead of those of the bench file."""
-    alone = None if state is None and journal is None else bench.injector
+def bench_findings(
+    bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
+) -> list[Finding]:
+    """All findings about a bench but those of the machine.
+
+    state, journal: instead of those of the bench file, of the injector with this name, None: of the only one.
+    """
+    alone = None if state is None and journal is None else bench.of(injector).injector
     findings = _files(bench)
     findings += _each(
         bench, lambda fitted: _injector(fitted, *((state, journal) if fitted is alone else (None, None)))

@@ -86,7 +86,7 @@ def _demo_of_loop(options: DemoOptions) -> None:
 
 
 def run(options: RunOptions) -> None:
-    """Run the daemon of all injectors of a bench: frames in, injection rate out, until SIGINT or SIGTERM."""
+    """Run the daemon of an injector: frames in, injection rate out, until SIGINT or SIGTERM."""
     if options.print_example_bench or options.print_example_injector:
         example = EXAMPLE_BENCH if options.print_example_bench else NOMINAL_INJECTOR
         print(example.read_text(encoding="utf-8"), end="")
@@ -97,16 +97,28 @@ def run(options: RunOptions) -> None:
             "is missing",
             "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
         )
-    from observer_rt.daemon.run import refuse_shared, serve
+    from observer_rt.daemon.run import serve
     from observer_rt.desk.check.checkup import refuse_errors
 
     def read() -> Bench:
-        chosen = load_bench(bench, lenient=options.lenient).of(options.injector)
-        refuse_shared(chosen, options)
-        refuse_errors(chosen, options.state, options.journal)
-        return chosen
+        whole = load_bench(bench, lenient=options.lenient)
+        refuse_errors(whole, options.state, options.journal, options.injector)
+        refuse_several(whole, options.injector)
+        return whole
 
-    serve(read(), options, messages, read)
+    serve(read, options, messages)
+
+
+def refuse_several(bench: Bench, injector: str | None) -> None:
+    """Raise `UserError` where it is not said which of several injectors the daemon is to observe."""
+    if not injector and len(bench.injectors) > 1:
+        names = [each.name for each in bench.injectors]
+        raise UserError(
+            f"{bench.path}: injectors",
+            f"the file has {len(names)}, a daemon observes one: {', '.join(names)}",
+            f"`observer-rt run --injector {names[0]}` and so on, one process each; as services "
+            f"`systemctl enable --now observer-rt@{names[0]}` and so on",
+        )
 
 
 @dataclass(frozen=True)

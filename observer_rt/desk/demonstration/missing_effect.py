@@ -174,7 +174,7 @@ class EffectDemo:
             playing = Thread(target=play_scene, name="scene")
             playing.start()
             options = RunOptions(log=log, journal=self.folder / JOURNAL)
-            serve(bench, options, Console(file=nowhere), self._read)
+            serve(self._read, options, Console(file=nowhere))
             playing.join()
         if failures:
             raise failures[0]

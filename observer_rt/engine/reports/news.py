@@ -50,15 +50,11 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class Notice:
-    """Fault of a link or an input, or, `is_over`, its end.
-
-    incident: of a bus as such, what all injectors on it call it; empty: of this injector alone.
-    """
+    """Fault of a link or an input, or, `is_over`, its end."""
 
     topic: Topic
     text: str
     is_over: bool = False
-    incident: str = ""
 
     def as_text(self) -> str:
         """One line and, where there is one, a remedy."""
@@ -79,11 +75,6 @@ def fan_out(listeners: Sequence[Listener]) -> Listener:
             listener(news)
 
     return tell
-
-
-def of_bus(topic: Topic, text: str, is_over: bool = False) -> Notice:
-    """A notice that is the same for all injectors on the bus."""
-    return Notice(topic, text, is_over, incident=text)
 
 
 class Notes:

@@ -391,7 +391,7 @@ def test_the_commands_on_several_injectors(
     command.done("convert", "engine.log", "engine.blf")
     (tmp_path / "right.csv").unlink()
     for line in several_injectors.PAGE.commands:
-        if not needs_bus(line):
+        if line.startswith("observer-rt ") and not needs_bus(line):
             command.done(*words_of(line)[0])
     assert {"engine_left.png", "engine_right.png", "right.csv"} <= {path.name for path in tmp_path.iterdir()}
     assert read_recording(tmp_path / "right.csv").samples > 10_000

@@ -369,12 +369,23 @@ def test_injections_as_lines_of_json_and_a_log(
 def test_the_service_manager_hears_of_it(
     command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """READY once it is compiled, the watchdog from the loop, STOPPING at the end."""
+    """READY once it is compiled, the watchdog from the loop, STOPPING at the end, not when the bench file changes.
+
+    As the unit starts it, for a bench with one injector: with an empty name.
+    """
+    log = tmp_path / "run.log"
+
+    def hang_up() -> bool:
+        bench.write_text(bench.read_text().replace("bridge_ms = 0.5", "bridge_ms = 0.75"))
+        os.kill(os.getpid(), signal.SIGHUP)
+        until(lambda: log.read_text().count("start: ready") == 2)
+        return True
+
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(tmp_path / "notify"))
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         monkeypatch.setenv("WATCHDOG_USEC", "600000")
-        run_and_stop(command, bench, worn, signal.SIGTERM)
+        run_and_stop(command, bench, worn, signal.SIGTERM, "--injector=", "--log", log, meanwhile=hang_up)
         manager.setblocking(False)
         heard = []
         with contextlib.suppress(BlockingIOError):
@@ -382,4 +393,5 @@ def test_the_service_manager_hears_of_it(
                 heard.append(manager.recv(1000).decode())
     assert heard[0] == "READY=1"
     assert heard[-1] == "STOPPING=1"
+    assert heard.count("STOPPING=1") == 1
     assert "WATCHDOG=1" in heard

@@ -1,4 +1,4 @@
-"""Several injectors in one daemon that learns: each on a bus of its own, in windows of 100 kHz, 25 times a second."""
+"""Several injectors, a daemon each that learns: on buses of their own, in windows of 100 kHz, 25 times a second."""
 
 import json
 import re
@@ -17,7 +17,7 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MILLISECOND
 from tools.benchmarks.scoring import bench_text
-from tools.benchmarks.speed.observers import READY, RUN, START_TIMEOUT, Observer, observer
+from tools.benchmarks.speed.observers import RUN, observer
 from tools.benchmarks.speed.pace import Passage, socket_pacer
 from tools.benchmarks.speed.sustained import socket_pair
 from tools.benchmarks.speed.traffic import PERIOD, RATES, RAW_FRAME, SAMPLE_RATE, SAMPLES, Traffic
@@ -33,7 +33,7 @@ _LAST_WORDS = re.compile(
 
 @dataclass(frozen=True)
 class InjectorsRow:
-    """So many injectors. cpu_share: of one core, all threads, while they were sent to.
+    """So many injectors. cpu_share: of one core, of all their daemons, while they were sent to.
 
     lost_samples: due to be sent, and in no rate frame; injections: of all, judged: those of them that were tested,
     learned: those learned from; late: of these, in force with a later one.
@@ -49,7 +49,7 @@ class InjectorsRow:
 
 
 def measure_injectors(folder: Path, traffic: Traffic, seconds: float) -> tuple[InjectorsRow, ...]:
-    """A daemon for each number of injectors, sent to for so long. Raises RunError."""
+    """Daemons for each number of injectors, sent to for so long. Raises RunError."""
     windowed = in_windows(traffic)
     return tuple(_row(folder, windowed, number, seconds) for number in NUMBERS)
 
@@ -94,9 +94,12 @@ def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> Injecto
     with ExitStack() as stack:
         pairs = [socket_pair(stack) for _ in range(number)]
         bench = socket_bench(folder / f"injectors_{number}", [pair.receiver for pair in pairs])
-        descriptors = [pair.receiver.fileno() for pair in pairs]
-        ours = stack.enter_context(observer([*RUN, bench, "--json"], descriptors))
-        until_all_ready(ours, number)
+        ours = [
+            stack.enter_context(
+                observer([*RUN, bench, "--injector", f"i{n}", "--json"], [pair.receiver.fileno()])
+            )
+            for n, pair in enumerate(pairs)
+        ]
         turns = [round(place * PERIOD / number / _FRAME) for place in range(number)]  # they inject in turn
         senders = zip(turns, pairs, strict=True)
         pacers = [socket_pacer(folder, traffic, pair.sender, turn) for turn, pair in senders]
@@ -106,16 +109,16 @@ def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> Injecto
             return list(together.map(lambda pacer: pacer.send(round(duration / _FRAME), _FRAME), pacers))
 
         settling = sent(_SETTLING)
-        before, begin = ours.cpu_time(), time.monotonic()
+        before, begin = sum(each.cpu_time() for each in ours), time.monotonic()
         passages = sent(seconds)
-        share = (ours.cpu_time() - before) / (time.monotonic() - begin)
+        share = (sum(each.cpu_time() for each in ours) - before) / (time.monotonic() - begin)
     is_sent = sent_frames(traffic)
     missing = sum(lost(both, is_sent) for both in zip(settling, passages, strict=True))
-    return counted(number, share, missing, ours.said)
+    return counted(number, share, missing, [line for each in ours for line in each.said])
 
 
 def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str]) -> InjectorsRow:
-    """With what the daemon said of each injection, and at its end. Raises RunError where that is missing."""
+    """With what the daemons said of each injection, and at the end. Raises RunError where that is missing."""
     records = [json.loads(line) for line in said if line.startswith("{")]
     words = [tuple(map(int, match.groups())) for line in said if (match := _LAST_WORDS.search(line))]
     if len(words) != number:
@@ -140,12 +143,3 @@ def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
     path = folder / "bench.toml"
     path.write_text(text, "utf-8")
     return path
-
-
-def until_all_ready(ours: Observer, number: int) -> None:
-    """Wait until so many injectors of a daemon have said so. Raises RunError."""
-    end = time.monotonic() + START_TIMEOUT
-    while sum(bool(READY.search(line)) for line in list(ours.said)) < number:
-        if time.monotonic() > end:
-            raise RunError("injectors did not get ready:\n" + "\n".join(ours.said[-20:]))
-        time.sleep(0.1)

@@ -207,7 +207,7 @@ def shown(speed: Speed) -> Iterator[Shown]:
         columns = {"grows": "{.what}", "to": "{.value:g}", "us a sample": "{.us_a_sample:.2f}"}
         yield list_of("scaling", [speed.scaling], columns)
     if speed.injectors:
-        title = "injectors in one daemon, windows of 100 kHz, 25 injections a second each"
+        title = "injectors, a daemon each, windows of 100 kHz, 25 injections a second each"
         columns = {"injectors": "{.injectors}", "CPU": "{.cpu_share:.2f}", "lost samples": "{.lost_samples}"}
         columns |= {"injections": "{.injections}", "judged": "{.judged}", "learned from": "{.learned}"}
         yield list_of(title, [speed.injectors], {**columns, "of these late": "{.late}"})

@@ -77,7 +77,7 @@ class InjectorService:
         self.model = model_hash(injector.parameters)
         """Model that it observes with."""
         self._daemon: Daemon | None = None  # before it runs
-        asked = (self.model, injector.parameters.scaling.pressure, partial(log.say, Topic.KEPT))
+        asked = (injector.parameters, partial(log.say, Topic.KEPT))
         self._knowledge = (
             learned
             or restored_knowledge(keeper.state, *asked)

@@ -44,7 +44,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
     judged = [injection.report for each in evaluations for injection in each.injections]
     if not (knowledge.state.events and judged[-1].valid):
         return 0
-    save_knowledge(beside, knowledge, model_hash(parameters), parameters.scaling.pressure)
+    save_knowledge(beside, knowledge, parameters)
     return knowledge.state.events
 
 

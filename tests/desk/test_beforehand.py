@@ -7,7 +7,7 @@ import pytest
 import tomlkit
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
-from observer_rt.daemon.persistence.state_file import knowledge_beside, learned_beside, model_hash
+from observer_rt.daemon.persistence.state_file import knowledge_beside, learned_beside
 from observer_rt.desk.beforehand import learn_beforehand
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
@@ -40,7 +40,7 @@ def amended(folder: Path, g: float = 0.02) -> Path:
 
 def begun(path: Path) -> Knowledge | None:
     """What a daemon begins with, its log being read by nobody."""
-    return knowledge_beside(path, model_hash(load_injector(path)), 1e8, lambda _: None)
+    return knowledge_beside(path, load_injector(path), lambda _: None)
 
 
 def masses(bench: Bench, path: Path, knowledge: Knowledge | None) -> tuple[list[bool], list[float]]:
@@ -98,7 +98,7 @@ def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(tmp
 def test_a_damaged_file_is_told_and_left_alone(tmp_path: Path, content: str) -> None:
     path, told = amended(tmp_path), list[str]()
     learned_beside(path).write_text(content)
-    assert knowledge_beside(path, "unknown", 1e8, told.append) is None
+    assert knowledge_beside(path, load_injector(), told.append) is None
     assert "learning begins anew" in told[0]
     assert learned_beside(path).read_text() == content
 

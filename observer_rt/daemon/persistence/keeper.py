@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.daemon.persistence.journal import JournalWriter, is_at, require_journal
-from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
+from observer_rt.daemon.persistence.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
 from observer_rt.engine.service.learners import refuse_state
@@ -221,8 +221,7 @@ class LearnedState:
     def __init__(self, path: Path, fitted: BenchInjector, source: KnowledgeSource) -> None:
         self.name = f"learned state in {path}"
         self._path = path
-        self._model = model_hash(fitted.parameters)
-        self._pressure_scale = fitted.parameters.scaling.pressure
+        self._model = fitted.parameters
         self._source = source
         self._written = source()
 
@@ -234,7 +233,7 @@ class LearnedState:
     def finish(self) -> str:
         """Replace the file."""
         knowledge = self._source()
-        save_knowledge(self._path, knowledge, self._model, self._pressure_scale)
+        save_knowledge(self._path, knowledge, self._model)
         self._written = knowledge
         return f"learned state saved in {self._path}"
 

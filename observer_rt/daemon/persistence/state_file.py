@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from observer_rt import __version__
 from observer_rt.core.stream.stream import FURTHEST_ZERO, MOST_CROSSTALK
 from observer_rt.engine.estimation.gain import LARGEST_NOISE
-from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.phases import PhaseStatistics
 from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
 from observer_rt.engine.learning.disturbances.colour import ORDERS
@@ -30,33 +28,12 @@ from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
 from observer_rt.foundation.outputs import replacing
-from observer_rt.model.parameters import InjectorParameters, Scaling
+from observer_rt.model.parameters import InjectorParameters
 
 VERSION = 5
-OLDEST = 4  # version that is still read
-_PLACES_OF_4 = {  # of what is followed, in the memory of version 4, by its name in the state
-    "checkpoint": "_checkpoint",
-    "gains": "_pressure_gains",
-    "at_rest": "_reader._at_rest",
-    "slow_rail": "_reader._slow_rail",
-    "jitter": "_reader._jitter",
-    "outliers": "_reader._outliers",
-    "range_ends": "_reader._range",
-    "trend": "_reader._fit._trend",
-    "overdispersion": "_reader._fit._overdispersion",
-    "held_rail": "_held_rail",
-    "freezer": "_freezer",
-    "mistrust": "_mistrust",
-    "lag_doubt": "_lag_doubt",
-    "slowed": "_slowed",
-    "lift_lag": "_lift_lag",
-    "energizing": "_energizing",
-    "passed_with": "_passed_with",
-}
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
-PRESSURE_SCALE = float(Scaling.model_fields["pressure"].default)  # p_0 unless the injector says otherwise, Pa
 _WHOLE = ("learned", "noise", "events", "learned_at", "interval")
 """Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
@@ -159,7 +136,7 @@ class _Content:
     phi_version: Count
     in_force: NDArray[np.float64]
     state: Mapping[str, Any]
-    lift: RestingLift = field(default_factory=RestingLift)  # of files without it, found again by the stream
+    lift: RestingLift
 
 
 @dataclass(frozen=True)
@@ -198,23 +175,21 @@ def model_hash(parameters: InjectorParameters) -> str:
     return _digest(content)
 
 
-def save_knowledge(
-    path: Path, knowledge: Knowledge, model: str, pressure_scale: float = PRESSURE_SCALE
-) -> None:
+def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) -> None:
     """Replace the file at `path` by this knowledge; whatever happens meanwhile, the old or the new one is whole.
 
-    model: `model_hash` of the injector it was learned for; pressure_scale: its p_0 [Pa].
+    model: for which it was learned.
 
     Raises:
         RunError: it cannot be written, or is nothing that could be restored; the old file is then unchanged.
     """
-    if problem := problem_of(knowledge, pressure_scale):
+    if problem := problem_of(knowledge, model.scaling.pressure):
         raise RunError(f"{path}: what was learned is not saved, for {problem}")
     state = plain(knowledge.state)
     content = plain(
         _Content(
             __version__,
-            model,
+            model_hash(model),
             SCALARS.names,
             knowledge.phi_version,
             knowledge.in_force,
@@ -230,10 +205,8 @@ def save_knowledge(
         raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
 
 
-def load_knowledge(
-    path: Path, model: str, pressure_scale: float = PRESSURE_SCALE, set_aside: bool = True
-) -> Restored:
-    """Restore what `save_knowledge` wrote for the same model; arguments as there.
+def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True) -> Restored:
+    """Restore what `save_knowledge` wrote for the same model.
 
     A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
     `NAME.set-aside-N`, with the reason in the message, and the newest of those that fits is restored instead; with
@@ -256,7 +229,7 @@ def load_knowledge(
     except OSError as error:
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
-        knowledge = _usable(data, model, pressure_scale)
+        knowledge = _usable(data, model)
     except _UnusableError as reason:
         if not set_aside:
             raise StateDoesNotFitError(
@@ -264,7 +237,7 @@ def load_knowledge(
             ) from None
         refuse_other_kind("learned state", path, LEARNED_STATE)  # only what was one is ever set aside
         warning = f"warning: learned state not restored, for {reason}; kept as {_set_aside(path)}"
-        before = _set_aside_before(path, model, pressure_scale)
+        before = _set_aside_before(path, model)
         if before is None:
             return Restored(None, f"{warning}\n  remedy: {BEGUN_ANEW}")
         return replace(before, message=f"{warning}\n{before.message}, which is of this model")
@@ -276,19 +249,19 @@ def _restored(path: Path, knowledge: Knowledge) -> Restored:
     return Restored(knowledge, f"learned state restored from {path}: {learned}")
 
 
-def _usable(data: bytes, model: str, pressure_scale: float) -> Knowledge:
-    knowledge = _knowledge_in(data, model, pressure_scale)
-    if problem := problem_of(knowledge, pressure_scale) or _doubt_of(knowledge):
+def _usable(data: bytes, model: InjectorParameters) -> Knowledge:
+    knowledge = _knowledge_in(data, model)
+    if problem := problem_of(knowledge, model.scaling.pressure) or _doubt_of(knowledge):
         raise _UnusableError(problem)
     return knowledge
 
 
-def _set_aside_before(path: Path, model: str, pressure_scale: float) -> Restored | None:
+def _set_aside_before(path: Path, model: InjectorParameters) -> Restored | None:
     """The newest state of this model among those set aside: its injector was mounted before. None without."""
     aside = [each for each in path.parent.iterdir() if each.name.startswith(path.name + ASIDE)]
     for older in sorted(aside, key=lambda each: each.stat().st_mtime, reverse=True):
         with suppress(_UnusableError, OSError):
-            return _restored(older, _usable(older.read_bytes(), model, pressure_scale))
+            return _restored(older, _usable(older.read_bytes(), model))
     return None
 
 
@@ -320,27 +293,28 @@ def _set_aside(path: Path) -> Path:
     return target
 
 
-def _knowledge_in(data: bytes, model: str, pressure_scale: float) -> Knowledge:
+def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
     try:
         document = json.loads(data.decode("ascii"))
         version = document["version"]
-        if version not in range(OLDEST, VERSION + 1):
+        if version != VERSION:
             content = document.get("content")
             by = content.get("package_version") if isinstance(content, dict) else None
             by = f" (observer_rt {by} wrote it, this is {__version__})" if isinstance(by, str) else ""
             raise _UnusableError(f"its format is version {version!r}, not {VERSION}{by}")
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
-        content = document["content"]
-        content = restored(_Content, content if version == VERSION else _of_4(content))
-        if content.model_sha256 != model:
-            other = content.model_sha256[:8]
+        content = restored(_Content, document["content"])
+        if (other := content.model_sha256) != (this := model_hash(model)):
             raise _UnusableError(
-                f"it was learned for another injector model, SHA-256 {other}... instead of {model[:8]}..."
+                f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {this[:8]}..."
             )
-        state = _state_in(content.state, no_state(LARGEST_NOISE, pressure_scale))
-        knowledge = Knowledge(state, content.in_force, content.phi_version, content.lift)
-        return _by_name(knowledge, content.columns, pressure_scale)
+        state = _state_in(content.state, no_state(LARGEST_NOISE, model.scaling.pressure))
+        if content.columns != SCALARS.names:
+            raise _UnusableError("it is of a version that learned other parameters")
+        if not state.learned.active <= set(SCALARS.gate.columns):
+            raise _UnusableError("it leaves out a parameter that cannot be left out")
+        return Knowledge(state, content.in_force, content.phi_version, content.lift)
     except NotAsExpectedError as error:
         raise _UnusableError(f"its content is not as expected ({error})") from None
     except (ValueError, OverflowError, RecursionError):
@@ -360,86 +334,8 @@ def _state_in(values: Mapping[str, Any], start: LearningState) -> LearningState:
     return replace(start, **found)
 
 
-def _of_4(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a file of version 4, by the names of today."""
-    memory = content.get("memory") or {"interval": 0.0, "found": {}}
-    colour = content.get("colour")
-    if colour is not None:
-        filtering = {name: colour[name] for name in ("forgetting", "taps")}
-        colour = {"whitening": filtering, "interval": colour["interval"], "sigma": colour["sigma"]}
-
-    def learned(values: Mapping[str, Any], theta: Any, statistics: Any) -> dict[str, Any]:
-        belief = {name: values[name] for name in ("mean", "covariance", "error_covariance")}
-        kept = {"theta": theta, "statistics": statistics, "active": values["active"], "colour": colour}
-        return {"belief": belief, "is_prior": values["events"] == 0, **kept}
-
-    state = {
-        "learned": learned(content, content["in_force"], content["statistics"]),
-        "noise": content["noise"],
-        "events": content["events"],
-        "learned_at": content.get("learned_at", []),
-        "interval": memory["interval"],
-        "passed_with": content["in_force"],
-    }
-    followed = {name: _at(memory["found"], place) for name, place in _PLACES_OF_4.items()}
-    state |= {name: value for name, value in followed.items() if value is not None}
-    if checkpoint := followed["checkpoint"]:
-        table = PhaseStatistics.of_table(np.array(checkpoint["statistics"]))
-        statistics = {name: sums.tolist() for name, sums in vars(table).items()}
-        then = learned(checkpoint, checkpoint["theta"], statistics)
-        state["checkpoint"] = {name: checkpoint[name] for name in ("gains", "failed", "passed")}
-        state["checkpoint"]["learned"] = then if checkpoint["events"] else None
-    kept = ("package_version", "model_sha256", "columns", "phi_version", "in_force")
-    lift = {"lift": content["lift"]} if content.get("lift") else {}
-    return {name: content[name] for name in kept} | lift | {"state": state}
-
-
-def _at(values: Any, place: str) -> Any:
-    """Value at a place of the memory of version 4, whose names were private; None: there is none."""
-    for name in place.split("."):
-        values = values.get(name) if isinstance(values, Mapping) else None
-
-    def public(values: Any) -> Any:
-        if not isinstance(values, Mapping):
-            return values
-        return {name.removeprefix("_"): public(value) for name, value in values.items()}
-
-    return public(values)
-
-
-def _by_name(found: Knowledge, names: tuple[str, ...], pressure_scale: float) -> Knowledge:
-    """Knowledge whose columns have these names, in the columns of today: what is new there is as before any event."""
-    width, state, learned = len(names), found.state, found.state.learned
-    parts = learned.belief.parts | {"in_force": found.in_force}
-    if any(size != width for part in parts.values() for size in part.shape) or len(set(names)) != width:
-        raise _UnusableError(f"it does not hold as many parameters as it names, {width}")
-    gated = {SCALARS.names[column] for column in SCALARS.gate.columns}
-    if not learned.active <= {column for column, name in enumerate(names) if name in gated}:
-        raise _UnusableError("it leaves out a parameter that cannot be left out")
-    if names == SCALARS.names:
-        return found
-    here = [column for column, name in enumerate(SCALARS.names) if name in names]
-    there = [names.index(SCALARS.names[column]) for column in here]
-    start = no_knowledge(state.noise, pressure_scale)
-    moved = start.state.learned.belief.parts | {"in_force": start.in_force}
-    moved = {name: part.copy() for name, part in moved.items()}
-    for name, part in parts.items():
-        moved[name][np.ix_(*[here] * part.ndim)] = part[np.ix_(*[there] * part.ndim)]
-    in_force = moved.pop("in_force")
-    active = frozenset(column for column, old in zip(here, there, strict=True) if old in learned.active)
-    followed = {name: getattr(start.state, name) for name in ("checkpoint", "lag_doubt", "energizing")}
-    learned = replace(learned, belief=Belief(**moved), theta=in_force, active=active)
-    return replace(
-        found, in_force=in_force, state=replace(state, learned=learned, passed_with=in_force, **followed)
-    )
-
-
 def restored_knowledge(
-    path: Path | None,
-    model: str,
-    pressure_scale: float,
-    tell: Callable[[str], None],
-    set_aside: bool = True,
+    path: Path | None, model: InjectorParameters, tell: Callable[[str], None], set_aside: bool = True
 ) -> Knowledge | None:
     """Reads a state file's knowledge for this model, and reports what became of it; None without one.
 
@@ -447,7 +343,7 @@ def restored_knowledge(
     """
     if path is None:
         return None
-    found = load_knowledge(path, model, pressure_scale, set_aside)
+    found = load_knowledge(path, model, set_aside)
     tell(found.message)
     return found.knowledge if found.knowledge and found.knowledge.state.events else None
 
@@ -458,14 +354,14 @@ def learned_beside(injector_file: Path) -> Path:
 
 
 def knowledge_beside(
-    injector_file: Path, model: str, pressure_scale: float, tell: Callable[[str], None]
+    injector_file: Path, model: InjectorParameters, tell: Callable[[str], None]
 ) -> Knowledge | None:
     """Reads what `learned_beside` has for this model, and reports what became of it; None without, or if refused."""
     path = learned_beside(injector_file)
     if not path.exists():
         return None
     try:
-        return restored_knowledge(path, model, pressure_scale, tell, set_aside=False)
+        return restored_knowledge(path, model, tell, set_aside=False)
     except UserError as error:
         tell(f"warning: {error.place} {error.problem}; learning begins anew")
         return None

@@ -144,9 +144,8 @@ def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> It
     path = kept_files(fitted, state, journal).state
     if path is None:
         return
-    scale = fitted.parameters.scaling.pressure
     try:
-        knowledge = load_knowledge(path, model_hash(fitted.parameters), scale, set_aside=False).knowledge
+        knowledge = load_knowledge(path, fitted.parameters, set_aside=False).knowledge
     except StateDoesNotFitError as error:
         remedy = (
             "`run` would set it aside and begin anew: name the model file it belongs to, or another state"

@@ -55,7 +55,7 @@ class BatchOptions:
 
 def batch(options: BatchOptions) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
-    from observer_rt.desk.evaluation.learned_state import read_state
+    from observer_rt.daemon.persistence.state_file import restored_knowledge
     from observer_rt.desk.fleet.batch import evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.cluster import connected
     from observer_rt.desk.fleet.dataset import Dataset
@@ -73,7 +73,9 @@ def batch(options: BatchOptions) -> None:
     make_folder("--out", options.out)
     learning = not options.no_learning
     dataset = Dataset(options.out, settings_of(chosen, options.state, learning, pattern))
-    knowledge = read_state(options.state, chosen.injector.parameters, partial(say, messages))
+    knowledge = restored_knowledge(
+        options.state, chosen.injector.parameters, partial(say, messages), set_aside=False
+    )
     task = Task(chosen, Path.cwd(), knowledge, learning, names)
     with stop_on_signals() as stop, connected(options.scheduler, options.workers) as client:
         counts = evaluate_all(client, stop, task, paths, dataset, messages)

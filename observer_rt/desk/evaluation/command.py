@@ -13,11 +13,11 @@ from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
 from observer_rt.desk.evaluation.curves import chosen_numbers, numbers_shown, refuse_beyond
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.desk.evaluation.histories import look_over, run_by_run
-from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state, write_state
+from observer_rt.desk.evaluation.learned_state import refuse_missing_state, write_state
 from observer_rt.desk.evaluation.logged import LoggedSignals, open_source, without_truths
 from observer_rt.desk.evaluation.options import EvaluateOptions
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
@@ -88,7 +88,7 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     stated = bench.injector.parameters
     bench = _with_fuel(bench, sources, options)
-    knowledge = read_state(options.state, stated, partial(say, console))
+    knowledge = restored_knowledge(options.state, stated, partial(say, console), set_aside=False)
     with ExitStack() as stack:
         traces = [stack.enter_context(replacing(path)) for path in _traces(paths, options)]
         evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)

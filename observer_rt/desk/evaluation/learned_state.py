@@ -1,10 +1,9 @@
 """Learned states that a user names: read to begin with, written at the end."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge, save_knowledge
+from observer_rt.daemon.persistence.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters
@@ -16,22 +15,10 @@ def refuse_missing_state(place: str, path: Path | None) -> None:
         raise UserError(f"{place} {path}", "no such file", "correct the path, or leave it out")
 
 
-def read_state(
-    path: Path | None, parameters: InjectorParameters, tell: Callable[[str], None]
-) -> Knowledge | None:
-    """Read what was learned with a model, as its file states it; tell: takes what became of it. None without a path.
-
-    Raises `UserError` for a file that is no state of this model.
-    """
-    return restored_knowledge(
-        path, model_hash(parameters), parameters.scaling.pressure, tell, set_aside=False
-    )
-
-
 def write_state(path: Path, knowledge: Knowledge, parameters: InjectorParameters) -> None:
     """Write what was learned with a model, as its file states it; no daemon may keep the file.
 
     Raises `UserError`, `RunError` where it cannot be written.
     """
     with sole_writer(path):
-        save_knowledge(path, knowledge, model_hash(parameters), parameters.scaling.pressure)
+        save_knowledge(path, knowledge, parameters)

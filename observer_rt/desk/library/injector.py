@@ -15,9 +15,10 @@ import pandas as pd
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
+from observer_rt.daemon.persistence.state_file import restored_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.histories import look_over, run_by_run
-from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state
+from observer_rt.desk.evaluation.learned_state import refuse_missing_state
 from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.library.discovery import DiscoveryResult, Wanted, discovered
 from observer_rt.desk.library.fit import FitResult
@@ -190,7 +191,9 @@ class Injector:
             look_over(self.bench, sources, notes.console)
             before = None if state is None else path_of("state", state)
             refuse_missing_state("state", before)
-            knowledge = read_state(before, self.parameters, partial(say, notes.console))
+            knowledge = restored_knowledge(
+                before, self.parameters, partial(say, notes.console), set_aside=False
+            )
             learning = learn and self.bench.injector.config.learning.enabled
             c = effective_model(self.parameters).coefficients
 

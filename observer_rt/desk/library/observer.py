@@ -13,7 +13,8 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.core.stream.stream import RING
-from observer_rt.desk.evaluation.learned_state import read_state, refuse_missing_state, write_state
+from observer_rt.daemon.persistence.state_file import restored_knowledge
+from observer_rt.desk.evaluation.learned_state import refuse_missing_state, write_state
 from observer_rt.desk.library.recordings import path_of
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.reports.injection_report import (
@@ -80,7 +81,7 @@ class SampleObserver:
         bus = map_bus(bench)
         before = None if state is None else path_of("state", state)
         refuse_missing_state("state", before)
-        known = read_state(before, injector.parameters, lambda _: None)
+        known = restored_knowledge(before, injector.parameters, lambda _: None, set_aside=False)
         fuel = injector.parameters.fluid.reference_temperature
         self._core = Core(bench.injector, bus, known, listeners=[self._take], fuel_temperature=fuel)
         self._device = Device(bus)

@@ -41,17 +41,6 @@ class PhaseStatistics:
     block_squares: NDArray[np.float64]
     blocks: NDArray[np.float64]
 
-    @property
-    def table(self) -> NDArray[np.float64]:
-        """Table of all sums, (PHASES, 2 + 2 len(BLOCKS)), as `of_table` takes it."""
-        return np.column_stack((self.squares, self.samples, self.block_squares, self.blocks))
-
-    @classmethod
-    def of_table(cls, table: NDArray[np.float64]) -> "PhaseStatistics":
-        """Statistics of a table."""
-        end = 2 + len(BLOCKS)
-        return cls(table[:, 0], table[:, 1], table[:, 2:end], table[:, end:])
-
     def faded(self, factor: float, newer: "PhaseStatistics") -> "PhaseStatistics":
         """Statistics weighted by `factor`, and newer ones added."""
         return PhaseStatistics(

@@ -16,7 +16,7 @@ import pytest
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import LearningConfig, StateConfig, Training
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of
-from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash
+from observer_rt.daemon.persistence.state_file import load_knowledge
 from observer_rt.foundation.errors import RunError, UserError
 from tests.daemon.participants import until
 from tests.daemon.samples import some_knowledge
@@ -50,8 +50,7 @@ class Kept:
 
     def events(self) -> int:
         """Learned from, by what is restored from the file now; fails if that is damaged."""
-        model = model_hash(self.bench.injector.parameters)
-        knowledge = load_knowledge(self.path, model, set_aside=False).knowledge
+        knowledge = load_knowledge(self.path, self.bench.injector.parameters, set_aside=False).knowledge
         return knowledge.state.events if knowledge else 0
 
 

@@ -12,9 +12,10 @@ from observer_rt.desk.check.checkup import checkup, plausibility_findings
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.service.constants import configured_noise
+from observer_rt.model.parameters import LineOutflow
 from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
 
-MODEL = model_hash(load_injector())
+MODEL = load_injector()
 
 
 def of_state(path: Path, bench: Path = EXAMPLE_BENCH) -> Finding:
@@ -48,10 +49,12 @@ def test_a_state_learned_from_nothing(tmp_path: Path) -> None:
 
 def test_a_state_of_another_model(tmp_path: Path) -> None:
     path = tmp_path / "state.json"
-    save_knowledge(path, some_knowledge(), "0123456789abcdef" * 4)
+    other = MODEL.model_copy(update={"line_outflow": LineOutflow.SEAT})
+    save_knowledge(path, some_knowledge(), other)
     finding = of_state(path)
     assert finding.level is Level.WARNING
-    assert f"another injector model, SHA-256 01234567... instead of {MODEL[:8]}..." in finding.text
+    hashes = f"SHA-256 {model_hash(other)[:8]}... instead of {model_hash(MODEL)[:8]}..."
+    assert f"another injector model, {hashes}" in finding.text
     assert "name the model file it belongs to" in finding.text
 
 

@@ -19,7 +19,6 @@ from observer_rt.daemon import link_opening
 from observer_rt.daemon.persistence.state_file import (
     learned_beside,
     load_knowledge,
-    model_hash,
     save_knowledge,
 )
 from observer_rt.desk.evaluation.evaluate import evaluate
@@ -79,7 +78,7 @@ def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, 
     assert "learned state restored" in second.err
     assert "learned from 4 events" in second.err
     assert valid_injections(heard) == [0, 1, 1, 1]
-    restored = load_knowledge(state, model_hash(load_injector())).knowledge
+    restored = load_knowledge(state, load_injector()).knowledge
     assert restored is not None
     assert restored.state.events == 8
 
@@ -132,7 +131,7 @@ def test_link_that_fails_ends_with_the_state_saved(
     outcome = command("run", "--bench", bench, "--state", state)
     assert outcome.code == 1
     assert "error: vcan9 went away" in outcome.err
-    restored = load_knowledge(state, model_hash(load_injector())).knowledge
+    restored = load_knowledge(state, load_injector()).knowledge
     assert restored is not None
     assert restored.state.events == 4
 
@@ -222,7 +221,7 @@ def test_an_amended_model_begins_with_what_was_learned_for_it_and_undo_with_what
     log, amended, text = tmp_path / "run.log", tmp_path / "amended.toml", bench.read_text()
     injector(amended, end=WORN)
     learned = evaluate(load_bench(bench, amended), [read_recording(worn)]).knowledge
-    save_knowledge(learned_beside(amended), learned, model_hash(load_injector(amended)))
+    save_knowledge(learned_beside(amended), learned, load_injector(amended))
 
     def changed_to(new: str, said: str) -> None:
         ready = log.read_text().count("start: ready")

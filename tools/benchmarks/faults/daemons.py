@@ -18,7 +18,7 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.persistence.journal import Row, reading_journal
-from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash
+from observer_rt.daemon.persistence.state_file import load_knowledge
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.replay.player import play
@@ -76,7 +76,7 @@ def read_back(folder: Path, told: Sequence[tuple[str, ...]], due: int) -> tuple[
     rows: list[Row] = []
     problems, events, journal = [], 0, folder / "injections.sqlite"
     try:
-        restored = load_knowledge(folder / "state.json", model_hash(load_bench().injector.parameters))
+        restored = load_knowledge(folder / "state.json", load_bench().injector.parameters)
         events = restored.knowledge.state.events if restored.knowledge else 0
         if journal.exists():
             with contextlib.closing(sqlite3.connect(journal)) as connection:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.daemon.persistence.state_file import load_knowledge, save_knowledge
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason
@@ -232,11 +232,10 @@ class _Player:
 
     def _restart(self, placed: Placed) -> None:
         self._of_process.remove(placed)
-        parameters = self._bench.injector.parameters
-        model, scale = model_hash(parameters), parameters.scaling.pressure
+        model = self._bench.injector.parameters
         with TemporaryDirectory(prefix="faults-") as folder:
-            save_knowledge(Path(folder) / "state.json", self._core.knowledge, model, scale)
-            restored = load_knowledge(Path(folder) / "state.json", model, scale)
+            save_knowledge(Path(folder) / "state.json", self._core.knowledge, model)
+            restored = load_knowledge(Path(folder) / "state.json", model)
         self._core = Core(
             self._bench.injector,
             self._bus,

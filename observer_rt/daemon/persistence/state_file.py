@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import os
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -21,7 +20,7 @@ from observer_rt.engine.estimation.gain import LARGEST_NOISE
 from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
 from observer_rt.engine.learning.disturbances.colour import ORDERS
-from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.memory import Count, NotAsExpectedError, kept_names, plain, restored
 from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift
@@ -44,21 +43,10 @@ _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
 def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
     """Fault that makes knowledge impossible or implausible, in a few words; None if there is none.
 
-    pressure_scale: p_0 [Pa], by which the bounds are counted.
+    pressure_scale: p_0 [Pa], by which the bounds are counted. A file sees to it that numbers are finite.
     """
     state, learned = knowledge.state, knowledge.state.learned
-    prior = no_knowledge(state.noise, pressure_scale)
-    for part, like in zip(_arrays(knowledge), _arrays(prior), strict=True):
-        if part.shape != like.shape:
-            return f"it holds parameters of another kind: shape {part.shape} instead of {like.shape}"
     lowest, highest = SCALARS.bounds(pressure_scale)
-    for name, theta in (
-        ("the mean", learned.belief.mean),
-        ("the parameters in force", knowledge.in_force),
-        ("the parameters learned last", learned.theta),
-    ):
-        if not np.all(np.isfinite(theta)):
-            return f"{name} are not finite numbers"
     if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
         return "the parameters in force lie beyond what an injector can do"
     # the mean is free of the bounds' signs: it may say that a leak is slightly negative
@@ -68,16 +56,12 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
         ("the covariance", learned.belief.covariance),
         ("the error's covariance", learned.belief.error_covariance),
     ):
-        if not np.all(np.isfinite(covariance)):
-            return f"{name} is not finite"
         if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
             return f"{name} is not symmetric and positive definite"
-    if not all(np.all(np.isfinite(sums) & (sums >= 0.0)) for sums in vars(learned.statistics).values()):
+    if any(np.any(sums < 0.0) for sums in vars(learned.statistics).values()):
         return "the statistics of the innovations are no sums of squares"
     if odd := state.noise.implausible:
         return f"the noise of the {odd[0].replace('_', ' ')} is {getattr(state.noise, odd[0]):g} (SI units)"
-    if not np.all(np.isfinite([*state.learned_at, (state.interval, 0.0, 0.0)])):
-        return "the operating points learned at are not finite numbers"
     lift = knowledge.lift
     is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
     if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
@@ -85,9 +69,9 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
     if (colour := learned.colour) is None:
         return None
     whitening = colour.whitening
-    if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS or not np.all(np.isfinite(whitening.taps)):
+    if whitening.taps.ndim != 1 or whitening.taps.size > ORDERS:
         return f"the colour of the noise is no filter of at most {ORDERS} taps"
-    if not all(math.isfinite(value) and value > 0.0 for value in (colour.sigma, colour.interval)):
+    if min(colour.sigma, colour.interval) <= 0.0:
         return "the colour of the noise has no level or no sample interval"
     if whitening.forgetting is not None and not 0.0 < whitening.forgetting < 1.0:
         return "the high pass of the noise is none"
@@ -107,11 +91,6 @@ def _doubt_of(knowledge: Knowledge) -> str | None:
         if is_worn_beyond_limits(theta):
             return "its nozzle or seat is at the limit of what an injector can do"
     return None
-
-
-def _arrays(knowledge: Knowledge) -> list[NDArray[np.float64]]:
-    learned = knowledge.state.learned
-    return [knowledge.in_force, *learned.belief.parts.values(), *vars(learned.statistics).values()]
 
 
 def _is_positive_definite(matrix: NDArray[np.float64]) -> bool:
@@ -197,10 +176,12 @@ def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) 
             knowledge.lift,
         )
     )
-    document = {"version": VERSION, "sha256": _digest(content), "content": content}
     try:
+        document = {"version": VERSION, "sha256": _digest(content), "content": content}
         with replacing(path) as part:
             part.write_text(_json(document, indent=1) + "\n", encoding="ascii")
+    except ValueError:
+        raise RunError(f"{path}: what was learned is not saved, for some of it is not finite") from None
     except OSError as error:
         raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
 
@@ -304,30 +285,27 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
             raise _UnusableError(f"its format is version {version!r}, not {VERSION}{by}")
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
-        content = restored(_Content, document["content"])
+        start = no_state(LARGEST_NOISE, model.scaling.pressure)
+        content = restored(_Content, document["content"], SimpleNamespace(in_force=start.passed_with))
         if (other := content.model_sha256) != (this := model_hash(model)):
             raise _UnusableError(
                 f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {this[:8]}..."
             )
-        state = _state_in(content.state, no_state(LARGEST_NOISE, model.scaling.pressure))
+        state = _state_in(content.state, start)
         if content.columns != SCALARS.names:
             raise _UnusableError("it is of a version that learned other parameters")
         if not state.learned.active <= set(SCALARS.gate.columns):
             raise _UnusableError("it leaves out a parameter that cannot be left out")
         return Knowledge(state, content.in_force, content.phi_version, content.lift)
-    except NotAsExpectedError as error:
+    except (ValueError, OverflowError, RecursionError, KeyError, TypeError, AttributeError) as error:
         raise _UnusableError(f"its content is not as expected ({error})") from None
-    except (ValueError, OverflowError, RecursionError):
-        raise _UnusableError("it is not a learned state as this program writes it") from None
-    except (KeyError, TypeError, AttributeError) as error:
-        raise _UnusableError(f"its content is not as expected ({type(error).__name__}: {error})") from None
 
 
 def _state_in(values: Mapping[str, Any], start: LearningState) -> LearningState:
     """State restored from what `plain` made of it; start: before any event."""
     hints = get_type_hints(LearningState, include_extras=True)
-    found = {name: restored(hints[name], values[name], place=name) for name in _WHOLE}
     shapes = vars(start) | {"checkpoint": SimpleNamespace(learned=start.learned, at_rest=start.at_rest)}
+    found = {name: restored(hints[name], values[name], shapes[name], name) for name in _WHOLE}
     for name in values.keys() & set(kept_names(LearningState)) - set(_WHOLE):
         with suppress(NotAsExpectedError):
             found[name] = restored(hints[name], values[name], shapes[name], name)

@@ -124,18 +124,8 @@ def test_it_must_be_said_which(command: Command, bench: Path) -> None:
     assert "did you mean 'two'?" in command.refused("run", "--bench", bench, "--injector", "tow")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        (f"id_step = {STEP}\n", "", "share the message InjectionRate 0x300"),
-        ("learned_{injector}.json", "learned.json", "share state.file ="),
-        ("injections_{injector}.sqlite", "injections.sqlite", "share state.journal ="),
-        ("[sampling]", "[outputs_]", "did you mean 'outputs'?"),
-    ],
-)
-def test_what_they_cannot_share(command: Command, bench: Path, old: str, new: str, said: str) -> None:
-    """Each daemon sees the whole file."""
-    text = bench.read_text()
-    assert old in text
-    bench.write_text(text.replace(old, new))
-    assert said in command.refused("run", "--bench", bench, "--injector", "two")
+def test_each_daemon_sees_what_two_cannot_share(command: Command, bench: Path) -> None:
+    bench.write_text(bench.read_text().replace(f"id_step = {STEP}\n", ""))
+    assert "share the message InjectionRate 0x300" in command.refused(
+        "run", "--bench", bench, "--injector", "two"
+    )

@@ -121,6 +121,8 @@ class Port:
         self.has_inputs = has_inputs
         self.outages = 0
         """Number of times the interface went down or away."""
+        self.down, self.down_since = "", 0
+        """Why it is down, empty: it is not; since when, by the monotonic clock [ns]."""
         self._outbox = Outbox(link)
         self._watch = LinkWatch(channel, link, self._outbox)
         self._tell = tell
@@ -185,6 +187,7 @@ class Port:
         """Takes the failed link for down until `mend`. What waits is given up: it would be too old for anybody."""
         self._outage = Outage(self.link)
         self.outages += 1
+        self.down, self.down_since = str(error), time.monotonic_ns()
         self._outbox.discard()
         self._is_reported = self._tell_outage(str(error))
 
@@ -194,9 +197,10 @@ class Port:
             if self._outage is not None and not self._outage.is_over(executor):
                 return False
         except LinkDownError as error:
+            self.down = str(error)
             self._is_reported = self._tell_outage(str(error)) or self._is_reported
             return False
-        self._outage = None
+        self._outage, self.down = None, ""
         self._watch.begin_anew()
         if self._is_reported:
             self._tell(Notice(Topic.LINK, f"{self.label} is back", is_over=True))

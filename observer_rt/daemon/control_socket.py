@@ -1,10 +1,11 @@
 """The daemon's one local socket: a request and its answer are a line of JSON each, for whoever may open its file.
 
-It stands beside the lock of what the daemon keeps, so that a process sees both if it sees one, also through a folder
-that is shared with a container. A request is an object that names what is asked for as `request`; an answer that has
-`error` refuses.
+It stands beside the lock of what the daemon keeps, else beside its bench file, so that a process sees both if it sees
+one, also through a folder that is shared with a container. A request is an object that names what is asked for as
+`request`; an answer that has `error` refuses.
 """
 
+import errno
 import json
 import os
 import pwd
@@ -16,26 +17,46 @@ from socketserver import StreamRequestHandler, ThreadingMixIn, UnixStreamServer
 from threading import BoundedSemaphore, Thread
 from typing import Any
 
-from observer_rt.daemon.persistence.journal import is_at
-from observer_rt.daemon.persistence.keeper import is_written
+from observer_rt.config.bench import BenchInjector
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 
-MOST_CLIENTS = 8  # at once; what is beyond is closed
+OBSERVER = "observer"  # in the folder of evidence: its lock names the process that keeps it
+MOST_CLIENTS = 16  # at once; what is beyond is closed
 LONGEST = 1 << 16  # bytes of a line
 IDLE = 30.0  # s that a client may be silent, or not read
 PATIENCE = 60.0  # s that an answer may take
 OWNER_AND_GROUP = 0o660
 
 Message = Mapping[str, Any]
-Requests = Mapping[str, Callable[[Message], Message]]
-"""Functions that answer, by the name of the request: called in a client's thread, they may raise `ObserverError`."""
+Requests = Mapping[str, Callable[[Message], Message | Iterator[bytes]]]
+"""Functions that answer, by the name of the request: called in a client's thread, they may raise `ObserverError`.
+
+An answer is a line of JSON; or pieces, the first of which is one, and says how many bytes follow.
+"""
+
+
+def socket_places(fitted: BenchInjector, state: Path | None = None) -> tuple[Path, ...]:
+    """Files beside which a daemon of an injector has its socket: beside the first that its bench file names.
+
+    state: of the command line, where the bench file does not name it, nobody else can find it.
+    """
+    kept = fitted.state if state in (None, fitted.state) else None
+    path, evidence = fitted.file.path, fitted.evidence and fitted.evidence / OBSERVER
+    return tuple(
+        filter(None, (evidence, kept, path.with_name(".".join(filter(None, (path.name, fitted.name))))))
+    )
 
 
 @contextmanager
 def control_socket(kept: Path, requests: Requests) -> Iterator[None]:
-    """Answer requests at the socket of a file that this process has locked. Raises OSError where none can be made."""
+    """Answer requests at the socket of a file. Raises OSError where none can be made, or another daemon has it."""
+    from observer_rt.daemon.persistence.journal import is_at  # clients need none of it
+
     with _address(kept) as address:
-        Path(address).unlink(missing_ok=True)  # the lock is ours: left behind by a process that was killed
+        with suppress(FileNotFoundError, ConnectionRefusedError), socket.socket(socket.AF_UNIX) as other:
+            other.connect(address)
+            raise OSError(errno.EADDRINUSE, "another daemon answers there")
+        Path(address).unlink(missing_ok=True)  # left behind by a process that was killed
         with _SocketServer(address, requests) as server:
             path = Path(os.path.realpath(kept) + ".socket")
             own = path.stat()
@@ -50,19 +71,20 @@ def control_socket(kept: Path, requests: Requests) -> Iterator[None]:
                         path.unlink()
 
 
-def ask(kept: Path, request: Message) -> Message | None:
-    """Answer of the daemon that keeps a file; None: there is no such daemon.
+def connected(kept: Path) -> socket.socket | None:
+    """Connection to the daemon that keeps a file; None: there is no such daemon.
 
-    Raises `UserError` for a daemon that refuses, or may not be asked, `RunError` for one that does not answer.
+    Raises `UserError` for a daemon that may not be asked, `RunError` for one that takes no requests.
     """
+    daemon = socket.socket(socket.AF_UNIX)
     try:
-        with socket.socket(socket.AF_UNIX) as daemon, _address(kept) as address:
+        with _address(kept) as address:
             daemon.settimeout(PATIENCE)
             daemon.connect(address)
-            daemon.sendall(json.dumps(request).encode() + b"\n")
-            with daemon.makefile("rb") as lines:
-                answer = json.loads(lines.readline(LONGEST))
+            return daemon
     except (FileNotFoundError, ConnectionRefusedError):
+        from observer_rt.daemon.persistence.keeper import is_written  # rarely needed, and much
+
         if not is_written(kept):
             return None
         raise RunError(
@@ -75,13 +97,32 @@ def ask(kept: Path, request: Message) -> Message | None:
             f"is kept by a daemon of user {_owner(kept)}, who alone may ask it, with the group",
             "repeat the command as that user, or with sudo",
         ) from None
+    except OSError:
+        raise _no_answer(kept) from None
+
+
+def ask(kept: Path, request: Message) -> Message | None:
+    """Answer of the daemon that keeps a file, a line; None: there is no such daemon.
+
+    Raises `UserError` for a daemon that refuses, or may not be asked, `RunError` for one that does not answer.
+    """
+    if (daemon := connected(kept)) is None:
+        return None
+    try:
+        with daemon, daemon.makefile("rwb") as stream:
+            stream.write(line_of(request))
+            stream.flush()
+            answer = json.loads(stream.readline(LONGEST))
     except (OSError, ValueError):
-        raise RunError(
-            f"the daemon that keeps {kept} does not answer\n  remedy: see its log; restart it if it hangs"
-        ) from None
+        raise _no_answer(kept) from None
     if "error" in answer:
         raise UserError(str(kept), f"its daemon refuses: {answer['error']}", "see the daemon's log")
     return dict(answer)
+
+
+def line_of(said: Message) -> bytes:
+    """A request, or an answer, as a line."""
+    return json.dumps(said).encode() + b"\n"
 
 
 class _SocketServer(ThreadingMixIn, UnixStreamServer):
@@ -117,18 +158,17 @@ class _Client(StreamRequestHandler):
         """Answer one line after another."""
         with suppress(OSError):  # it is gone, or silent
             while (line := self.rfile.readline(LONGEST)).endswith(b"\n"):
-                self.wfile.write(json.dumps(self._answer(line)).encode() + b"\n")
+                answer = self._answer(line)
+                self.wfile.writelines([line_of(answer)] if isinstance(answer, Mapping) else answer)
 
-    def _answer(self, line: bytes) -> Message:
+    def _answer(self, line: bytes) -> Message | Iterator[bytes]:
         try:
             request = json.loads(line)
-            answer = self.server.requests[request["request"]]
-        except (ValueError, KeyError, TypeError, RecursionError):
-            return {"error": f"this is no request; known: {', '.join(self.server.requests)}"}
-        try:
-            return answer(request)
+            return self.server.requests[request["request"]](request)
         except ObserverError as error:
             return {"error": str(error)}
+        except (ValueError, KeyError, TypeError, RecursionError):
+            return {"error": f"this is no request; known: {', '.join(self.server.requests)}"}
 
 
 @contextmanager
@@ -149,3 +189,9 @@ def _owner(kept: Path) -> str:
         with suppress(OSError, KeyError):
             return pwd.getpwuid(place.stat().st_uid).pw_name
     return "unknown"
+
+
+def _no_answer(kept: Path) -> RunError:
+    return RunError(
+        f"the daemon that keeps {kept} does not answer\n  remedy: see its log; restart it if it hangs"
+    )

@@ -94,7 +94,8 @@ class Daemon:
         self._down: list[int] = []  # buses
         self._frames_seen = 0
         self._last_input = 0
-        self._looked = 0
+        self.looked = 0
+        """When the loop last looked at its state, by the monotonic clock [ns]; 0: it has not begun."""
         self.ready = threading.Event()
 
     def run(self, stop: threading.Event) -> None:
@@ -152,7 +153,7 @@ class Daemon:
 
     def _look(self, now: int) -> None:
         """Looks for faults of the inputs, and for the state; inputs on a bus that is down are not judged."""
-        slept, self._looked = (now - self._looked) / SECOND if self._looked else 0.0, now
+        slept, self.looked = (now - self.looked) / SECOND if self.looked else 0.0, now
         if slept > ASLEEP:  # what came meanwhile may be lost, and is no fault of the inputs
             self.arrivals.begin(now)
             remedy = "was it stopped or the computer suspended? else give it a processor"
@@ -213,6 +214,11 @@ class Daemon:
         if self.arrivals.is_contested(now):
             return contested(state, reason)
         return state, (reason,) if reason else ()
+
+    @property
+    def stands_since(self) -> int:
+        """Since when the state and its reasons are what they are, by the monotonic clock [ns]."""
+        return self._state_watch.since
 
     @property
     def dropped(self) -> int:

@@ -14,6 +14,7 @@ from typing import IO, NamedTuple
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.channels import effects_after_alignment
+from observer_rt.daemon.control_socket import OBSERVER
 from observer_rt.daemon.persistence.keeper import sole_writer
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.engine.reports.evidence import (
@@ -31,7 +32,6 @@ from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MILLISECOND
 
 WRITER = "observer_rt.files.evidence"  # module that runs as the process
-OBSERVER = "observer"  # in the folder: its lock names the process that keeps it
 MOST_WAITING = 64  # events that may wait for the disk
 LONGEST = 60 * MILLISECOND  # s of an event that are copied
 LAST_EVENTS = 5.0  # s for the last ones to be written

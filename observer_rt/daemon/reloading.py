@@ -14,24 +14,19 @@ from threading import Event, Thread
 from typing import Protocol
 
 from observer_rt import __version__
-from observer_rt.config.bench import Bench, BenchInjector, changes, content_of
-from observer_rt.daemon.control_socket import Message, control_socket
-from observer_rt.daemon.evidence import OBSERVER
+from observer_rt.config.bench import Bench, changes, content_of
+from observer_rt.daemon.control_socket import Message, control_socket, socket_places
 from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.foundation.console import SignalledEvent, StopRequest
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 
+Answer = Callable[[Message], Iterator[bytes]]
 RELOAD = "reload"  # name of the request; `model` in it and in the answer: SHA-256
 _LOOK = 0.05  # s between two looks at what is asked for
 _TURN = 0.001  # s between two looks whether an injection is under way
 _PATIENCE = 2.0  # s that one is waited for
 _LONGEST = 45.0  # s until an answer
-
-
-def kept_by_daemon(fitted: BenchInjector, state: Path | None = None) -> tuple[Path, ...]:
-    """Files that a daemon of an injector locks: the first has the socket beside it. state: of the command line."""
-    evidence, state = fitted.evidence, state or fitted.state
-    return tuple(path for path in (evidence and evidence / OBSERVER, state) if path is not None)
 
 
 class Reloadable(Protocol):
@@ -83,22 +78,23 @@ class Reloading:
         self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
         self._socket = stack.enter_context(ExitStack())
         self._place: Path | None = None
+        self._snapshot: Answer = lambda _: iter(())
 
-    def listen(self, bench: Bench, state: Path | None) -> None:
-        """Take requests where what the injector keeps is locked. state: of the command line."""
-        place = next(iter(kept_by_daemon(bench.injector, state)), None)
+    def listen(self, bench: Bench, state: Path | None, snapshot: Answer) -> None:
+        """Take requests where the bench file leads to. state: of the command line; snapshot: answers that request."""
+        self._snapshot = snapshot
+        place = socket_places(bench.injector, state)[0]
         if place == self._place:
             return
         self._socket.close()
         self._place = place
-        if place is None:
-            return
+        requests = {RELOAD: self._reload, SNAPSHOT: lambda request: self._snapshot(request)}
         try:
-            self._socket.enter_context(control_socket(place, {RELOAD: self._reload}))
+            self._socket.enter_context(control_socket(place, requests))
         except OSError as error:
             self._say(
-                f"warning: no requests can be taken beside {place}: {error}\n"
-                "  remedy: name a folder of a local disk; SIGUSR1 has the bench file read all the same"
+                f"warning: no requests can be taken beside {place}: {error}\n  remedy: let the daemon write "
+                "there, on a local disk; SIGUSR1 has the bench file read all the same, `monitor` shows nothing"
             )
 
     @contextmanager

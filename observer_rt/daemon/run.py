@@ -31,6 +31,7 @@ from observer_rt.daemon.rights import (
     processors,
     rights,
 )
+from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View, draw
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import News
@@ -87,6 +88,7 @@ class InjectorService:
             log.say(Topic.KEPT, f"what was learned from {learned.state.events} events goes on in force")
         self._announce()
         self._evidence = evidence
+        self.snapshots = SnapshotKeeper(bench, bus)
         title = " ".join(filter(None, ("observer_rt", injector.name)))
         self.screen = View(f"{title}: {self._buses}", injector) if has_view else None
         self._teller = EventLogger(log, notifier, bench_constants(injector).coefficients, injector.name)
@@ -125,6 +127,7 @@ class InjectorService:
                 on_thread=self._on_thread,
                 evidence_kept=lambda: self._evidence.kept if self._evidence else 0,
             )
+            self.snapshots.watch(daemon)
             if self.screen is not None:
                 self.screen.watch(daemon)
             self._daemon = daemon
@@ -137,6 +140,7 @@ class InjectorService:
                 daemon.run(stop)
 
     def _tell(self, news: News) -> None:
+        self.snapshots.hear(news)
         if self.screen is not None:
             self.screen.hear(news)
         self._teller.hear(news)
@@ -247,7 +251,7 @@ class Serving:
         """Serve a bench until asked to stop, or another is to take its place, which is returned."""
         with ExitStack() as stack:
             service = self._service(bench, stack)
-            self.reloading.listen(bench, self.options.state)
+            self.reloading.listen(bench, self.options.state, service.snapshots.answer)
             if not self.is_ready:
                 self._get_ready()
             if self.stop.is_set():

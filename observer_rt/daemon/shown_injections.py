@@ -1,6 +1,6 @@
 """Injections on the terminal: the recent ones as a table, one as curves of rate and line pressure."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,12 +11,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.config.bench import BenchInjector
+from observer_rt.daemon.nominal import ComparedRate
 from observer_rt.engine.estimation.scalars import NOZZLE
 from observer_rt.engine.reports.injection_report import NAMED, InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass
-from observer_rt.engine.service.constants import bench_constants
-from observer_rt.engine.stream.follower import Follower
 from observer_rt.engine.words import REASONS
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
@@ -34,19 +32,6 @@ _FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "ma
 _COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
 
 
-@dataclass(frozen=True)
-class ComparedRate:
-    """Reference of an injection: its rate [m3/s] over the injection's samples, and its mass [kg]."""
-
-    name: str
-    rate: NDArray[np.float64]
-    mass: float
-
-
-References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate]]
-"""References for an injection and its samples, dtype `stream.state.SAMPLE`."""
-
-
 @dataclass
 class ShownInjection:
     """An injection, its samples, what it is compared with (None: not worked out yet), its measured mass."""
@@ -55,25 +40,6 @@ class ShownInjection:
     rows: NDArray[np.void]
     references: Sequence[ComparedRate] | None = None
     measured: MeasuredMass | None = None
-
-
-class NominalInjection:
-    """The model as given, run over an injection's own inputs."""
-
-    def __init__(self, fitted: BenchInjector) -> None:
-        self._constants = bench_constants(fitted)
-        self.coefficients: Coefficients = self._constants.coefficients
-
-    def __call__(self, report: InjectionReport, rows: NDArray[np.void]) -> Sequence[ComparedRate]:
-        """Rate and mass of the injection; none where the needle was open from the start."""
-        is_open = rows["seat_area"] > 0.0
-        if not is_open.any() or is_open[0]:
-            return ()
-        follower = Follower(self._constants)
-        follower.begin(rows["x_tilde"][0])
-        rate = follower.along(rows)
-        mass = float(np.trapezoid(rate)) * self._constants.interval * report.density
-        return [ComparedRate("nominal", rate, mass)]
 
 
 class _CurveLine(NamedTuple):

@@ -18,11 +18,10 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_monitoring.arrivals import age_text
+from observer_rt.daemon.nominal import NominalInjection, References
 from observer_rt.daemon.shown_injections import (
     HEADING,
     LOWEST,
-    NominalInjection,
-    References,
     ShownInjection,
     curves,
     injections,

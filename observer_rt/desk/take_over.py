@@ -14,9 +14,9 @@ from datetime import datetime
 from pathlib import Path
 
 from observer_rt.config.bench import Bench, load_bench, load_injector
-from observer_rt.daemon.control_socket import ask
+from observer_rt.daemon.control_socket import ask, socket_places
 from observer_rt.daemon.persistence.state_file import learned_beside, model_hash
-from observer_rt.daemon.reloading import RELOAD, kept_by_daemon
+from observer_rt.daemon.reloading import RELOAD
 from observer_rt.desk.beforehand import learn_beforehand
 from observer_rt.desk.bench_text import naming, replace_text
 from observer_rt.desk.other_changes import other_changes, parameter_changes
@@ -192,7 +192,7 @@ def _is_reloaded(bench: Bench) -> bool:
     """
     fitted = bench.injector
     model = model_hash(fitted.parameters)
-    for kept in kept_by_daemon(fitted):
+    for kept in socket_places(fitted):
         answer = ask(kept, {"request": RELOAD, "model": model})
         if answer is not None:
             if answer.get("model") != model:

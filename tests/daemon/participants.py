@@ -20,8 +20,9 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.daemon import link_opening
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_monitoring.arrivals import Arrivals
+from observer_rt.daemon.nominal import References
 from observer_rt.daemon.pump.pump import FramePump
-from observer_rt.daemon.shown_injections import References
+from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
@@ -53,6 +54,7 @@ class ScriptedLink(FakeLink):
         super().__init__()
         self.empty = threading.Event()
         self._frames = deque(frames)
+        self.frames = len(self._frames)
         self._failure = failure
 
     def receive(self, timeout_s: float) -> Frame | None:
@@ -121,8 +123,11 @@ class HeardDaemon(Daemon):
         loaded = bench if isinstance(bench, Bench) else load_bench(bench)
         bus = map_bus(loaded)
         self.notes, self.view = Notes(), View("title of the view", loaded.injector, references)
-        super().__init__(loaded, bus, links, listeners=[self.notes, self.view.hear], **options)
+        self.snapshots = SnapshotKeeper(loaded, bus, references)
+        listeners = [self.notes, self.view.hear, self.snapshots.hear]
+        super().__init__(loaded, bus, links, listeners=listeners, **options)
         self.view.watch(self)
+        self.snapshots.watch(self)
         self.messages = self.notes.messages
 
     def drawn(self, width: int = 80, height: int = 24) -> str:

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
-from observer_rt.daemon.shown_injections import ComparedRate, NominalInjection
+from observer_rt.daemon.nominal import ComparedRate, NominalInjection
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import Notes

@@ -281,7 +281,8 @@ class StateWatch:
     def __init__(self, arrivals: Arrivals) -> None:
         self._arrivals = arrivals
         self._now: _Standing | None = None
-        self._since = 0
+        self.since = 0
+        """When the state became what it is [ns]."""
         self._reported: _Standing | None = None
 
     def look(
@@ -291,8 +292,8 @@ class StateWatch:
         what, why = state
         standing = (what, why, () if is_good(what) else causes)
         if standing != self._now:
-            self._now, self._since = standing, now
-        if standing == self._reported or now - self._since < LASTING * SECOND:
+            self._now, self.since = standing, now
+        if standing == self._reported or now - self.since < LASTING * SECOND:
             return []
         self._reported = standing
         text = "; ".join(

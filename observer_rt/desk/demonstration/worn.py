@@ -22,7 +22,7 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.core.frames.frames import decode_signals
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.shown_injections import ComparedRate
+from observer_rt.daemon.nominal import ComparedRate
 from observer_rt.daemon.view import View
 from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.desk.evaluation.figures import MassRow, Picture, plot_injections

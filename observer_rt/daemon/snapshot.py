@@ -1,0 +1,149 @@
+"""What a daemon shows of itself at a moment: as an object, and as it goes over the control socket.
+
+There it is a line of JSON with the status, then for each injection a line of JSON and its curves as float32,
+little-endian, one curve after the other.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from observer_rt.foundation.errors import RunError, UserError
+
+SNAPSHOT = "snapshot"  # name of the request; `run` and `since` in it: what the client has, of whom
+KEPT = 1000  # injections
+WITH_CURVES = 16  # of them, the newest
+_LINE = 1 << 20  # bytes of an answer's line
+_FLOAT = np.dtype("<f4")
+
+
+class Level(StrEnum):
+    """Whether a state is well: results can be valid; it may become so; something is wrong."""
+
+    GOOD = "good"
+    WAITING = "waiting"
+    BAD = "bad"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that is wrong since a moment [ns since 1970]; parts: the messages it shows in, if several."""
+
+    what: str
+    since: int
+    remedy: str
+    parts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class BusStatus:
+    """A bus: the share of the last second that each message of the observer's took; why it is down, if it is."""
+
+    label: str
+    loads: Mapping[str, float]
+    down: str = ""
+
+
+@dataclass(frozen=True)
+class Status:
+    """State of a daemon.
+
+    run: tells it from other daemons. moment: when it last looked at itself [ns since 1970]. words: state or reason
+    in words. model: file in force. lost: samples and frames so far.
+    """
+
+    run: int
+    moment: int
+    state: str
+    reasons: tuple[str, ...]
+    words: str
+    level: Level
+    model: str
+    lost: int = 0
+    faults: tuple[Fault, ...] = ()
+    buses: tuple[BusStatus, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ShownInjection:
+    """An injection: the n-th of the daemon's, and when it was judged [ns since 1970].
+
+    values: by their names in the journal. references: masses [mg] it is compared with, by name. curves: by name,
+    (samples,) each; none of an older one.
+    """
+
+    count: int
+    moment: int
+    values: Mapping[str, Any]
+    references: Mapping[str, float | None] = field(default_factory=dict)
+    curves: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    @property
+    def text(self) -> dict[str, Any]:
+        """All but the curves themselves, for JSON."""
+        samples = next((each.size for each in self.curves.values()), 0)
+        return {
+            "count": self.count,
+            "moment": self.moment,
+            "values": self.values,
+            "references": self.references,
+            "curves": [*self.curves],
+            "samples": samples,
+        }
+
+    @property
+    def data(self) -> bytes:
+        """The curves."""
+        return b"".join(each.astype(_FLOAT).tobytes() for each in self.curves.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """State of a daemon, and its injections, the newest last."""
+
+    status: Status
+    injections: tuple[ShownInjection, ...] = ()
+
+    def pieces(self) -> Iterator[bytes]:
+        """It goes over a socket like this."""
+        yield _line({**asdict(self.status), "injections": len(self.injections)})
+        for each in self.injections:
+            yield _line(each.text)
+            yield each.data
+
+
+def read_snapshot(stream: IO[bytes]) -> Snapshot:
+    """Read an answer. Raises `UserError` for a daemon that refuses, `RunError` for what is no snapshot."""
+    try:
+        said = _said(stream)
+        if "error" in said:
+            raise UserError("snapshot", f"the daemon refuses: {said['error']}", "see the daemon's log")
+        number = int(said.pop("injections"))
+        return Snapshot(_STATUS.validate_python(said), tuple(_injection(stream) for _ in range(number)))
+    except (ValueError, KeyError, TypeError, ValidationError):
+        raise RunError("the daemon does not answer, or is of another version\n  remedy: restart it") from None
+
+
+def _injection(stream: IO[bytes]) -> ShownInjection:
+    said = _said(stream)
+    names, samples = said.pop("curves"), said.pop("samples")
+    data = stream.read(len(names) * samples * _FLOAT.itemsize)
+    values = np.frombuffer(data, _FLOAT).reshape(len(names), samples)
+    return ShownInjection(**said, curves=dict(zip(names, values, strict=True)))
+
+
+def _line(said: Mapping[str, Any]) -> bytes:
+    return json.dumps(said, allow_nan=False).encode() + b"\n"
+
+
+def _said(stream: IO[bytes]) -> dict[str, Any]:
+    return dict(json.loads(stream.readline(_LINE)))
+
+
+_STATUS = TypeAdapter(Status)

@@ -1,0 +1,297 @@
+"""Snapshots of a daemon: the loop lends what it has, whoever wants a snapshot works it out in its own thread."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.links.descriptor import IdleLink
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.config.bench import Bench
+from observer_rt.daemon.daemon import Daemon
+from observer_rt.daemon.input_monitoring.arrivals import SECOND
+from observer_rt.daemon.input_monitoring.input_watch import LASTING
+from observer_rt.daemon.input_monitoring.silence import REPORTED_AFTER
+from observer_rt.daemon.nominal import ComparedRate, NominalInjection, References
+from observer_rt.daemon.snapshot import (
+    KEPT,
+    WITH_CURVES,
+    BusStatus,
+    Fault,
+    Level,
+    ShownInjection,
+    Snapshot,
+    Status,
+)
+from observer_rt.engine.reports.injection_report import (
+    FIELDS,
+    MASS_BOUND,
+    InjectionReport,
+    Output,
+    known,
+    row_of,
+)
+from observer_rt.engine.reports.news import MeasuredMass, News, Notice
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
+
+LOAD_WINDOW = 1.0  # s
+LONGEST_WINDOW = 3.0  # s, after which counts of frames are too old to be compared with
+LONGEST_WAIT = 1.0  # s that a client waits for news at the most
+_LOOK = 0.01  # s between two looks for them
+_OF_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # said of messages that stay away
+_REMEDY = "\n  remedy: "
+
+
+class SnapshotKeeper:
+    """Listens to the reports of a daemon of one injector, and makes snapshots of it."""
+
+    def __init__(self, bench: Bench, bus: BusMap, references: References | None = None) -> None:
+        """references: what injections are compared with; None: the model as given."""
+        fitted = bench.injector
+        nominal = NominalInjection(fitted)
+        self._c = nominal.coefficients
+        self._references: References = references or nominal
+        self._model = fitted.parameters_path.name
+        self._rate_hz = fitted.config.sampling.rate_hz
+        self._run = time.time_ns()
+        self._loads = LoadMeter(bench, bus)
+        self._daemon: Daemon | None = None  # before it runs
+        self._notice: Fault | None = None  # why it does not run yet
+        # The loop puts news in, which a client takes out, and lends the samples of the last ones.
+        self._news: deque[tuple[InjectionReport | MeasuredMass, int]] = deque(maxlen=KEPT)
+        self._samples: deque[tuple[InjectionReport, NDArray[np.void]]] = deque(maxlen=WITH_CURVES)
+        self._lock = threading.Lock()  # of clients only
+        self._count = 0
+        self._kept: deque[tuple[InjectionReport, ShownInjection]] = deque(maxlen=KEPT)
+
+    def watch(self, daemon: Daemon) -> None:
+        """Make snapshots of this daemon from now on."""
+        self._daemon = daemon
+
+    def hear(self, news: News) -> None:
+        """Take in an injection, and later its measured mass; a listener, which waits for nobody."""
+        now = time.time_ns()
+        if isinstance(news, InjectionReport) and self._daemon is not None:
+            self._samples.append((news, self._daemon.core.rows(news.start, news.end + 1)))
+            self._news.append((news, now))
+        elif isinstance(news, MeasuredMass):
+            self._news.append((news, now))
+        elif isinstance(news, Notice) and news.topic is Topic.LINK:
+            what, _, remedy = news.text.partition(_REMEDY)
+            self._notice = None if news.is_over else Fault(what, now, remedy)
+
+    def snapshot(self, since: int = 0) -> Snapshot:
+        """State now, and all injections kept after the `since`-th."""
+        with self._lock:
+            self._take_in()
+            injections = [shown for _, shown in self._kept if shown.count > since]
+            return Snapshot(self._status(), tuple(injections))
+
+    def answer(self, request: Mapping[str, Any]) -> Iterator[bytes]:
+        """Answer a request for what is new to a client.
+
+        It may state that it has the injections up to `since` of `run`, and waits so long for more: `wait` [s].
+        """
+        since, wait = int(request.get("since", 0)), min(float(request.get("wait", 0.0)), LONGEST_WAIT)
+        if request.get("run") != self._run:
+            since, wait = 0, 0.0
+        end = time.monotonic() + wait
+        while not self._news and self._count <= since and time.monotonic() < end:
+            time.sleep(_LOOK)
+        return self.snapshot(since).pieces()
+
+    def _take_in(self) -> None:
+        """Work out injections that are new; those before them have no curves any more."""
+        samples = {id(report): rows for report, rows in list(self._samples)}
+        while self._news:
+            news, moment = self._news.popleft()
+            if isinstance(news, InjectionReport):
+                self._count += 1
+                shown = self._shown(news, samples.get(id(news)), moment)
+                self._kept.append((news, shown))
+            else:
+                self._note_mass(news)
+        for place in range(-len(self._kept), -WITH_CURVES):
+            report, shown = self._kept[place]
+            if shown.curves:
+                self._kept[place] = report, replace(shown, curves={})
+
+    def _note_mass(self, measured: MeasuredMass) -> None:
+        for place, (report, shown) in enumerate(self._kept):
+            if report is measured.report:
+                values = {**shown.values, "measured_mass_mg": measured.mass / MILLIGRAM}
+                self._kept[place] = report, replace(shown, values=values)
+
+    def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> ShownInjection:
+        """An injection; rows: its samples, None: nobody has them any more."""
+        compared = () if rows is None else self._references(report, rows)
+        values = {
+            **row_of(FIELDS, Output.JOURNAL, report, self._c),
+            MASS_BOUND.name: MASS_BOUND.of(report, self._c),
+            "measured_mass_mg": None,
+            "model": self._model,
+            "gap_MPa": None if rows is None else self._gap(rows, compared),
+            "verdict": "valid" if report.valid else f"not valid: {named(report.reason)}",
+        }
+        masses = {each.name: known(each.mass / MILLIGRAM) for each in compared}
+        curves = {} if rows is None else self._curves(report, rows, compared)
+        return ShownInjection(self._count, moment, values, masses, curves)
+
+    def _gap(self, rows: NDArray[np.void], compared: Sequence[ComparedRate]) -> float | None:
+        """How far the line pressure of the model as given is off (rms) [MPa]; None: not known."""
+        for each in compared:
+            if each.line_pressure is not None:
+                error = float(np.sqrt(np.nanmean((rows["line_pressure"] - each.line_pressure) ** 2)))
+                return known(error * self._c.pressure_scale / MEGAPASCAL)
+        return None
+
+    def _curves(
+        self, report: InjectionReport, rows: NDArray[np.void], compared: Sequence[ComparedRate]
+    ) -> dict[str, NDArray[np.float32]]:
+        def pressure(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            return (values * self._c.pressure_scale + self._c.chamber_pressure) / MEGAPASCAL
+
+        sigma = np.full(len(rows), np.nan) if report.rate_sigma is None else report.rate_sigma[: len(rows)]
+        curves = {
+            "time_ms": (rows["index"] - rows["index"][:1]) / (self._rate_hz * MILLISECOND),
+            "rail_pressure_MPa": pressure(rows["rail_pressure"]),
+            "needle_lift_um": rows["needle_lift"] / MICROMETRE,
+            "line_pressure_MPa": pressure(rows["line_pressure"]),
+            "modelled_line_pressure_MPa": pressure(rows["x_hat"][:, 0]),
+            "rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
+            "rate_bound_mm3_per_ms": 1.96 * sigma / MM3_PER_MS,
+            **{f"{each.name}_rate_mm3_per_ms": each.rate / MM3_PER_MS for each in compared},
+            **{f"phi{number + 1}": rows["phi"][:, number] for number in range(3)},
+        }
+        return {name: values.astype(np.float32) for name, values in curves.items()}
+
+    def _status(self) -> Status:
+        daemon = self._daemon
+        if daemon is None or not daemon.looked:
+            faults = () if self._notice is None else (self._notice,)
+            return self._of_state(time.time_ns(), State.STARTING, (), faults)
+        now = time.monotonic_ns()
+        ahead = time.time_ns() - now  # of the computer's clock before the monotonic one
+        state, reasons = daemon.standing(now)
+        faults = tuple(
+            replace(each, since=each.since + ahead) for each in _faults(daemon, now, state, reasons)
+        )
+        status = self._of_state(daemon.looked + ahead, state, reasons, faults)
+        lost = daemon.dropped + daemon.core.counters.lost_samples
+        return replace(status, lost=lost, buses=self._loads.look(daemon, now))
+
+    def _of_state(
+        self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]
+    ) -> Status:
+        level = Level.BAD
+        if state in (State.STARTING, State.WAITING_FOR_DATA):  # a fault once it lasts
+            level = Level.WAITING
+        elif is_good(state):
+            level = Level.GOOD if not reasons or reasons[0] is Reason.JUMPED else Level.WAITING
+        words = named(reasons[0]) if reasons else STATES[state].what
+        names = tuple(reason.name for reason in reasons)
+        return Status(self._run, moment, state.name, names, words, level, self._model, faults=faults)
+
+
+class LoadMeter:
+    """Shares of the time that the observer's own messages take on its buses, at the bit rates of the bench file."""
+
+    def __init__(self, bench: Bench, bus: BusMap) -> None:
+        self._bus = bus
+        self._times = {
+            layout: frame_time(
+                layout.length,
+                layout.is_fd,
+                link.config.bit_rate,
+                link.config.data_bit_rate,
+                layout.is_extended,
+            )
+            for layout in (*bus.received, *bus.sent)
+            for link in (bench.config.buses[layout.bus],)
+        }
+        self._status_period = bench.injector.config.outputs.status_period_ms * MILLISECOND
+        self._before: deque[tuple[int, dict[MessageLayout, float]]] = (
+            deque()
+        )  # when [ns], busy until then [s]
+
+    def look(self, daemon: Daemon, now: int) -> tuple[BusStatus, ...]:
+        """All buses in use at a monotonic time [ns]."""
+        busy = self._busy(daemon, now)
+        while self._before and now - self._before[0][0] > LONGEST_WINDOW * SECOND:
+            self._before.popleft()
+        while len(self._before) > 1 and now - self._before[1][0] > LOAD_WINDOW * SECOND:
+            self._before.popleft()
+        begin, before = self._before[0] if self._before else (now, busy)
+        if not self._before or now - self._before[-1][0] > 0.1 * SECOND:
+            self._before.append((now, busy))
+        seconds = max((now - begin) / SECOND, 1e-3)
+        share = {layout: (busy[layout] - before[layout]) / seconds for layout in busy}
+        return tuple(
+            BusStatus(
+                port.label,
+                {each.name: part for each, part in share.items() if each.bus == number},
+                port.down.partition(_REMEDY)[0],
+            )
+            for number, port in enumerate(daemon.ports)
+            if not isinstance(port.link, IdleLink)
+        )
+
+    def _busy(self, daemon: Daemon, now: int) -> dict[MessageLayout, float]:
+        """Time that frames of each message took so far [s]."""
+        counters, bus = daemon.core.counters, self._bus
+        frames = {
+            source.layout: float(daemon.arrivals.heard_of(source).frames)
+            for source in daemon.arrivals.sources
+        }
+        if bus.rate is not None:
+            frames[bus.rate.layout] = counters.samples / bus.rate.samples
+        frames[bus.summary.layout] = float(counters.injections * len(bus.summary.pages))
+        frames[bus.status.layout] = now / SECOND / self._status_period * len(bus.status.pages)
+        return {layout: count * self._times[layout] for layout, count in frames.items()}
+
+
+def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -> list[Fault]:
+    """All that is wrong at a monotonic time [ns], by that clock, one for each cause, the likely one first."""
+    down = [
+        Fault(f"{port.label} is down: {what}", port.down_since, remedy)
+        for port in daemon.ports
+        for what, _, remedy in (port.down.partition(_REMEDY),)
+        if what
+    ]
+    silent = _silence(daemon, now)
+    if (down or silent) and (not reasons or reasons[0] in _OF_INPUTS):
+        return [*down, *silent]
+    if is_good(state) or now - daemon.stands_since < LASTING * SECOND:
+        return [*down, *silent]
+    words, name = (REASONS[reasons[0]], reasons[0].name) if reasons else (STATES[state], state.name)
+    return [*down, *silent, Fault(f"{name}: {words.what}", daemon.stands_since, words.remedy)]
+
+
+def _silence(daemon: Daemon, now: int) -> list[Fault]:
+    """Messages that stay away, together: most often they have one device, cable or bus. Not those of a bus down."""
+    arrivals = daemon.arrivals
+    ages = {
+        source: arrivals.silence(source, now)
+        for source in arrivals.sources
+        if daemon.ports[source.layout.bus].is_up
+    }
+    silent = {source: age for source, age in ages.items() if age > max(REPORTED_AFTER, source.patience)}
+    if not silent:
+        return []
+    texts = tuple(f"{source.text}: no frame for {age:.0f} s" for source, age in silent.items())
+    since = now - round(max(silent.values()) * SECOND)
+    remedy = TOPICS[Topic.INPUT].remedy
+    if len(texts) == 1:
+        return [Fault(texts[0], since, remedy)]
+    sampled = {source for source in ages if source.streams}
+    count = "any input" if sampled <= silent.keys() else f"{len(texts)} messages"
+    return [Fault(f"no frame of {count} for {min(silent.values()):.0f} s", since, remedy, texts)]

@@ -1,0 +1,167 @@
+"""Snapshots of a daemon, asked for at its socket: what it has, in the client's time."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from observer_rt.config.bench import load_bench
+from observer_rt.daemon.control_socket import connected, control_socket, line_of, socket_places
+from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Level, Snapshot, read_snapshot
+from observer_rt.engine.reports.news import MeasuredMass, Notice
+from observer_rt.engine.words import Topic
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
+from tests.daemon.participants import HeardDaemon, ScriptedLink, TroubledLink, bench_file, serving, until
+from tests.device import frames_of, worn_recording
+
+WEAR = 0.2
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return bench_file(tmp_path, "snapshots")
+
+
+def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapshot:
+    """What a client is told at the socket that the bench file leads to."""
+    (place,) = socket_places(load_bench(path).injector)
+    daemon = connected(place)
+    assert daemon is not None
+    with daemon, daemon.makefile("rwb") as stream:
+        stream.write(line_of({"request": SNAPSHOT, "run": run, "since": since, "wait": wait}))
+        stream.flush()
+        return read_snapshot(stream)
+
+
+@contextmanager
+def observing(path: Path, link: ScriptedLink) -> Iterator[HeardDaemon]:
+    """A daemon that has taken all frames, and may be asked."""
+    daemon = HeardDaemon(path, link)
+    (place,) = socket_places(load_bench(path).injector)
+    with control_socket(place, {SNAPSHOT: daemon.snapshots.answer}), serving(daemon):
+        until(link.empty.is_set)
+        until(lambda: daemon.core.counters.frames >= link.frames)
+        yield daemon
+
+
+def test_injections_have_what_the_daemon_computed(path: Path) -> None:
+    recording = worn_recording(6, WEAR)
+    with observing(path, ScriptedLink(frames_of(path, recording))) as daemon:
+        shown = asked(path).injections
+        reports = daemon.notes.injections
+    assert [each.values["number"] for each in shown] == [each.number for each in reports]
+    for each, report in zip(shown, reports, strict=True):
+        window, curves = slice(report.start_index, report.end_index + 1), each.curves
+        rate, time_ms = curves["rate_mm3_per_ms"], curves["time_ms"]
+        assert curves["rail_pressure_MPa"] == pytest.approx(
+            recording.rail_pressure[window] / MEGAPASCAL, abs=0.004
+        )
+        assert curves["line_pressure_MPa"] == pytest.approx(
+            recording.line_pressure[window] / MEGAPASCAL, abs=0.004
+        )
+        lift = recording.needle_lift[window] / MILLIMETRE
+        assert curves["needle_lift_um"] * 1e-3 == pytest.approx(lift, abs=1e-5)
+        assert 1e-3 * np.trapezoid(rate, time_ms) * report.density == pytest.approx(
+            report.mass / MILLIGRAM, rel=1e-3
+        )
+        assert each.values["mass_mg"] == pytest.approx(report.mass / MILLIGRAM)
+        gap = curves["modelled_line_pressure_MPa"] - curves["line_pressure_MPa"]
+        assert float(np.abs(gap).max()) < 8.0
+        assert each.values["valid"] == report.valid
+    last = shown[-1]
+    nominal = float(np.trapezoid(last.curves["nominal_rate_mm3_per_ms"], last.curves["time_ms"]))
+    assert 1e-3 * nominal * reports[-1].density == pytest.approx(last.references["nominal"], rel=1e-3)
+    assert last.values["mass_mg"] / last.references["nominal"] == pytest.approx(1.0 + WEAR, abs=0.05)
+    assert float(last.curves["phi3"].min()) < -100.0
+    assert 0.0 < float(last.curves["rate_bound_mm3_per_ms"].max()) < 5.0
+
+
+def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: Path) -> None:
+    """Without wear and learning both are the same; the nominal one runs on its own, from the inputs."""
+    path.write_text(path.read_text().replace("enabled = true", "enabled = false"))
+    with observing(path, ScriptedLink(frames_of(path, worn_recording(v_h=0.0)))):
+        shown = asked(path).injections
+    assert len(shown) == 4
+    for each in shown:
+        assert each.references["nominal"] == pytest.approx(each.values["mass_mg"], rel=2e-3)
+        assert each.values["gap_MPa"] < 1.0
+
+
+def test_only_news_are_sent_and_waited_for(path: Path) -> None:
+    with observing(path, ScriptedLink(frames_of(path, worn_recording()))) as daemon:
+        first = asked(path)
+        run, last = first.status.run, first.injections[-1].count
+        assert [each.count for each in asked(path, run, last - 1).injections] == [last]
+        begin = time.monotonic()
+        assert asked(path, run, last, wait=0.2).injections == ()
+        assert time.monotonic() - begin > 0.15
+        assert len(asked(path, run + 1, last, wait=0.2).injections) == last  # of another daemon
+        daemon.snapshots.hear(MeasuredMass(daemon.notes.injections[-1], 12.3 * MILLIGRAM))
+        assert asked(path).injections[-1].values["measured_mass_mg"] == pytest.approx(12.3)
+
+
+def test_curves_are_kept_of_the_last_injections_only(path: Path) -> None:
+    link = ScriptedLink(frames_of(path, worn_recording(injections=WITH_CURVES + 4)))
+    with observing(path, link):
+        shown = asked(path).injections
+    assert len(shown) == WITH_CURVES + 4
+    assert [bool(each.curves) for each in shown] == 4 * [False] + WITH_CURVES * [True]
+
+
+def test_a_silent_input_is_a_fault_of_its_message_with_its_remedy(path: Path) -> None:
+    with observing(path, ScriptedLink(frames_of(path, worn_recording()))):
+        assert asked(path).status.level is Level.GOOD
+        until(lambda: "SampleBlock 0x100 (rail" in str(asked(path).status.faults))
+        status = asked(path).status
+    (fault,) = status.faults
+    assert 1.0 < (time.time_ns() - fault.since) * 1e-9 < 60.0
+    assert "cable" in fault.remedy
+    assert (status.state, status.level) == ("WAITING_FOR_DATA", Level.WAITING)
+
+
+def test_a_bus_that_is_down_says_why(path: Path) -> None:
+    link = TroubledLink(frames_of(path, worn_recording()))
+    with observing(path, link):
+        link.plugged.clear()
+        until(lambda: bool(asked(path).status.buses[0].down))
+        until(lambda: bool(asked(path).status.faults))
+        fault = asked(path).status.faults[0]
+        assert "can5 is down" in fault.what
+        assert fault.remedy == "plug it in"
+        link.plugged.set()
+        until(lambda: not asked(path).status.buses[0].down)
+
+
+def test_before_the_interface_is_there(path: Path) -> None:
+    daemon = HeardDaemon(path, ScriptedLink())
+    daemon.snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
+    status = daemon.snapshots.snapshot().status
+    assert (status.state, status.level) == ("STARTING", Level.WAITING)
+    assert [(each.what, each.remedy) for each in status.faults] == [
+        ("waiting for the interface: can5 is away", "plug it in")
+    ]
+
+
+def test_the_load_is_that_of_the_observers_own_frames(path: Path) -> None:
+    link = ScriptedLink(frames_of(path, worn_recording(8)))
+    with observing(path, link):
+        asked(path)
+        until(lambda: sum(asked(path).status.buses[0].loads.values()) > 0.0)
+        loads = asked(path).status.buses[0].loads
+    assert loads["ObserverStatus"] == pytest.approx(1e-3, rel=0.9)  # ten a second
+    assert set(loads) == {"SampleBlock", "InjectionRate", "InjectionSummary", "ObserverStatus"}
+
+
+def test_a_request_that_is_none_is_refused(path: Path) -> None:
+    with observing(path, ScriptedLink()), pytest.raises(UserError, match="no request"):
+        asked(path, since="?")  # type: ignore[arg-type]
+
+
+def test_a_daemon_that_answers_keeps_its_socket(path: Path) -> None:
+    (place,) = socket_places(load_bench(path).injector)
+    with control_socket(place, {}), pytest.raises(OSError, match="another daemon"), control_socket(place, {}):
+        pass

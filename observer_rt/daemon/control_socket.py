@@ -135,6 +135,7 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
     def __init__(self, address: str, requests: Requests) -> None:
         self.requests = requests
         self._places = BoundedSemaphore(MOST_CLIENTS)
+        self._clients: set[socket.socket] = set()
         super().__init__(address, _Client)
         Path(address).chmod(OWNER_AND_GROUP)
 
@@ -144,10 +145,19 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         """Serve a client until it goes."""
+        self._clients.add(request)
         try:
             super().process_request_thread(request, client_address)
         finally:
+            self._clients.discard(request)
             self._places.release()
+
+    def server_close(self) -> None:
+        """Serve nobody any more."""
+        super().server_close()
+        for client in tuple(self._clients):
+            with suppress(OSError):
+                client.shutdown(socket.SHUT_RDWR)
 
 
 class _Client(StreamRequestHandler):

@@ -166,7 +166,7 @@ class SnapshotKeeper:
             "rail_pressure_MPa": pressure(rows["rail_pressure"]),
             "needle_lift_um": rows["needle_lift"] / MICROMETRE,
             "line_pressure_MPa": pressure(rows["line_pressure"]),
-            "modelled_line_pressure_MPa": pressure(rows["x_hat"][:, 0]),
+            "modelled_pressure_MPa": pressure(rows["x_hat"][:, 0]),
             "rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
             "rate_bound_mm3_per_ms": 1.96 * sigma / MM3_PER_MS,
             **{f"{each.name}_rate_mm3_per_ms": each.rate / MM3_PER_MS for each in compared},

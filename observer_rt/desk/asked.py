@@ -1,7 +1,5 @@
 """What `discover` is asked about: recordings from files, or evidence that a daemon kept, and their model."""
 
-import os
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,20 +16,6 @@ from observer_rt.identification.likelihood.kept_events import evidence_against, 
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
 from observer_rt.model.effect import SizedEffect
-
-NICE = 15  # of a question asked beside a daemon
-
-
-def question(evidence: Path, out: Path, bench: Path | None = None, injector: str = "") -> list[str]:
-    """Command that asks evidence in a process of its own, and takes the first proposal into the amended model."""
-    named = [*(["--bench", str(bench)] if bench else []), *(["--injector", injector] if injector else [])]
-    asked = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(evidence), *named]
-    return [*asked, "--out", str(out), "--accept-term", "1", "--in-part", "--force"]
-
-
-def step_back() -> None:
-    """Let whoever serves a bus come first: for the process that asks."""
-    os.nice(NICE)
 
 
 @dataclass(frozen=True, eq=False)

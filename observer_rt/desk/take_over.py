@@ -5,11 +5,10 @@ file as it was. What the file named before is noted beside it, so that each step
 """
 
 import fcntl
-import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -19,46 +18,13 @@ from observer_rt.daemon.persistence.state_file import learned_beside, model_hash
 from observer_rt.daemon.reloading import RELOAD
 from observer_rt.desk.beforehand import learn_beforehand
 from observer_rt.desk.bench_text import naming, replace_text
+from observer_rt.desk.model_steps import TakeOver, UnacceptedChangesError, note_steps, steps
 from observer_rt.desk.other_changes import other_changes, parameter_changes
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import to_disk, write_text
+from observer_rt.foundation.outputs import to_disk
 
-HISTORY = ".taken_over.json"  # behind the name of the bench file
 _AMENDED = "_amended_"  # in the name of a copy, before its number
-
-
-class UnacceptedChangesError(UserError):
-    """An amended file changes more than it adds, and nobody has accepted that."""
-
-    def __init__(self, amended: Path, changes: Sequence[str], present: Path) -> None:
-        super().__init__(
-            str(amended),
-            f"would also change what {present.name} states: {'; '.join(changes)}",
-            "were these corrected since the evidence was kept? search again with newer evidence, or accept them",
-        )
-
-
-@dataclass(frozen=True)
-class TakeOver:
-    """One step: the file that the bench named before (None: none) and after, of which injector, and when.
-
-    learned_from: kept events that were learned from beforehand, with the model after.
-    """
-
-    injector: str
-    before: str | None
-    after: str
-    time: str
-    learned_from: int = 0
-
-    @property
-    def as_text(self) -> str:
-        """What the bench names now, and what is known with it."""
-        learned = (
-            f", with what {self.learned_from} events of the evidence taught it" if self.learned_from else ""
-        )
-        return f"{self.after}{learned}"
 
 
 @dataclass(frozen=True)
@@ -120,18 +86,6 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
         return StepOutcome(last, parameter_changes(fitted.parameters, after), has_daemon)
 
 
-def steps(path: Path) -> list[TakeOver]:
-    """Steps that were not undone, the oldest first."""
-    history = path.with_name(path.name + HISTORY)
-    if not history.exists():
-        return []
-    with file_errors(history):
-        try:
-            return [TakeOver(**step) for step in json.loads(history.read_text(encoding="utf-8"))]
-        except (ValueError, TypeError):
-            raise UserError(str(history), "is no history of models taken over", "move it away") from None
-
-
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
     """While no other process takes a model over for a bench file of the same folder."""
@@ -175,13 +129,13 @@ def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOv
     before, history = path.read_bytes(), steps(path)
     after = naming(path, before, injector, file)
     try:
-        _note(path, done)
+        note_steps(path, done)
         replace_text(path, after)
         return _is_reloaded(load_bench(path).of(injector or None))
     except BaseException:
         if path.read_bytes() == after:  # by nobody else meanwhile
             replace_text(path, before)
-        _note(path, history)
+        note_steps(path, history)
         raise
 
 
@@ -199,12 +153,3 @@ def _is_reloaded(bench: Bench) -> bool:
                 raise RunError(f"the daemon of {answer.get('bench')} has another model in force: see its log")
             return True
     return False
-
-
-def _note(path: Path, done: Sequence[TakeOver]) -> None:
-    history = path.with_name(path.name + HISTORY)
-    if not done:
-        with file_errors(history):
-            history.unlink(missing_ok=True)
-        return
-    write_text(history, json.dumps([asdict(step) for step in done], indent=2) + "\n")

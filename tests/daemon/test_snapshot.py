@@ -69,7 +69,7 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
             report.mass / MILLIGRAM, rel=1e-3
         )
         assert each.values["mass_mg"] == pytest.approx(report.mass / MILLIGRAM)
-        gap = curves["modelled_line_pressure_MPa"] - curves["line_pressure_MPa"]
+        gap = curves["modelled_pressure_MPa"] - curves["line_pressure_MPa"]
         assert float(np.abs(gap).max()) < 8.0
         assert each.values["valid"] == report.valid
     last = shown[-1]

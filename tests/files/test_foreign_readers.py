@@ -16,8 +16,8 @@ from cantools.database.can import Database
 from observer_rt.config.bench import load_bench
 from observer_rt.files.formats import open_log, open_writer, read_recording, write_recording
 from tests.daemon.participants import bench_file
-from tests.desk.live_page.traffic import BEGIN, Observed, traffic, write_log
 from tests.device import frames_of, worn_recording
+from tests.files.traffic import BEGIN, Observed, traffic, write_log
 from tests.pages import ROOT, Page
 
 DATABASE = ROOT / "dbc" / "observer_fd.dbc"

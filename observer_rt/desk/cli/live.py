@@ -1,7 +1,6 @@
 """Commands of the live observer: `demo`, `run`, `check`, `monitor` and `journal`."""
 
 import json
-import math
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -166,11 +165,6 @@ class MonitorOptions:
 
     bench: shared.BenchFile = EXAMPLE_BENCH
     injector: Injector = None
-    log: Annotated[Path | None, Option("Show a CAN log with inputs and results instead of the buses.")] = None
-    from_channel: shared.FromChannel = ()
-    speed: Annotated[float, Option("Speed of a log; 1 = real time.", minimum=0.01, maximum=1000.0)] = 1.0
-    start: Annotated[float, Option("Begin at this time of a log [s].", minimum=0.0)] = 0.0
-    stop: Annotated[float | None, Option("End at this time of a log [s].", minimum=0.0)] = None
     port: Annotated[int, Option("Port of the page; 0 = any free one.", minimum=0, maximum=65535)] = 5006
     address: Annotated[
         str, Option("Address to serve the page at. The default can be reached from this computer only.")
@@ -184,20 +178,13 @@ class MonitorOptions:
 
 
 def monitor(options: MonitorOptions) -> None:
-    """Serve a live page of a bench: last injections, masses, wear, states and what to do. Listens, sends nothing."""
+    """Serve a live page of the daemons of a bench: last injections, masses, wear, states and what to do."""
     from observer_rt.desk.live_page.server import serve_page
-    from observer_rt.desk.live_page.watching import FrameSource, LiveSource, LogSource
 
     def read() -> Bench:
         return load_bench(options.bench, lenient=options.lenient).of(options.injector)
 
-    chosen = read()
-    source: FrameSource = LiveSource(chosen)
-    if options.log is not None:
-        window = options.start, math.inf if options.stop is None else options.stop
-        buses = chosen.config.buses
-        source = LogSource(options.log, buses, options.from_channel, options.speed, window)
-    serve_page(chosen, source, options.address, options.port, options.out, messages, read)
+    serve_page(read(), options.address, options.port, options.out, messages, read)
 
 
 @dataclass(frozen=True)

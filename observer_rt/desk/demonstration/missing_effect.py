@@ -25,9 +25,9 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, loa
 from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.persistence.journal import reading_journal
 from observer_rt.daemon.run import serve
-from observer_rt.desk.asked import question, step_back
 from observer_rt.desk.demonstration.worn import PERIOD, RAIL_PRESSURES, demo_link
 from observer_rt.desk.evaluation.figures import ESTIMATED, NOMINAL, REFERENCE
+from observer_rt.desk.question import question, step_back
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.desk.take_over import take_over

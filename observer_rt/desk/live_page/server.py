@@ -7,7 +7,6 @@ import re
 import resource
 import secrets
 import socket
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -27,12 +26,12 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
 from observer_rt.desk.live_page.missing.word import SecretWord
-from observer_rt.desk.live_page.page.session import Session, pressed
-from observer_rt.desk.live_page.watching import FrameSource, Watching
+from observer_rt.desk.live_page.reading import Watching
+from observer_rt.desk.live_page.session import Session, pressed
 from observer_rt.foundation.console import say, stop_on_signals
 from observer_rt.foundation.errors import RunError
 
-_FILES = Path(__file__).parent / "page" / "static"
+_FILES = Path(__file__).parent / "static"
 _COOKIE = "observer_rt"
 _ALIVE_EVERY = 0.5  # s after which a browser gets at least an empty message
 _LOOK_EVERY = 10  # ms: whether something is new and a browser through with the last drawing
@@ -41,7 +40,6 @@ _LONGEST = 1000  # bytes of what a browser says
 _CONNECTIONS = 256  # at once; a page takes some seven
 _ELSEWHERE = ("192.0.2.1", 9)  # a computer of RFC 5737, that is nowhere
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
-_TURN = 0.0002  # s that the listening thread may go on while the page waits to be served
 
 
 class _Guarded(RequestHandler):
@@ -70,7 +68,7 @@ class _Channel(_Guarded, WebSocketHandler):
     """Brings what is new to a browser, which answers each message with its number once it is drawn."""
 
     def initialize(self, watching: Watching, folder: Path, asks: bool) -> None:
-        """folder: where injections are saved; asks: whether there is a page that asks what is missing."""
+        """As of `Session`."""
         self._session = Session(watching, folder, asks)
         self._looking = PeriodicCallback(self._draw, _LOOK_EVERY)
         self._alive_due = 0.0  # s
@@ -135,38 +133,29 @@ class _PageServer(HTTPServer):
 
 
 def serve_page(
-    bench: Bench,
-    source: FrameSource,
-    address: str,
-    port: int,
-    folder: Path,
-    console: Console,
-    read: Callable[[], Bench],
+    bench: Bench, address: str, port: int, folder: Path, console: Console, read: Callable[[], Bench]
 ) -> None:
-    """Listen to a source and serve its page until SIGINT or SIGTERM; port 0: one that is free; folder: of `Save`.
+    """Read the daemons of a bench and serve their page until SIGINT or SIGTERM.
 
-    read: the bench file anew. Raises `RunError` for a port that is taken.
+    port: 0: one that is free; folder: of `Save`; read: the bench file anew. Raises `RunError` for a taken port.
     """
-    watching = Watching(bench, source)
-    word = SecretWord(partial(say, console))
-    missing = MissingEffects(bench, watching, word, read) if source.is_live else None
-    asyncio.run(_serve(watching, missing, address, port, folder, console))
+    watching = Watching(bench)
+    try:
+        missing = MissingEffects(bench, watching, SecretWord(partial(say, console)), read)
+        asyncio.run(_serve(watching, missing, address, port, folder, console))
+    finally:
+        watching.close()
 
 
 async def _serve(
-    watching: Watching,
-    missing: MissingEffects | None,
-    address: str,
-    port: int,
-    folder: Path,
-    console: Console,
+    watching: Watching, missing: MissingEffects, address: str, port: int, folder: Path, console: Console
 ) -> None:
-    asks = missing is not None and missing.is_kept
+    asks = missing.is_kept
     handlers: list[Any] = [
         ("/drawings", _Channel, {"watching": watching, "folder": folder, "asks": asks}),
         ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
     ]
-    if missing is not None and asks:
+    if asks:
         handlers[:0] = handlers_of(_Guarded, missing)
     try:
         is_local = ip_address(socket.gethostbyname(address)).is_loopback
@@ -192,25 +181,18 @@ async def _serve(
     server.limit(console)
     server.add_sockets(sockets)
     with stop_on_signals() as stop:
-        watching.start()
         asked = "" if token is None else f"?token={token}"
         behind = f":{sockets[0].getsockname()[1]}/{asked}"
         urls = " or ".join(f"http://{host}{behind}" for host in _hosts(address))
         say(console, f"{urls} (Ctrl-C ends it)")
-        if missing is not None and asks:
+        if asks:
             say(
                 console,
                 f"to ask what is missing, and to take it over, the page wants the word {missing.word.text}",
             )
-        sys.setswitchinterval(_TURN)
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
-        try:
-            while not stop.is_set():
-                await asyncio.sleep(_STOP_EVERY)
-                if missing is not None:
-                    missing.look()
-        finally:
-            watching.close()
+        while not stop.is_set():
+            await asyncio.sleep(_STOP_EVERY)
 
 
 def _hosts(address: str) -> list[str]:

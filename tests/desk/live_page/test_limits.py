@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from playwright.sync_api import Browser, Page
 
-import observer_rt.desk.live_page.page
+import observer_rt.desk.live_page
 
 _VALUES = st.floats(-1e4, 1e4)
 Ends = tuple[float, float]
@@ -18,7 +18,7 @@ Ends = tuple[float, float]
 def script(browser: Browser) -> Iterator[Page]:
     """The page without a server."""
     page = browser.new_page()
-    page.goto((Path(observer_rt.desk.live_page.page.__file__).parent / "static" / "page.html").as_uri())
+    page.goto((Path(observer_rt.desk.live_page.__file__).parent / "static" / "page.html").as_uri())
     yield page
     page.close()
 

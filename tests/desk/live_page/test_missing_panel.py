@@ -5,16 +5,13 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.output_signals import SummaryValues
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.injector import EvidenceConfig
-from observer_rt.desk.live_page.injector import HISTORY, Seen
+from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.desk.live_page.missing.panel import HEIGHT, gap_drawing, panel_html
 from observer_rt.desk.live_page.missing.search import MissingSearch
-from observer_rt.desk.live_page.samples import SeenInjection
 from observer_rt.foundation.errors import UserError
 from tests.desk.live_page import event_loop
 
@@ -27,23 +24,22 @@ def bench(tmp_path: Path) -> Bench:
     return load_bench(path).with_sections(evidence=EvidenceConfig(folder="evidence"))
 
 
-def seen(*injections: tuple[bool, float, str]) -> Seen:
+def shown(*injections: tuple[bool, float | None, str]) -> list[ShownInjection]:
     """Injections by validity, gap [MPa] and model."""
-    blank = SummaryValues._make([0.0] * len(SummaryValues._fields))
-    made = tuple(
-        SeenInjection(blank._replace(valid=valid, injection_number=number), 0, None, np.nan, gap, model)
-        for number, (valid, gap, model) in enumerate(injections, 1)
-    )
-    return Seen("", made, np.empty(0, HISTORY), None, (), 0)
+    names = ("valid", "gap_MPa", "model")
+    return [
+        ShownInjection(number, 0, {"number": number, **dict(zip(names, each, strict=True))})
+        for number, each in enumerate(injections, 1)
+    ]
 
 
 def test_bars_are_as_high_as_their_gaps_and_a_change_of_model_is_marked() -> None:
-    drawing = gap_drawing(seen((False, 4.0, "a"), (False, np.nan, "a"), (True, 0.5, "b")))
+    drawing = gap_drawing(shown((False, 4.0, "a"), (False, None, "a"), (True, 0.5, "b")))
     assert drawing is not None
     assert [bar.height / HEIGHT * drawing.top for bar in drawing.bars] == pytest.approx([4.0, 0.5])
     assert [bar.is_valid for bar in drawing.bars] == [False, True]
     assert len(drawing.changes) == 1
-    assert gap_drawing(seen((True, np.nan, "a"))) is None
+    assert gap_drawing(shown((True, None, "a"))) is None
 
 
 @pytest.mark.parametrize("after", [0.2, None])
@@ -55,14 +51,14 @@ def test_a_finding_without_an_amended_model_has_no_button_for_it(bench: Bench, a
     }
     finding = {"verdict": "unknown", "effects": [], "gap": gap, "in_part": True}
     (search.out / "findings.json").write_text(json.dumps(finding))
-    html = panel_html(bench, seen(), search)
+    html = panel_html(bench, [], search)
     assert "unknown" in html
     assert 'data-ask="search"' in html
     assert 'data-ask="take_over"' not in html
     shutil.copyfile(bench.injector.parameters_path, search.out / "amended.toml")
-    assert "This is in force" in panel_html(bench, seen(), search)
+    assert "This is in force" in panel_html(bench, [], search)
     (search.out / "amended.toml").write_text("[another]")
-    html = panel_html(bench, seen(), search)
+    html = panel_html(bench, [], search)
     assert 'data-ask="take_over"' in html
     assert "explains a part" in html
 
@@ -70,7 +66,7 @@ def test_a_finding_without_an_amended_model_has_no_button_for_it(bench: Bench, a
 def test_evidence_is_counted_by_kind(bench: Bench, tmp_path: Path) -> None:
     for name in ("refused_60MPa_900us_1", "refused_100MPa_900us_2", "good_60MPa_900us_3"):
         (tmp_path / "evidence" / f"{name}.parquet").touch()
-    html = panel_html(bench, seen(), MissingSearch(bench))
+    html = panel_html(bench, [], MissingSearch(bench))
     assert "<b>2</b> events refused, <b>0</b> doubtful, <b>1</b> good" in html
 
 

@@ -16,7 +16,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.config.injector import EvidenceConfig
 from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
 from observer_rt.desk.live_page.missing.word import SecretWord
-from observer_rt.desk.live_page.watching import LogSource, Watching
+from observer_rt.desk.live_page.reading import Watching
 from tests.desk.live_page import event_loop
 
 QUESTION = "observer_rt.desk.live_page.missing.search.question"
@@ -29,8 +29,8 @@ class Buttons:
         path = shutil.copyfile(EXAMPLE_BENCH, folder / "bench.toml")
         (folder / "evidence" / "missing").mkdir(parents=True)
         bench = load_bench(path).with_sections(evidence=EvidenceConfig(folder="evidence"))
-        (folder / "bus.log").touch()
-        watching = Watching(bench, LogSource(folder / "bus.log", bench.config.buses))
+        watching = Watching(bench)
+        watching.close()
         self._word = SecretWord(lambda _: None)
         missing = MissingEffects(bench, watching, self._word, lambda: bench)
         (socket,) = bind_sockets(0, "127.0.0.1")

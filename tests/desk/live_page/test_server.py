@@ -1,4 +1,4 @@
-"""The page's server among clients that are no browsers: half requests, odd messages, addresses of other computers."""
+"""The page's server among clients that are no browsers: half requests, odd messages."""
 
 import resource
 import socket
@@ -10,11 +10,11 @@ from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 import pytest
-from tornado.ioloop import IOLoop
 from tornado.websocket import websocket_connect
 
 from tests.daemon.end_to_end import command
 from tests.daemon.participants import bench_file, until
+from tests.desk.live_page import event_loop
 from tests.desk.live_page.browser import Served, served
 
 pytestmark = pytest.mark.slow
@@ -24,7 +24,7 @@ HALF = 1100  # requests that never end
 
 @contextmanager
 def silent(folder: Path, *arguments: str) -> Iterator[Served]:
-    """A monitor of a bus where nothing comes, with the usual limit of open files."""
+    """A monitor of a bench without a daemon, with the usual limit of open files."""
     bench = bench_file(folder, "served")
     words = command("monitor", "--port", "0", "--bench", bench, *arguments)
     with served(["prlimit", f"--nofile={DESCRIPTORS}", *words], folder) as monitor:
@@ -70,23 +70,18 @@ def test_requests_that_never_end_are_limited_and_given_up(tmp_path: Path) -> Non
     assert "remedy" in remedy
 
 
+async def closed_after(url: str, message: str) -> None:
+    """Say something to the page's server, which hangs up."""
+    page = await websocket_connect(url)
+    await page.write_message(message)
+    while await page.read_message() is not None:
+        pass
+
+
 def test_odd_messages_close_their_socket_and_say_nothing(tmp_path: Path) -> None:
     with silent(tmp_path) as monitor:
         url = f"{monitor.url.replace('http', 'ws', 1)}drawings"
-        loop = IOLoop(make_current=False)
-        for message in ("", "{", "[]", '["choose"]', "[" * 900, '["step", null]', "x" * 5000):
-            page = loop.run_sync(lambda: websocket_connect(url))
-            loop.run_sync(lambda page=page, said=message: page.write_message(said))
-            while loop.run_sync(page.read_message) is not None:
-                pass
-        loop.close(all_fds=True)
+        for message in ("", "{", "[]", '["save"]', "[" * 900, '["save", null, 0]', "x" * 5000):
+            event_loop.run(closed_after(url, message))
         assert answers(monitor.url)
         assert said_until_end(monitor) == []
-
-
-def test_the_address_for_other_computers_is_one_they_can_open(tmp_path: Path) -> None:
-    with silent(tmp_path, "--address", "0.0.0.0") as monitor:
-        found = urlsplit(monitor.url)
-        assert found.hostname not in (None, "0.0.0.0", "localhost")
-        assert not str(found.hostname).startswith("127.")
-        assert answers(found._replace(netloc=f"127.0.0.1:{found.port}").geturl())

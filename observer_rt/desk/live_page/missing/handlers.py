@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -11,8 +12,8 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.live_page.missing.panel import panel_html
 from observer_rt.desk.live_page.missing.search import MissingSearch
 from observer_rt.desk.live_page.missing.word import SecretWord, WordResult
-from observer_rt.desk.live_page.watching import Watching
-from observer_rt.desk.take_over import UnacceptedChangesError, take_over, undo
+from observer_rt.desk.live_page.reading import Watching
+from observer_rt.desk.model_steps import UnacceptedChangesError
 from observer_rt.foundation.errors import ObserverError, UserError
 
 ACCEPT = "accept-changes"  # the word of the second press
@@ -27,8 +28,7 @@ class MissingEffects:
         self.word = word
         self._watching = watching
         self._read = read
-        self._bench = bench
-        self._stamp = self._files()
+        self._bench, self._stamp = bench, 0
         self._searches: Mapping[str, MissingSearch] = {
             alone.injector.name: MissingSearch(alone)
             for alone in bench.each
@@ -40,24 +40,17 @@ class MissingEffects:
         """Whether evidence of any injector is kept."""
         return bool(self._searches)
 
-    def look(self) -> None:
-        """Compare injections with the model that the bench file names now, should it have changed."""
-        if (stamp := self._files()) == self._stamp:
-            return
-        self._stamp = stamp
-        try:
-            self._bench = self._read()
-            self._watching.use_models(self._bench)
-        except ObserverError:
-            pass  # being written, or wrong: the daemon's log says so
-
     def html(self) -> str:
-        """All panels."""
-        seen = {each.name: each for each in self._watching.injectors()}
-        return "\n".join(
-            f'<section class="panel">{panel_html(self._bench.of(name or None), seen[name], search)}</section>'
+        """All panels, by the models that the bench file names now."""
+        if (stamp := self._bench.path.stat().st_mtime_ns) != self._stamp:
+            with suppress(ObserverError):  # being written, or wrong: the daemon's log says so
+                self._bench, self._stamp = self._read(), stamp
+        injections = {reader.name: reader.injections() for reader in self._watching.readers}
+        panels = (
+            panel_html(self._bench.of(name or None), injections[name], search)
             for name, search in self._searches.items()
         )
+        return "\n".join(f'<section class="panel">{html}</section>' for html in panels)
 
     def report(self, name: str) -> Path:
         """The report on an injector. Raises `UserError` for one without."""
@@ -68,6 +61,8 @@ class MissingEffects:
 
     async def press(self, button: str, name: str, accepts_changes: bool) -> str:
         """Do what a button asks for; what to say. Raises `ObserverError`."""
+        from observer_rt.desk.take_over import take_over, undo  # much, and rarely pressed
+
         search, alone = self._search(name), self._bench.of(name or None)
         if button == "search":
             search.start()
@@ -83,7 +78,6 @@ class MissingEffects:
             said = f"{alone.path.name} names {done.step.before or 'the nominal injector'} again"
         else:
             raise UserError(button, "is no button of this page", "load the page anew")
-        self.look()
         changed = "".join(f"; {change}" for change in done.changes)
         heard = "the observer has it in force" if done.has_daemon else "no observer runs to read it"
         return f"{said}{changed}; {heard}"
@@ -94,11 +88,6 @@ class MissingEffects:
                 name, "is no injector whose evidence is kept", "state [evidence] folder in the bench file"
             )
         return self._searches[name]
-
-    def _files(self) -> tuple[int, ...]:
-        """Times of change of the bench file and the injector files."""
-        paths = [self._bench.path, *(each.parameters_path for each in self._bench.injectors)]
-        return tuple(path.stat().st_mtime_ns if path.exists() else 0 for path in paths)
 
 
 def handlers_of(

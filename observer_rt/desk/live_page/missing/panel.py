@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import floor, isfinite, log10
+from math import floor, log10
 from pathlib import Path
 
 from observer_rt.config.bench import Bench
-from observer_rt.desk.live_page.injector import Seen
+from observer_rt.daemon.snapshot import ShownInjection
 from observer_rt.desk.live_page.missing.search import MissingSearch
-from observer_rt.desk.take_over import TakeOver, steps
+from observer_rt.desk.model_steps import TakeOver, steps
 from observer_rt.foundation.files import templates_of
 
 GAPS = 60  # injections whose gap is drawn
@@ -36,25 +36,25 @@ class GapDrawing:
     top: float
 
 
-def gap_drawing(seen: Seen) -> GapDrawing | None:
+def gap_drawing(injections: Sequence[ShownInjection]) -> GapDrawing | None:
     """Draw the gaps of the line pressure; None where none is known yet."""
-    shown = [one for one in seen.injections[-GAPS:] if isfinite(one.gap)]
+    shown = [one.values for one in injections[-GAPS:] if one.values["gap_MPa"] is not None]
     if not shown:
         return None
-    top, step = _round_top(max(one.gap for one in shown)), WIDTH / GAPS
+    top, step = _round_top(max(one["gap_MPa"] for one in shown)), WIDTH / GAPS
     bars = tuple(
         GapBar(
             place * step,
-            HEIGHT * one.gap / top,
-            one.summary.valid == 1.0,
-            f"injection {one.summary.injection_number:.0f}: {one.gap:.2f} MPa, {one.model}",
+            HEIGHT * one["gap_MPa"] / top,
+            one["valid"],
+            f"injection {one['number']}: {one['gap_MPa']:.2f} MPa, {one['model']}",
         )
         for place, one in enumerate(shown)
     )
     changes = tuple(
         (place + 1) * step - 0.1 * step
         for place, (one, after) in enumerate(pairwise(shown))
-        if one.model != after.model
+        if one["model"] != after["model"]
     )
     return GapDrawing(bars, changes, top)
 
@@ -65,7 +65,7 @@ def _round_top(largest: float) -> float:
     return next(each * power for each in _ROUND if each * power >= largest)
 
 
-def panel_html(alone: Bench, seen: Seen, search: MissingSearch) -> str:
+def panel_html(alone: Bench, injections: Sequence[ShownInjection], search: MissingSearch) -> str:
     """All of it: evidence, the model in force with its steps, the search, the finding, the gaps."""
     injector = alone.injector
     finding = search.finding
@@ -79,7 +79,7 @@ def panel_html(alone: Bench, seen: Seen, search: MissingSearch) -> str:
         search=search,
         finding=finding,
         is_in_force=finding is not None and _same(finding.amended, injector.parameters_path),
-        drawing=gap_drawing(seen),
+        drawing=gap_drawing(injections),
         width=WIDTH,
         height=HEIGHT,
         step=WIDTH / GAPS,
@@ -94,4 +94,4 @@ def _same(one: Path | None, other: Path) -> bool:
         return False
 
 
-_TEMPLATES = templates_of("observer_rt.desk.live_page.page")
+_TEMPLATES = templates_of("observer_rt.desk.live_page")

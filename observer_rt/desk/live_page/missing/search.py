@@ -12,13 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from observer_rt.config.bench import Bench
-from observer_rt.desk.asked import question, step_back
-from observer_rt.engine.reports.evidence import EvidenceKind
-from observer_rt.files.evidence.evidence_file import SUFFIX
+from observer_rt.desk.question import question, step_back
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.discover import AMENDED, REPORT
-from observer_rt.identification.discovery.report.document import FINDINGS
 
+FINDINGS, REPORT, AMENDED = "findings.json", "report.html", "amended.toml"  # as `discover` names them
 FOLDER = "missing"  # of the finding, in that of the evidence
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -59,10 +56,9 @@ class MissingSearch:
         return None if self._began is None else time.monotonic() - self._began
 
     @property
-    def kept(self) -> dict[EvidenceKind, int]:
+    def kept(self) -> Counter[str]:
         """Events in the folder by kind."""
-        counts = Counter(path.name.partition("_")[0] for path in self.evidence.glob(f"*{SUFFIX}"))
-        return {kind: counts[kind.value] for kind in EvidenceKind}
+        return Counter(path.name.partition("_")[0] for path in self.evidence.glob("*.parquet"))
 
     @property
     def finding(self) -> MissingFinding | None:

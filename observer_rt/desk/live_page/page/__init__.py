@@ -1,1 +1,0 @@
-"""Content of the live page: a session a browser, its files, and uPlot, which draws all curves."""

@@ -1,0 +1,171 @@
+"""The daemons of a bench, each read at its control socket by a thread: what they say, and their last injections."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import takewhile
+from socket import SHUT_RDWR, socket
+
+from observer_rt.config.bench import Bench
+from observer_rt.daemon.control_socket import connected, line_of, socket_places
+from observer_rt.daemon.snapshot import KEPT, SNAPSHOT, Fault, Level, ShownInjection, Status, read_snapshot
+from observer_rt.foundation.errors import ObserverError
+
+SILENT_AFTER = 1.0  # s without a look of the daemon at itself, after which nothing of it is of now
+WAIT = 0.3  # s that a daemon waits for news before it answers
+_AGAIN_AFTER = 0.3  # s, from one look for a daemon to the next
+FULL = 1.0  # share of the time that frames take, from which on none more has room
+_FULL_REMEDY = "a source that sends windows, or more buses; are the bit rates those of the bench file?"
+SECOND = 1e9  # ns
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An injector now: its name, state in words, faults; silent: all else is of before."""
+
+    name: str
+    state: str
+    words: str
+    level: Level
+    faults: tuple[Fault, ...] = ()
+    silent: bool = False
+    lost: int = 0
+
+
+class DaemonReader:
+    """Reads the daemon of one injector; what it has may be asked for by any thread."""
+
+    def __init__(self, alone: Bench) -> None:
+        """alone: the bench with this injector only."""
+        fitted = alone.injector
+        self.name = fitted.name
+        self._places = socket_places(fitted)
+        which = f" --injector {self.name}" if self.name else ""
+        self._start = f"start `observer-rt run --bench {alone.path}{which}`, or see its log"
+        self._begin = time.time_ns()
+        self._failure = ""
+        self._daemon: socket | None = None
+        self._status: Status | None = None
+        self._of = self._since = 0  # what was read: of which run, up to which injection
+        self._injections: deque[ShownInjection] = deque(maxlen=KEPT)
+        self.count = 0
+        """Injections so far, whichever daemon counted: `ShownInjection.count` of the last one."""
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"reading {self.name}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Read no longer."""
+        self._stop.set()
+        if (daemon := self._daemon) is not None:
+            with suppress(OSError):
+                daemon.shutdown(SHUT_RDWR)
+        self._thread.join()
+
+    @property
+    def buses(self) -> Mapping[str, tuple[Mapping[str, float], str]]:
+        """Of each bus the loads by message, and why it is down; none of a daemon that is silent."""
+        status = self._status
+        if status is None or self._is_old(status.moment):
+            return {}
+        return {bus.label: (bus.loads, bus.down) for bus in status.buses}
+
+    @property
+    def last(self) -> ShownInjection | None:
+        """The newest injection."""
+        return self._injections[-1] if self._injections else None
+
+    def injections(self, since: int = 0) -> list[ShownInjection]:
+        """Those kept after the `since`-th, the newest last."""
+        return [*takewhile(lambda each: each.count > since, reversed(list(self._injections)))][::-1]
+
+    def seen(self) -> Seen:
+        """State and faults now."""
+        status = self._status
+        if status is not None and not self._is_old(status.moment):
+            return Seen(self.name, status.state, status.words, status.level, status.faults, lost=status.lost)
+        since = self._begin if status is None else status.moment
+        if status is None and not self._is_old(since):
+            return Seen(self.name, "no status yet", "nothing was heard of the observer", Level.WAITING)
+        what, _, remedy = self._failure.partition("\n  remedy: ")
+        silence = Fault(what or "the observer does not answer", since, remedy or self._start)
+        lost = 0 if status is None else status.lost
+        words = "all below is old"
+        return Seen(self.name, "OBSERVER SILENT", words, Level.BAD, (silence,), silent=True, lost=lost)
+
+    @staticmethod
+    def _is_old(moment: int) -> bool:
+        return time.time_ns() - moment > SILENT_AFTER * SECOND
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                self._failure = ""
+                for place in self._places:
+                    if (daemon := connected(place)) is not None:
+                        self._follow(daemon)
+                        break
+            except ObserverError as error:
+                self._failure = str(error)
+            except OSError:
+                pass  # it has ended
+            self._stop.wait(_AGAIN_AFTER)
+
+    def _follow(self, daemon: socket) -> None:
+        """Ask for news again and again. Raises `ObserverError` and OSError once there is no answer."""
+        self._daemon = daemon
+        with daemon, daemon.makefile("rwb") as stream:
+            while not self._stop.is_set():
+                asked = {"request": SNAPSHOT, "run": self._of, "since": self._since, "wait": WAIT}
+                stream.write(line_of(asked))
+                stream.flush()
+                snapshot = read_snapshot(stream)
+                if snapshot.status.run != self._of:
+                    self._of, self._since = snapshot.status.run, 0
+                for each in snapshot.injections:
+                    self._since = each.count
+                    self._injections.append(replace(each, count=self.count + 1))
+                    self.count += 1
+                self._status = snapshot.status
+
+
+class Watching:
+    """All daemons of a bench."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.readers = [DaemonReader(alone) for alone in bench.each]
+        self._full_since: dict[str, int] = {}
+
+    def close(self) -> None:
+        """Read no longer."""
+        for reader in self.readers:
+            reader.close()
+
+    def buses(self) -> list[dict[str, object]]:
+        """Every bus as it is now: label, load, why it is down. Messages that several injectors read count once."""
+        loads: dict[str, dict[str, float]] = {}
+        down: dict[str, str] = {}
+        for reader in self.readers:
+            for label, (shares, why) in reader.buses.items():
+                loads[label] = loads.get(label, {}) | shares
+                down[label] = down.get(label) or why
+        return [
+            {"label": label, "load": sum(shares.values()), "down": down[label]}
+            for label, shares in loads.items()
+        ]
+
+    def seen(self, buses: Sequence[Mapping[str, object]]) -> Iterator[Seen]:
+        """Every injector as it is now, with buses that are full as faults; buses: as they are now."""
+        full = {str(bus["label"]): float(str(bus["load"])) for bus in buses if float(str(bus["load"])) > FULL}
+        self._full_since = {label: self._full_since.get(label, time.time_ns()) for label in full}
+        for reader in self.readers:
+            seen = reader.seen()
+            faults = tuple(
+                Fault(f"{label} is full: {100 * load:.0f} % load", self._full_since[label], _FULL_REMEDY)
+                for label, load in full.items()
+                if label in reader.buses
+            )
+            yield replace(seen, faults=(*seen.faults, *faults))

@@ -1,0 +1,139 @@
+"""One browser's view: it is sent what is new, as fast as it draws, and asks for older curves and for files."""
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from observer_rt.daemon.snapshot import ShownInjection
+from observer_rt.desk.live_page.reading import Watching
+from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.outputs import replacing, write_text
+
+_AHEAD = 2  # messages: one is on its way while the last one is drawn
+_STATUS_EVERY = 0.4  # s
+_WITH_CURVES = 8  # injections of a message, the newest: what a browser draws
+_VALUES = (
+    *("number", "valid", "verdict", "mass_mg", "mass_bound_mg", "rail_pressure_MPa"),
+    *("nozzle_v_H", "nozzle_v_H_ci95_low", "nozzle_v_H_ci95_high"),
+    *("seat_v_S", "seat_v_S_ci95_low", "seat_v_S_ci95_high"),
+)
+
+
+def pressed(message: str | bytes) -> tuple[str, int, int] | None:
+    """Reads a browser's message: a button, and its values; None: it is no page of ours."""
+    try:
+        said = json.loads(message)
+    except (ValueError, RecursionError):
+        return None
+    match said:
+        case [str(button), int(of), int(count)]:
+            return button, of, count
+    return None
+
+
+class Session:
+    """Sends one browser what is new."""
+
+    def __init__(self, watching: Watching, folder: Path, asks: bool = False) -> None:
+        """folder: where injections are saved; asks: whether there is a page that asks what is missing."""
+        self._watching = watching
+        self._folder = folder
+        self._answer: dict[str, Any] = {"names": [each.name for each in watching.readers], "asks": asks}
+        self._asked: list[tuple[int, ShownInjection]] = []  # by injector
+        self._sent = [0] * len(watching.readers)  # injections
+        self._number = self._drawn = 0  # of messages: the last one sent, the last one drawn
+        self._due = 0.0  # s
+
+    def take(self, button: str, of: int, count: int) -> None:
+        """Take a message of the browser: of which injector, and which injection of its; `drawn`: which message."""
+        if button == "drawn":
+            self._drawn = min(max(of, self._drawn), self._number)
+            return
+        if of not in range(len(self._sent)):
+            return
+        reader = self._watching.readers[of]
+        found = next((each for each in reader.injections(count - 1) if each.count == count), None)
+        self._due = 0.0  # who presses a button waits for nothing
+        if button == "save":
+            self._answer["said"] = self._save(found, reader.name)
+        elif button == "curves" and found is not None and count <= self._sent[of]:
+            self._asked.append((of, found))
+
+    def message(self) -> bytes | None:
+        """Changes since the last message; None: nothing, or the browser is not through with those before."""
+        readers, now = self._watching.readers, time.monotonic()
+        has_news = any(reader.count > sent for reader, sent in zip(readers, self._sent, strict=True))
+        if self._number - self._drawn >= _AHEAD or not (has_news or now >= self._due):
+            return None
+        self._due = now + _STATUS_EVERY
+        self._number += 1
+        buses = self._watching.buses()
+        said: list[dict[str, Any]] = []
+        curves: list[bytes] = []
+        for place, seen in enumerate(self._watching.seen(buses)):
+            news = readers[place].injections(self._sent[place])
+            self._sent[place] = news[-1].count if news else self._sent[place]
+            asked = [each for of, each in self._asked if of == place]
+            sent = [*asked, *_without_old_curves(news)]
+            said.append({**asdict(seen), "news": [_shown(each) for each in sent]})
+            curves += [each.data for each in sent]
+        told = {
+            "number": self._number,
+            "now": time.time_ns(),
+            "buses": buses,
+            "injectors": said,
+            **self._answer,
+        }
+        self._answer, self._asked = {}, []
+        return packed(told, curves)
+
+    def _save(self, found: ShownInjection | None, name: str) -> str:
+        if found is None:
+            return "there is no injection yet"
+        try:
+            return f"saved: {save_injection(found, self._folder, name)}, .json"
+        except ObserverError as error:
+            return str(error)
+
+
+def _without_old_curves(news: Sequence[ShownInjection]) -> list[ShownInjection]:
+    return [*(replace(each, curves={}) for each in news[:-_WITH_CURVES]), *news[-_WITH_CURVES:]]
+
+
+def _shown(each: ShownInjection) -> dict[str, Any]:
+    values = {name: each.values.get(name) for name in _VALUES}
+    return {**each.text, "values": values, "nominal": each.references.get("nominal")}
+
+
+def packed(said: dict[str, Any], curves: Sequence[bytes]) -> bytes:
+    """A message: the length of the text, the text as JSON, the values of all curves as float32, little-endian."""
+    text = json.dumps(said, allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)  # values stand at multiples of their width
+    return b"".join([len(text).to_bytes(4, "little"), text, *curves])
+
+
+def save_injection(shown: ShownInjection, folder: Path, name: str) -> Path:
+    """Write `injection_[NAME_]NUMBER[_AGAIN].csv`, a new file, and `.json` beside it. Returns the table's path.
+
+    name: of the injector, empty for the only one. Raises `ObserverError` when they cannot be written.
+    """
+    stem = f"injection_{f'{name}_' if name else ''}{shown.values['number']}"
+    path, again = folder / f"{stem}.csv", 1
+    while path.exists() or path.with_suffix(".json").exists():  # numbers begin anew with each daemon
+        again += 1
+        path = folder / f"{stem}_{again}.csv"
+    masses = {f"{reference}_mass_mg": mass for reference, mass in shown.references.items()}
+    document = {**shown.values, **masses, "moment_ns": shown.moment}
+    columns = np.column_stack([*shown.curves.values()]) if shown.curves else np.empty((0, 0))
+    with file_errors(path):
+        folder.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as part:
+            np.savetxt(part, columns, "%.7g", ",", header=",".join(shown.curves), comments="")
+    write_text(path.with_suffix(".json"), json.dumps(document, indent=2, allow_nan=False))
+    return path

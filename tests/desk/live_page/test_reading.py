@@ -1,0 +1,95 @@
+"""Daemons as the page reads them: what they say, whether it is of now, and buses that several share."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from observer_rt.config.bench import load_bench
+from observer_rt.daemon.control_socket import Message, control_socket, socket_places
+from observer_rt.daemon.snapshot import SNAPSHOT, BusStatus, Level, ShownInjection, Snapshot, Status
+from observer_rt.desk.live_page.reading import Seen, Watching
+from tests.daemon.participants import bench_file, until
+from tests.desk.live_page.daemons import daemons_of
+from tests.device import frames_of, worn_recording
+from tests.three_injectors import NAMES, three_injectors
+
+Answers = Mapping[str, Callable[[Message], Iterator[bytes] | Message]]
+
+
+@contextmanager
+def watching(path: Path, answers: Answers | None = None) -> Iterator[Watching]:
+    """The page's view of a bench, whose daemons answer like this, by their injectors."""
+    bench = load_bench(path)
+    with ExitStack() as stack:
+        for alone in bench.each:
+            if (answer := (answers or {}).get(alone.injector.name)) is not None:
+                stack.enter_context(control_socket(socket_places(alone.injector)[0], {SNAPSHOT: answer}))
+        view = Watching(bench)
+        stack.callback(view.close)
+        yield view
+
+
+def said(
+    *injections: ShownInjection, age: float = 0.0, **loads: float
+) -> Callable[[Message], Iterator[bytes]]:
+    """What a daemon answers that last looked at itself some time ago [s]."""
+
+    def answer(_: Message) -> Iterator[bytes]:
+        moment = time.time_ns() - round(age * 1e9)
+        status = Status(7, moment, "ADAPTED", (), "well", Level.GOOD, "injector.toml")
+        return Snapshot(Status(**{**vars(status), "buses": (BusStatus("can0", loads),)}), injections).pieces()
+
+    return answer
+
+
+def first(view: Watching) -> Seen:
+    return next(view.seen(view.buses()))
+
+
+def test_injections_of_a_daemon_that_is_started_anew_come_after_those_before(tmp_path: Path) -> None:
+    path = bench_file(tmp_path, "read")
+    frames = frames_of(path, worn_recording(4))
+    with watching(path) as view:
+        assert first(view).state == "no status yet"
+        for times in (1, 2):
+            with daemons_of(path, frames):
+                until(lambda times=times: view.readers[0].count == 4 * times)  # type: ignore[misc]
+                until(lambda: first(view).level is Level.GOOD)
+            until(lambda: first(view).silent)
+        (fault,) = first(view).faults
+        assert f"start `observer-rt run --bench {path}`" in fault.remedy
+        assert 0.5 < (time.time_ns() - fault.since) * 1e-9 < 60.0
+        assert view.buses() == []
+        kept = view.readers[0].injections()
+        assert [each.values["number"] for each in kept] == [1, 2, 3, 4, 1, 2, 3, 4]
+        assert [each.count for each in view.readers[0].injections(since=6)] == [7, 8]
+
+
+@pytest.mark.parametrize(("age", "is_silent"), [(0.0, False), (2.0, True)])
+def test_a_loop_that_hangs_is_silent_though_its_process_answers(
+    tmp_path: Path, age: float, is_silent: bool
+) -> None:
+    with watching(bench_file(tmp_path, "read"), {"": said(age=age)}) as view:
+        until(lambda: bool(view.readers[0].injections() or first(view).state != "no status yet"))
+        assert first(view).silent == is_silent
+        assert first(view).state == ("OBSERVER SILENT" if is_silent else "ADAPTED")
+
+
+def test_a_daemon_that_refuses_says_why(tmp_path: Path) -> None:
+    with watching(bench_file(tmp_path, "read"), {"": lambda _: {"error": "not now"}}) as view:
+        until(lambda: "not now" in str(first(view).faults))
+
+
+@pytest.mark.parametrize(("own", "is_full"), [(0.2, False), (0.4, True)])
+def test_a_bus_that_several_fill_is_a_fault_of_each(tmp_path: Path, own: float, is_full: bool) -> None:
+    """Two read the same rail pressure, which counts once."""
+    answers = {name: said(Rail=0.3, **{f"Lift_{name}": own}) for name in NAMES[:2]}
+    with watching(three_injectors(tmp_path, "read"), answers) as view:
+        until(lambda: len(view.buses()) == 1 and all(reader.buses for reader in view.readers[:2]))
+        (bus,) = view.buses()
+        assert bus["load"] == pytest.approx(0.3 + 2 * own)
+        full = [any("can0 is full" in each.what for each in seen.faults) for seen in view.seen([bus])]
+    assert full == [is_full, is_full, False]

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench, changes, content_of
-from observer_rt.daemon.control_socket import Message, control_socket, socket_places
+from observer_rt.daemon.control_socket import Message, Requests, control_socket, socket_places
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.foundation.console import SignalledEvent, StopRequest
@@ -78,7 +78,7 @@ class Reloading:
         self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
         self._socket = stack.enter_context(ExitStack())
         self._place: Path | None = None
-        self._snapshot: Answer = lambda _: iter(())
+        self._snapshot: Answer | None = None
 
     def listen(self, bench: Bench, state: Path | None, snapshot: Answer) -> None:
         """Take requests where the bench file leads to. state: of the command line; snapshot: answers that request."""
@@ -88,7 +88,7 @@ class Reloading:
             return
         self._socket.close()
         self._place = place
-        requests = {RELOAD: self._reload, SNAPSHOT: lambda request: self._snapshot(request)}
+        requests: Requests = {RELOAD: self._reload, SNAPSHOT: self._answer}
         try:
             self._socket.enter_context(control_socket(place, requests))
         except OSError as error:
@@ -162,6 +162,10 @@ class Reloading:
                 {"model": model, "version": __version__, "bench": str(bench.path.absolute())}
             )
         self._taken = ()
+
+    def _answer(self, request: Message) -> Iterator[bytes]:
+        assert self._snapshot is not None
+        return self._snapshot(request)
 
     def _reload(self, request: Message) -> Message:
         wish = _Wish(str(request.get("model")))

@@ -90,7 +90,7 @@ class InjectorService:
         self._evidence = evidence
         self.snapshots = SnapshotKeeper(bench, bus)
         title = " ".join(filter(None, ("observer_rt", injector.name)))
-        self.screen = View(f"{title}: {self._buses}", injector) if has_view else None
+        self.screen = View(f"{title}: {self._buses}", self.snapshots.snapshot) if has_view else None
         self._teller = EventLogger(log, notifier, bench_constants(injector).coefficients, injector.name)
 
     @property
@@ -128,8 +128,6 @@ class InjectorService:
                 evidence_kept=lambda: self._evidence.kept if self._evidence else 0,
             )
             self.snapshots.watch(daemon)
-            if self.screen is not None:
-                self.screen.watch(daemon)
             self._daemon = daemon
             self._log.say(Topic.START, "ready")
             stack.callback(self._farewell, daemon)  # whatever fails: the link, or the last write
@@ -141,8 +139,6 @@ class InjectorService:
 
     def _tell(self, news: News) -> None:
         self.snapshots.hear(news)
-        if self.screen is not None:
-            self.screen.hear(news)
         self._teller.hear(news)
 
     @property

@@ -1,8 +1,8 @@
 """Injections on the terminal: the recent ones as a table, one as curves of rate and line pressure."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotext
@@ -11,14 +11,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.daemon.nominal import ComparedRate
-from observer_rt.engine.estimation.scalars import NOZZLE
-from observer_rt.engine.reports.injection_report import NAMED, InjectionReport
-from observer_rt.engine.reports.news import MeasuredMass
-from observer_rt.engine.words import REASONS
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
-from observer_rt.model.effective import Coefficients
+from observer_rt.daemon.snapshot import ShownInjection
+from observer_rt.engine.reports.injection_report import NAMED
 
+Values = Mapping[str, Any]
 LOWEST = 6  # lines of a plot
 SIDE_BY_SIDE = 130  # columns
 STACKED = 20  # lines, from which there is room for two plots
@@ -32,66 +28,48 @@ _FIRST = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg", "ma
 _COMMAND = [NAMED["command"], NAMED["opening_delay_us"]]
 
 
-@dataclass
-class ShownInjection:
-    """An injection, its samples, what it is compared with (None: not worked out yet), its measured mass."""
-
-    report: InjectionReport
-    rows: NDArray[np.void]
-    references: Sequence[ComparedRate] | None = None
-    measured: MeasuredMass | None = None
-
-
 class _CurveLine(NamedTuple):
     name: str
     colour: str  # as plotext calls it
-    values: NDArray[np.float64]
+    values: NDArray[np.float32]
 
 
-def curves(
-    shown: ShownInjection, c: Coefficients, sample_rate: float, size: tuple[int, int]
-) -> RenderableType:
-    """Plots in so many columns and lines; c: of the model."""
+def curves(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
+    """Plots in so many columns and lines."""
     width, height = size
-    time = np.arange(len(shown.rows)) / sample_rate / MILLISECOND
     if width >= SIDE_BY_SIDE:
         half = (width - 2) // 2
         grid = Table.grid(padding=(0, 1))
-        grid.add_row(_rate(shown, time, (half, height)), _pressure(shown, c, time, (half, height)))
+        grid.add_row(_rate(shown, (half, height)), _pressure(shown, (half, height)))
         return grid
     if height >= STACKED:
         upper = round(0.6 * height)
-        return Group(_rate(shown, time, (width, upper)), _pressure(shown, c, time, (width, height - upper)))
-    return _rate(shown, time, size)
+        return Group(_rate(shown, (width, upper)), _pressure(shown, (width, height - upper)))
+    return _rate(shown, size)
 
 
-def _rate(shown: ShownInjection, time: NDArray[np.float64], size: tuple[int, int]) -> RenderableType:
-    report, rate = shown.report, shown.rows["injection_rate"] / MM3_PER_MS
-    lines = []
-    if report.rate_sigma is not None:
-        half = 1.96 * report.rate_sigma / MM3_PER_MS
-        lines += [_CurveLine("95 % band", _BAND, rate - half), _CurveLine("", _BAND, rate + half)]
-    for reference, colour in zip(shown.references or (), _REFERENCES, strict=False):
-        lines.append(_CurveLine(reference.name, colour, reference.rate / MM3_PER_MS))
+def _rate(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
+    rate, half = shown.curve("rate_mm3_per_ms"), shown.curve("rate_bound_mm3_per_ms")
+    lines = [_CurveLine("95 % band", _BAND, rate - half), _CurveLine("", _BAND, rate + half)]
+    lines = [each for each in lines if not np.isnan(half).all()]
+    for name, colour in zip(shown.references, _REFERENCES, strict=False):
+        lines.append(_CurveLine(name, colour, shown.curve(f"{name}_rate_mm3_per_ms")))
     lines.append(_CurveLine("observer", _ESTIMATE, rate))
-    title = f"injection {report.number} at {report.rail_pressure / MEGAPASCAL:.0f} MPa, mm3/ms over ms:"
-    return _plot(title, time, lines, size)
+    values = shown.values
+    title = f"injection {values['number']} at {values['rail_pressure_MPa']:.0f} MPa, mm3/ms over ms:"
+    return _plot(title, shown.curve("time_ms"), lines, size)
 
 
-def _pressure(
-    shown: ShownInjection, c: Coefficients, time: NDArray[np.float64], size: tuple[int, int]
-) -> RenderableType:
-    def absolute(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (values * c.pressure_scale + c.chamber_pressure) / MEGAPASCAL
-
-    model, measured = absolute(shown.rows["x_hat"][:, 0]), absolute(shown.rows["line_pressure"])
-    furthest = float(np.max(np.abs(model - measured)))
+def _pressure(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
+    model, measured = shown.curve("modelled_pressure_MPa"), shown.curve("line_pressure_MPa")
+    furthest = float(np.max(np.abs(model - measured), initial=0.0))
     lines = [_CurveLine("observer", _ESTIMATE, model), _CurveLine("sensor", _MEASURED, measured)]
-    return _plot(f"line pressure, MPa over ms, {furthest:.1f} MPa apart:", time, lines, size)
+    title = f"line pressure, MPa over ms, {furthest:.1f} MPa apart:"
+    return _plot(title, shown.curve("time_ms"), lines, size)
 
 
 def _plot(
-    title: str, time: NDArray[np.float64], lines: Sequence[_CurveLine], size: tuple[int, int]
+    title: str, time: NDArray[np.float32], lines: Sequence[_CurveLine], size: tuple[int, int]
 ) -> RenderableType:
     """Lines below a heading that names them in their colours; later ones cover earlier ones."""
     plotext.clear_figure()
@@ -108,14 +86,14 @@ def _plot(
     return Group(heading, Text.from_ansi(str(plotext.build()).rstrip("\n")))
 
 
-def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> Table:
-    """Table of injections, the last one at the bottom; in 76 columns no figure is cut. c: of the nominal model."""
-    is_measured = any(item.measured for item in shown)
-    is_commanded = any(item.report.commanded for item in shown)
+def injections(shown: Sequence[ShownInjection], width: int) -> Table:
+    """Table of injections, the last one at the bottom; in 76 columns no figure is cut."""
+    is_measured = any(item.values["measured_mass_mg"] is not None for item in shown)
+    is_commanded = any(item.values["command"] is not None for item in shown)
     is_tight = width < WITH_WORDS and (is_measured or is_commanded)
-    compared = () if is_tight else shown[-1].references or ()
+    compared = () if is_tight else tuple(shown[-1].references)
     table = Table(box=None, padding=(0, 1 if is_tight else 2, 0, 0), pad_edge=False)
-    names = [f"{reference.name}\nmg" for reference in compared]
+    names = [f"{name}\nmg" for name in compared]
     if is_measured:
         names += ["measured\nmg", "error\n%"]
     commanded = _COMMAND if is_commanded else []
@@ -124,39 +102,35 @@ def injections(shown: Sequence[ShownInjection], width: int, c: Coefficients) -> 
         table.add_column(Text(heading), justify="right", no_wrap=True)
     table.add_column(Text("\nvalid?"), no_wrap=True)
     for item in shown:
-        report = item.report
-        references = [f"{reference.mass / MILLIGRAM:.2f}" for reference in item.references or ()]
-        references = (references + ["-"] * len(compared))[: len(compared)]
+        values, masses = item.values, (item.references.get(name) for name in compared)
         table.add_row(
-            *(each.text(each.of(report, c)) for each in _FIRST),
-            *references,
-            *(_measured(item) if is_measured else ()),
-            *(each.text(each.of(report, c)) for each in commanded),
-            _wear(report, not is_tight),
-            _verdict(report, width >= WITH_WORDS),
+            *(each.text(values[each.name]) for each in _FIRST),
+            *("-" if mass is None else f"{mass:.2f}" for mass in masses),
+            *(_measured(values) if is_measured else ()),
+            *(each.text(values[each.name]) for each in commanded),
+            _wear(values, not is_tight),
+            _verdict(values, width >= WITH_WORDS),
         )
     return table
 
 
-def _wear(report: InjectionReport, with_interval: bool) -> str:
-    wear = report.indicators[NOZZLE]
-    sigma = f" ±{1.96 * wear.sigma:.1%}" if with_interval and wear.sigma is not None else ""
-    return f"{wear.value:+.1%}{sigma}"
+def _wear(values: Values, with_interval: bool) -> str:
+    wear, high = values["nozzle_v_H"], values["nozzle_v_H_ci95_high"]
+    return f"{wear:+.1%}{f' ±{high - wear:.1%}' if with_interval and high is not None else ''}"
 
 
-def _verdict(report: InjectionReport, in_words: bool) -> Text:
-    if report.valid:
+def _verdict(values: Values, in_words: bool) -> Text:
+    if values["valid"]:
         return Text("valid", style="green")
-    words = f": {REASONS[report.reason].what}" if in_words else ""
-    return Text(_names(report) + words, style="yellow", overflow="ellipsis")
+    names = values["reasons"].replace(",", ", ")
+    words = values["verdict"].partition(": ")[2].partition(": ")[2]
+    return Text(f"{names}: {words}" if in_words else names, style="yellow", overflow="ellipsis")
 
 
-def _names(report: InjectionReport) -> str:
-    return ", ".join(reason.name for reason in report.reasons)
-
-
-def _measured(shown: ShownInjection) -> tuple[str, str]:
+def _measured(values: Values) -> tuple[str, str]:
     """Measured mass, and the error of the estimate."""
-    if shown.measured is None:
+    mass = values["measured_mass_mg"]
+    if mass is None:
         return "-", "-"
-    return f"{shown.measured.mass / MILLIGRAM:.2f}", f"{100 * shown.measured.error:+.2f}"
+    estimate = math.nan if values["mass_mg"] is None else values["mass_mg"]
+    return f"{mass:.2f}", f"{100 * (estimate / mass - 1.0):+.2f}"

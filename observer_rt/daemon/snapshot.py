@@ -8,7 +8,8 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import IO, Any
+from io import BufferedIOBase
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +52,30 @@ class BusStatus:
 
 
 @dataclass(frozen=True)
+class InputStatus:
+    """An input message: how old its last frame is [s], None: none came; how late its frames come, in words."""
+
+    text: str
+    has_samples: bool
+    age: float | None
+    is_stale: bool
+    lateness: str
+
+
+@dataclass(frozen=True)
+class StatusLine:
+    """A line that says more of a daemon."""
+
+    text: str
+    level: Level = Level.GOOD
+
+
+@dataclass(frozen=True)
 class Status:
     """State of a daemon.
 
     run: tells it from other daemons. moment: when it last looked at itself [ns since 1970]. words: state or reason
-    in words. model: file in force. lost: samples and frames so far.
+    in words. model: file in force. lost: samples and frames so far. lateness: of all inputs, in words.
     """
 
     run: int
@@ -68,6 +88,14 @@ class Status:
     lost: int = 0
     faults: tuple[Fault, ...] = ()
     buses: tuple[BusStatus, ...] = ()
+    inputs: tuple[InputStatus, ...] = ()
+    lateness: str = ""
+    lines: tuple[StatusLine, ...] = ()
+
+    @property
+    def has_all_inputs(self) -> bool:
+        """Whether every message with samples has come, and none stays away."""
+        return not any(each.is_stale or (each.has_samples and each.age is None) for each in self.inputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +111,10 @@ class ShownInjection:
     values: Mapping[str, Any]
     references: Mapping[str, float | None] = field(default_factory=dict)
     curves: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    def curve(self, name: str) -> NDArray[np.float32]:
+        """A curve; empty: it has none of this name."""
+        return self.curves.get(name, np.empty(0, np.float32))
 
     @property
     def text(self) -> dict[str, Any]:
@@ -118,7 +150,7 @@ class Snapshot:
             yield each.data
 
 
-def read_snapshot(stream: IO[bytes]) -> Snapshot:
+def read_snapshot(stream: BufferedIOBase) -> Snapshot:
     """Read an answer. Raises `UserError` for a daemon that refuses, `RunError` for what is no snapshot."""
     try:
         said = _said(stream)
@@ -130,7 +162,7 @@ def read_snapshot(stream: IO[bytes]) -> Snapshot:
         raise RunError("the daemon does not answer, or is of another version\n  remedy: restart it") from None
 
 
-def _injection(stream: IO[bytes]) -> ShownInjection:
+def _injection(stream: BufferedIOBase) -> ShownInjection:
     said = _said(stream)
     names, samples = said.pop("curves"), said.pop("samples")
     data = stream.read(len(names) * samples * _FLOAT.itemsize)
@@ -142,7 +174,7 @@ def _line(said: Mapping[str, Any]) -> bytes:
     return json.dumps(said, allow_nan=False).encode() + b"\n"
 
 
-def _said(stream: IO[bytes]) -> dict[str, Any]:
+def _said(stream: BufferedIOBase) -> dict[str, Any]:
     return dict(json.loads(stream.readline(_LINE)))
 
 

@@ -29,7 +29,9 @@ from observer_rt.daemon.snapshot import (
     ShownInjection,
     Snapshot,
     Status,
+    StatusLine,
 )
+from observer_rt.daemon.status_lines import StatusLines, inputs_of, lateness
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -63,7 +65,7 @@ class SnapshotKeeper:
         self._model = fitted.parameters_path.name
         self._rate_hz = fitted.config.sampling.rate_hz
         self._run = time.time_ns()
-        self._loads = LoadMeter(bench, bus)
+        self._loads, self._lines = LoadMeter(bench, bus), StatusLines()
         self._daemon: Daemon | None = None  # before it runs
         self._notice: Fault | None = None  # why it does not run yet
         # The loop puts news in, which a client takes out, and lends the samples of the last ones.
@@ -176,18 +178,24 @@ class SnapshotKeeper:
 
     def _status(self) -> Status:
         daemon = self._daemon
-        if daemon is None or not daemon.looked:
-            faults = () if self._notice is None else (self._notice,)
-            return self._of_state(time.time_ns(), State.STARTING, (), faults)
+        if daemon is None:
+            notices = () if self._notice is None else (self._notice,)
+            lines = tuple(StatusLine(each.what, Level.BAD) for each in notices)
+            return replace(self._of_state(time.time_ns(), State.STARTING, (), notices), lines=lines)
         now = time.monotonic_ns()
         ahead = time.time_ns() - now  # of the computer's clock before the monotonic one
         state, reasons = daemon.standing(now)
         faults = tuple(
             replace(each, since=each.since + ahead) for each in _faults(daemon, now, state, reasons)
         )
-        status = self._of_state(daemon.looked + ahead, state, reasons, faults)
-        lost = daemon.dropped + daemon.core.counters.lost_samples
-        return replace(status, lost=lost, buses=self._loads.look(daemon, now))
+        return replace(
+            self._of_state((daemon.looked or now) + ahead, state, reasons, faults),
+            lost=daemon.dropped + daemon.core.counters.lost_samples,
+            buses=self._loads.look(daemon, now),
+            inputs=inputs_of(daemon, now),
+            lateness=lateness(daemon.core.timing),
+            lines=tuple(self._lines.of(daemon, now)),
+        )
 
     def _of_state(
         self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]

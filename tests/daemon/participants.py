@@ -119,14 +119,12 @@ class HeardDaemon(Daemon):
         references: References | None = None,
         **options: Any,
     ) -> None:
-        """references: of `View`; options: of `Daemon`."""
+        """references: of `SnapshotKeeper`; options: of `Daemon`."""
         loaded = bench if isinstance(bench, Bench) else load_bench(bench)
         bus = map_bus(loaded)
-        self.notes, self.view = Notes(), View("title of the view", loaded.injector, references)
-        self.snapshots = SnapshotKeeper(loaded, bus, references)
-        listeners = [self.notes, self.view.hear, self.snapshots.hear]
-        super().__init__(loaded, bus, links, listeners=listeners, **options)
-        self.view.watch(self)
+        self.notes, self.snapshots = Notes(), SnapshotKeeper(loaded, bus, references)
+        self.view = View("title of the view", self.snapshots.snapshot)
+        super().__init__(loaded, bus, links, listeners=(self.notes, self.snapshots.hear), **options)
         self.snapshots.watch(self)
         self.messages = self.notes.messages
 
@@ -172,11 +170,11 @@ class Pumped:
         self.pump.close()
 
 
-def drawn(screen: View, width: int = 80, height: int = 24, now: int | None = None) -> list[str]:
-    """Lines on a terminal of this size; now: a monotonic time [ns]."""
+def drawn(screen: View, width: int = 80, height: int = 24) -> list[str]:
+    """Lines on a terminal of this size."""
     file = io.StringIO()
     console = Console(file=file, width=width, height=height, force_terminal=True, color_system=None)
-    console.print(screen.render(time.monotonic_ns() if now is None else now, width, height))
+    console.print(screen.render(width, height))
     return file.getvalue().splitlines()
 
 

@@ -11,7 +11,8 @@ import pytest
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import EvidenceConfig
-from observer_rt.daemon.evidence import OBSERVER, evidence_keeper
+from observer_rt.daemon.control_socket import OBSERVER
+from observer_rt.daemon.evidence import evidence_keeper
 from observer_rt.daemon.persistence.keeper import is_written
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.engine.reports.evidence import EvidenceKind

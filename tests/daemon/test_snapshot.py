@@ -8,14 +8,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.control_socket import connected, control_socket, line_of, socket_places
 from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Level, Snapshot, read_snapshot
+from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
+from observer_rt.daemon.view import View
 from observer_rt.engine.reports.news import MeasuredMass, Notice
 from observer_rt.engine.words import Topic
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE
-from tests.daemon.participants import HeardDaemon, ScriptedLink, TroubledLink, bench_file, serving, until
+from tests.daemon.participants import (
+    HeardDaemon,
+    ScriptedLink,
+    TroubledLink,
+    bench_file,
+    drawn,
+    serving,
+    until,
+)
 from tests.device import frames_of, worn_recording
 
 WEAR = 0.2
@@ -137,13 +148,15 @@ def test_a_bus_that_is_down_says_why(path: Path) -> None:
 
 
 def test_before_the_interface_is_there(path: Path) -> None:
-    daemon = HeardDaemon(path, ScriptedLink())
-    daemon.snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
-    status = daemon.snapshots.snapshot().status
+    bench = load_bench(path)
+    snapshots = SnapshotKeeper(bench, map_bus(bench))
+    snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
+    status = snapshots.snapshot().status
     assert (status.state, status.level) == ("STARTING", Level.WAITING)
     assert [(each.what, each.remedy) for each in status.faults] == [
         ("waiting for the interface: can5 is away", "plug it in")
     ]
+    assert "can5 is away" in "\n".join(drawn(View("title", snapshots.snapshot)))
 
 
 def test_the_load_is_that_of_the_observers_own_frames(path: Path) -> None:

@@ -13,7 +13,8 @@ import tomlkit
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.daemon.control_socket import Message, control_socket
-from observer_rt.desk.take_over import UnacceptedChangesError, steps, take_over, undo
+from observer_rt.desk.model_steps import UnacceptedChangesError, steps
+from observer_rt.desk.take_over import take_over, undo
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 
 FIRST = "crin3_nominal_amended_1.toml"

@@ -212,6 +212,7 @@ class TakeOverOptions:
 def take_over(options: TakeOverOptions) -> None:
     """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
     from observer_rt.desk import take_over as taking
+    from observer_rt.desk.model_steps import UnacceptedChangesError
 
     if options.bench is None:
         raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
@@ -228,7 +229,7 @@ def take_over(options: TakeOverOptions) -> None:
             if options.amended is None
             else taking.take_over(bench, injector, options.amended, options.accept_changes)
         )
-    except taking.UnacceptedChangesError as error:
+    except UnacceptedChangesError as error:
         raise UserError(error.place, error.problem, f"{error.remedy} by --accept-changes") from None
     before, words = done.step.before or "the nominal injector", done.step.as_text
     say(
@@ -242,8 +243,7 @@ def take_over(options: TakeOverOptions) -> None:
     else:
         say(
             messages,
-            "no daemon is found by evidence or state that this bench file names: "
-            "one that serves it all the same reads it at SIGUSR1",
+            "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1",
         )
 
 

@@ -23,6 +23,7 @@ from observer_rt.config.bench_file import LinkConfig
 from observer_rt.core.frames.frames import decode_signals
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.nominal import ComparedRate
+from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.desk.evaluation.figures import MassRow, Picture, plot_injections
@@ -115,7 +116,8 @@ class Demo:
         """
         bus = map_bus(self.bench)
         on = f"{self.link.interface} {self.link.channel}"
-        view = View(f"observer_rt demo: {on}", self.bench.injector, self.references)
+        snapshots = SnapshotKeeper(self.bench, bus, self.references)
+        view = View(f"observer_rt demo: {on}", snapshots.snapshot)
         stop, done = threading.Event(), threading.Event()
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]
         with contextlib.ExitStack() as stack:
@@ -125,8 +127,8 @@ class Demo:
             assert bus.rate is not None  # the example bench publishes it
             published = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
             threads = stack.enter_context(ThreadPoolExecutor(2))
-            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, view.hear])
-            view.watch(daemon)
+            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, snapshots.hear])
+            snapshots.watch(daemon)
 
             def replay() -> None:
                 try:

@@ -11,7 +11,16 @@ from socket import SHUT_RDWR, socket
 
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.control_socket import connected, line_of, socket_places
-from observer_rt.daemon.snapshot import KEPT, SNAPSHOT, Fault, Level, ShownInjection, Status, read_snapshot
+from observer_rt.daemon.snapshot import (
+    KEPT,
+    SNAPSHOT,
+    BusStatus,
+    Fault,
+    Level,
+    ShownInjection,
+    Status,
+    read_snapshot,
+)
 from observer_rt.foundation.errors import ObserverError
 
 SILENT_AFTER = 1.0  # s without a look of the daemon at itself, after which nothing of it is of now
@@ -33,6 +42,15 @@ class Seen:
     faults: tuple[Fault, ...] = ()
     silent: bool = False
     lost: int = 0
+
+
+@dataclass(frozen=True)
+class BusSeen:
+    """A bus now: the share of the time that frames of all injectors shown take, and why it is down, if it is."""
+
+    label: str
+    load: float
+    down: str
 
 
 class DaemonReader:
@@ -66,12 +84,12 @@ class DaemonReader:
         self._thread.join()
 
     @property
-    def buses(self) -> Mapping[str, tuple[Mapping[str, float], str]]:
-        """Of each bus the loads by message, and why it is down; none of a daemon that is silent."""
+    def buses(self) -> Mapping[str, BusStatus]:
+        """Its buses by their labels; none of a daemon that is silent."""
         status = self._status
         if status is None or self._is_old(status.moment):
             return {}
-        return {bus.label: (bus.loads, bus.down) for bus in status.buses}
+        return {bus.label: bus for bus in status.buses}
 
     @property
     def last(self) -> ShownInjection | None:
@@ -144,22 +162,19 @@ class Watching:
         for reader in self.readers:
             reader.close()
 
-    def buses(self) -> list[dict[str, object]]:
-        """Every bus as it is now: label, load, why it is down. Messages that several injectors read count once."""
+    def buses(self) -> list[BusSeen]:
+        """Every bus as it is now. Messages that several injectors read count once."""
         loads: dict[str, dict[str, float]] = {}
         down: dict[str, str] = {}
         for reader in self.readers:
-            for label, (shares, why) in reader.buses.items():
-                loads[label] = loads.get(label, {}) | shares
-                down[label] = down.get(label) or why
-        return [
-            {"label": label, "load": sum(shares.values()), "down": down[label]}
-            for label, shares in loads.items()
-        ]
+            for label, bus in reader.buses.items():
+                loads.setdefault(label, {}).update(bus.loads)
+                down[label] = down.get(label) or bus.down
+        return [BusSeen(label, sum(shares.values()), down[label]) for label, shares in loads.items()]
 
-    def seen(self, buses: Sequence[Mapping[str, object]]) -> Iterator[Seen]:
+    def seen(self, buses: Sequence[BusSeen]) -> Iterator[Seen]:
         """Every injector as it is now, with buses that are full as faults; buses: as they are now."""
-        full = {str(bus["label"]): float(str(bus["load"])) for bus in buses if float(str(bus["load"])) > FULL}
+        full = {bus.label: bus.load for bus in buses if bus.load > FULL}
         self._full_since = {label: self._full_since.get(label, time.time_ns()) for label in full}
         for reader in self.readers:
             seen = reader.seen()

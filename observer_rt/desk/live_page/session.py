@@ -86,7 +86,7 @@ class Session:
         told = {
             "number": self._number,
             "now": time.time_ns(),
-            "buses": buses,
+            "buses": [asdict(bus) for bus in buses],
             "injectors": said,
             **self._answer,
         }

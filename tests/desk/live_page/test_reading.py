@@ -90,6 +90,6 @@ def test_a_bus_that_several_fill_is_a_fault_of_each(tmp_path: Path, own: float, 
     with watching(three_injectors(tmp_path, "read"), answers) as view:
         until(lambda: len(view.buses()) == 1 and all(reader.buses for reader in view.readers[:2]))
         (bus,) = view.buses()
-        assert bus["load"] == pytest.approx(0.3 + 2 * own)
+        assert bus.load == pytest.approx(0.3 + 2 * own)
         full = [any("can0 is full" in each.what for each in seen.faults) for seen in view.seen([bus])]
     assert full == [is_full, is_full, False]

@@ -1,8 +1,9 @@
 """The daemon's one local socket: a request and its answer are a line of JSON each, for whoever may open its file.
 
 It stands beside the lock of what the daemon keeps, else beside its bench file, so that a process sees both if it sees
-one, also through a folder that is shared with a container. A request is an object that names what is asked for as
-`request`; an answer that has `error` refuses.
+one, also through a folder that is shared with a container; where the daemon may write neither, below `RUN`. A request
+is an object that names what is asked for as `request`; an answer that has `error` refuses. Who is neither of the
+daemon's user nor group may look only, as on a bus.
 """
 
 import errno
@@ -10,6 +11,7 @@ import json
 import os
 import pwd
 import socket
+import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +20,7 @@ from threading import BoundedSemaphore, Thread
 from typing import Any
 
 from observer_rt.config.bench import BenchInjector
+from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 
 OBSERVER = "observer"  # in the folder of evidence: its lock names the process that keeps it
@@ -25,7 +28,10 @@ MOST_CLIENTS = 16  # at once; what is beyond is closed
 LONGEST = 1 << 16  # bytes of a line
 IDLE = 30.0  # s that a client may be silent, or not read
 PATIENCE = 60.0  # s that an answer may take
-OWNER_AND_GROUP = 0o660
+EVERYBODY = 0o666
+RUN = Path("/run/observer-rt")  # made by the unit of systemd
+
+_CREDENTIALS = struct.Struct("3i")  # of a client: process, user, group
 
 Message = Mapping[str, Any]
 Requests = Mapping[str, Callable[[Message], Message | Iterator[bytes]]]
@@ -36,15 +42,15 @@ An answer is a line of JSON; or pieces, the first of which is one, and says how 
 
 
 def socket_places(fitted: BenchInjector, state: Path | None = None) -> tuple[Path, ...]:
-    """Files beside which a daemon of an injector has its socket: beside the first that its bench file names.
+    """Files beside which a daemon of an injector has its socket: the first beside which it can.
 
     state: of the command line, where the bench file does not name it, nobody else can find it.
     """
     kept = fitted.state if state in (None, fitted.state) else None
     path, evidence = fitted.file.path, fitted.evidence and fitted.evidence / OBSERVER
-    return tuple(
-        filter(None, (evidence, kept, path.with_name(".".join(filter(None, (path.name, fitted.name))))))
-    )
+    beside = path.with_name(".".join(filter(None, (path.name, fitted.name))))
+    below = RUN / fitted.name / str(path.resolve()).strip("/").replace("/", "-")
+    return tuple(filter(None, (evidence, kept, beside, below)))
 
 
 @contextmanager
@@ -137,7 +143,7 @@ class _SocketServer(ThreadingMixIn, UnixStreamServer):
         self._places = BoundedSemaphore(MOST_CLIENTS)
         self._clients: set[socket.socket] = set()
         super().__init__(address, _Client)
-        Path(address).chmod(OWNER_AND_GROUP)
+        Path(address).chmod(EVERYBODY)
 
     def verify_request(self, request: object, client_address: object) -> bool:
         """Whether there is room for one more."""
@@ -171,10 +177,20 @@ class _Client(StreamRequestHandler):
                 answer = self._answer(line)
                 self.wfile.writelines([line_of(answer)] if isinstance(answer, Mapping) else answer)
 
+    def _is_ours(self) -> bool:
+        """Whether the client is of this process's user or group, or the administrator."""
+        said = self.request.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+        _, user, group = _CREDENTIALS.unpack(said)
+        return user in (0, os.geteuid()) or group == os.getegid()
+
     def _answer(self, line: bytes) -> Message | Iterator[bytes]:
         try:
             request = json.loads(line)
-            return self.server.requests[request["request"]](request)
+            answer = self.server.requests[request["request"]]
+            if request["request"] != SNAPSHOT and not self._is_ours():
+                user = pwd.getpwuid(os.geteuid()).pw_name
+                return {"error": f"user {user} and its group alone may ask for that; repeat it with sudo"}
+            return answer(request)
         except ObserverError as error:
             return {"error": str(error)}
         except (ValueError, KeyError, TypeError, RecursionError):

@@ -77,25 +77,29 @@ class Reloading:
         self._waiting: deque[_Wish] = deque()
         self._taken: Sequence[_Wish] = ()  # whose bench is being read and made ready
         self._socket = stack.enter_context(ExitStack())
-        self._place: Path | None = None
+        self._places: tuple[Path, ...] = ()
         self._snapshot: Answer | None = None
 
     def listen(self, bench: Bench, state: Path | None, snapshot: Answer) -> None:
         """Take requests where the bench file leads to. state: of the command line; snapshot: answers that request."""
         self._snapshot = snapshot
-        place = socket_places(bench.injector, state)[0]
-        if place == self._place:
+        places = socket_places(bench.injector, state)
+        if places == self._places:
             return
         self._socket.close()
-        self._place = place
+        self._places = places
         requests: Requests = {RELOAD: self._reload, SNAPSHOT: self._answer}
-        try:
-            self._socket.enter_context(control_socket(place, requests))
-        except OSError as error:
-            self._say(
-                f"warning: no requests can be taken beside {place}: {error}\n  remedy: let the daemon write "
-                "there, on a local disk; SIGUSR1 has the bench file read all the same, `monitor` shows nothing"
-            )
+        failures = []
+        for place in places:
+            try:
+                self._socket.enter_context(control_socket(place, requests))
+                return
+            except OSError as error:
+                failures.append(f"{place}: {error.strerror}")
+        self._say(
+            f"warning: no requests can be taken beside {'; '.join(failures)}\n  remedy: let the daemon write "
+            "there, on a local disk; SIGUSR1 has the bench file read all the same, `monitor` shows nothing"
+        )
 
     @contextmanager
     def watching(

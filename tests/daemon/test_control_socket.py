@@ -1,9 +1,12 @@
 """The daemon's local socket: requests and answers, whoever asks, and however long its path is."""
 
 import json
+import os
 import socket
-import stat
+import subprocess
+import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -23,7 +26,8 @@ def kept(tmp_path: Path) -> Iterator[Path]:
     folder = tmp_path / ("evidence" * 20)
     folder.mkdir()
     with control_socket(
-        folder / "observer", {"double": lambda asked: {"is": 2 * asked["of"]}, "fail": refuse}
+        folder / "observer",
+        {"double": lambda asked: {"is": 2 * asked["of"]}, "fail": refuse, "snapshot": lambda _: {}},
     ):
         yield folder / "observer"
 
@@ -41,7 +45,7 @@ def test_a_request_is_answered_or_refused_in_words(kept: Path) -> None:
     assert ask(kept, {"request": "double", "of": 21}) == {"is": 42}
     with pytest.raises(UserError, match="is wrong"):
         ask(kept, {"request": "fail"})
-    with pytest.raises(UserError, match="known: double, fail"):
+    with pytest.raises(UserError, match="known: double, fail, snapshot"):
         ask(kept, {"request": "triple"})
 
 
@@ -75,8 +79,23 @@ def test_clients_are_limited_and_silent_ones_are_in_nobodys_way(
     assert json.loads(client.recv(100)) == {"is": 2}
 
 
-def test_only_owner_and_group_may_ask(kept: Path) -> None:
-    assert stat.S_IMODE(kept.with_name("observer.socket").stat().st_mode) == 0o660
+_ASK = """import os, sys
+from pathlib import Path
+from observer_rt.daemon.control_socket import ask
+os.chdir(sys.argv[1]); os.setgroups([]); os.setgid(65534); os.setuid(65534)
+print(ask(Path("observer"), {"request": "snapshot"}), ask(Path("observer"), {"request": "double", "of": 1}))
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the administrator can be another user")
+def test_other_users_may_look_only(kept: Path) -> None:
+    for folder in (kept.parent, *kept.parents):
+        with suppress(PermissionError):
+            folder.chmod(folder.stat().st_mode | 0o111)
+    asked = subprocess.run(
+        [sys.executable, "-c", _ASK, kept.parent], capture_output=True, text=True, check=False
+    )
+    assert "its daemon refuses: user root and its group alone" in asked.stderr
 
 
 def test_a_socket_left_behind_is_replaced_and_ours_removed(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def path(tmp_path: Path) -> Path:
 
 def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapshot:
     """What a client is told at the socket that the bench file leads to."""
-    (place,) = socket_places(load_bench(path).injector)
+    place, *_ = socket_places(load_bench(path).injector)
     daemon = connected(place)
     assert daemon is not None
     with daemon, daemon.makefile("rwb") as stream:
@@ -52,7 +52,7 @@ def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapsh
 def observing(path: Path, link: ScriptedLink) -> Iterator[HeardDaemon]:
     """A daemon that has taken all frames, and may be asked."""
     daemon = HeardDaemon(path, link)
-    (place,) = socket_places(load_bench(path).injector)
+    place, *_ = socket_places(load_bench(path).injector)
     with control_socket(place, {SNAPSHOT: daemon.snapshots.answer}), serving(daemon):
         until(link.empty.is_set)
         until(lambda: daemon.core.counters.frames >= link.frames)
@@ -175,6 +175,6 @@ def test_a_request_that_is_none_is_refused(path: Path) -> None:
 
 
 def test_a_daemon_that_answers_keeps_its_socket(path: Path) -> None:
-    (place,) = socket_places(load_bench(path).injector)
+    place, *_ = socket_places(load_bench(path).injector)
     with control_socket(place, {}), pytest.raises(OSError, match="another daemon"), control_socket(place, {}):
         pass

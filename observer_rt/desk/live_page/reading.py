@@ -120,16 +120,16 @@ class DaemonReader:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            try:
-                self._failure = ""
-                for place in self._places:
+            failures = []
+            for place in self._places:
+                try:
                     if (daemon := connected(place)) is not None:
                         self._follow(daemon)
-                        break
-            except ObserverError as error:
-                self._failure = str(error)
-            except OSError:
-                pass  # it has ended
+                except ObserverError as error:
+                    failures.append(str(error))
+                except OSError:
+                    pass  # it has ended
+            self._failure = next(iter(failures), "")
             self._stop.wait(_AGAIN_AFTER)
 
     def _follow(self, daemon: socket) -> None:

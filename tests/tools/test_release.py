@@ -13,7 +13,7 @@ import typer.main
 import yaml
 
 import observer_rt
-from observer_rt.desk.cli.app import app
+from observer_rt.desk.cli.app import app_of
 
 ROOT = Path(__file__).parents[2]
 CONTAINER = ROOT / "tools" / "container" / "Containerfile"
@@ -47,7 +47,7 @@ def test_the_citation_has_what_the_format_asks_for() -> None:
 def test_the_container_starts_what_was_installed_with_options_that_there_are() -> None:
     found = instructions()
     (program,), (name, *arguments) = (yaml.safe_load(found[key][0]) for key in ("ENTRYPOINT", "CMD"))
-    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    commands = typer.main.get_command(app_of()).commands  # type: ignore[attr-defined]
     known = {option for parameter in commands[name].params for option in parameter.opts}
     assert {argument for argument in arguments if argument.startswith("--")} <= known
     made = " ".join(found["RUN"])

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import typer.main
 
-from observer_rt.desk.cli.app import app
+from observer_rt.desk.cli.app import app_of
 
 UNIT = Path(__file__).parents[2] / "tools" / "systemd" / "observer-rt.service"
 
@@ -33,7 +33,7 @@ def unit() -> _Unit:
 def test_it_starts_a_command_with_options_that_there_are() -> None:
     program, name, *arguments = shlex.split(unit()["Service"]["ExecStart"])
     assert Path(program).name == "observer-rt"
-    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    commands = typer.main.get_command(app_of()).commands  # type: ignore[attr-defined]
     known = {option for parameter in commands[name].params for option in parameter.opts}
     assert {each.partition("=")[0] for each in arguments if each.startswith("--")} <= known
 

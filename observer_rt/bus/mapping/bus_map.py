@@ -101,6 +101,13 @@ class BusMap:
         return f"{layout.name} on {self.labels[layout.bus]}" if len(self.labels) > 1 else layout.name
 
 
+def message_timing(bus: BusMap, number: int) -> np.void:
+    """TIMING of an input message: its streams share index and rate."""
+    group = bus.inputs.groups[int(bus.inputs.messages[number]["first_group"])]
+    timing: np.void = bus.inputs.timing[int(group["stream"])]
+    return timing
+
+
 def stream_of(bus: BusMap, role: Role) -> int:
     """Number of the stream that carries a role."""
     bit = 1 << ROLES.index(role)

@@ -7,12 +7,11 @@ import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.opening import require_interface
-from observer_rt.bus.mapping.bus_map import BenchMap, in_common
+from observer_rt.bus.mapping.bus_map import BenchMap, in_common, message_timing
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.bench import Bench
 from observer_rt.desk.check.findings import Finding, Said, ruled
-from observer_rt.files.replay.framing import message_timing
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 

@@ -12,6 +12,7 @@ from observer_rt.bus.mapping.bus_map import (
     KnownMessage,
     layout_of,
     message_of,
+    message_timing,
     role_factor,
     role_range,
     role_resolution,
@@ -31,7 +32,6 @@ from observer_rt.engine.paper_scheme.systems import doubts_about_gain
 from observer_rt.engine.service.constants import bench_constants, configured_noise, rail_every
 from observer_rt.engine.service.learners import doubt_about_fit, make_learner
 from observer_rt.engine.stream.front_end import noise_gain
-from observer_rt.files.replay.framing import message_timing
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (
     LENGTH_UNITS,

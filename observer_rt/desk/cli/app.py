@@ -3,6 +3,9 @@
 import inspect
 import os
 import sys
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
 from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
@@ -10,12 +13,6 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from observer_rt import __version__
 from observer_rt.desk.cli.command import messages, with_options
-from observer_rt.desk.cli.fleet import batch, trend
-from observer_rt.desk.cli.live import check, demo, journal, monitor, run, take_over
-from observer_rt.desk.cli.logs import convert, record, replay
-from observer_rt.desk.cli.models import compare, discover, effects, fit
-from observer_rt.desk.cli.offline import evaluate, reproduce, simulate
-from observer_rt.desk.cli.project import project
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import ObserverError, UserError
 from observer_rt.foundation.extras import missing_library
@@ -59,23 +56,14 @@ def _reword(parameter: Any) -> None:
     )
 
 
-app = typer.Typer(
-    cls=GroupedCommands,
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # units in brackets are not markup
-    help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
-    epilog="Every command has help: -h. Results go to stdout, progress and errors to stderr.\n\n"
-    + EXIT_CODES,
-)
-
-
 def main() -> None:
     """Entry point of `observer-rt`."""
     try:
         try:
-            exit_code = app(standalone_mode=False)
+            asked = next(
+                (word for word in sys.argv[1:2] if any(word in each for each in COMMANDS.values())), ""
+            )
+            exit_code = app_of(asked)(standalone_mode=False)
         finally:
             _flush_messages()
             sys.stdout.flush()  # so that what cannot be written shows here
@@ -143,7 +131,6 @@ def _version(show: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _root(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
@@ -152,45 +139,65 @@ def _root(
     """`observer-rt` without a command."""
 
 
-for _heading, _commands in {
-    "Live": (
-        (demo, "--wear 0.3 --figure demo.png"),
-        (run, "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
-        (check, "--bench bench.toml --recording mine.csv"),
-        (monitor, "--bench bench.toml"),
-        (take_over, "missing/amended.toml --bench bench.toml"),
-        (record, "--bench bench.toml --out bus.blf --rotate-size 500"),
-        (replay, "recording.csv --bench bench.toml --speed 0.1"),
-        (journal, "injections.sqlite --csv > injections.csv"),
-    ),
-    "Offline": (
-        (
-            simulate,
+# heading, and of each command its module and an example
+COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
+    "Live": {
+        "demo": ("live", "--wear 0.3 --figure demo.png"),
+        "run": ("live", "--bench bench.toml --state learned.json --journal injections.sqlite --view"),
+        "check": ("live", "--bench bench.toml --recording mine.csv"),
+        "monitor": ("live", "--bench bench.toml"),
+        "take-over": ("live", "missing/amended.toml --bench bench.toml"),
+        "record": ("logs", "--bench bench.toml --out bus.blf --rotate-size 500"),
+        "replay": ("logs", "recording.csv --bench bench.toml --speed 0.1"),
+        "journal": ("live", "injections.sqlite --csv > injections.csv"),
+    },
+    "Offline": {
+        "simulate": (
+            "offline",
             "--rail-pressure 60,100,140 --energizing-time 0.6,1.9 --injections 12 "
             "--effect orifice_area:v_H=0.3 --output worn.csv",
         ),
-        (evaluate, "worn.csv --output trace.csv --plot worn.png"),
-        (convert, "bus.blf recording.csv --bench bench.toml"),
-        (fit, "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
-        (project, "report my_injector"),
-        (reproduce, "--out reproduced"),
-    ),
-    "Discovery": (
-        (discover, "--model injector.toml --out found --plan worn_1.csv worn_2.csv"),
-        (compare, "found_spring found_autumn"),
-        (effects, "channel_skew seat_area"),
-    ),
-    "Many recordings": (
-        (batch, r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)'"),
-        (trend, "results --limit nozzle=30%"),
-    ),
-}.items():
-    for _command, _example in _commands:
-        _name = _command.__name__.replace("_", "-")
-        app.command(
-            _name,
-            cls=WordedCommand,
-            short_help=inspect.cleandoc(_command.__doc__ or "").split("\n\n")[0].replace("\n", " "),
-            epilog=f"Example: observer-rt {_name} {_example}\n\n{EXIT_CODES}",
-            rich_help_panel=_heading,
-        )(with_options(_command))
+        "evaluate": ("offline", "worn.csv --output trace.csv --plot worn.png"),
+        "convert": ("logs", "bus.blf recording.csv --bench bench.toml"),
+        "fit": ("models", "healthy_*.csv --model injector.toml --output fitted.toml --plot fit.png"),
+        "project": ("project", "report my_injector"),
+        "reproduce": ("offline", "--out reproduced"),
+    },
+    "Discovery": {
+        "discover": ("models", "--model injector.toml --out found --plan worn_1.csv worn_2.csv"),
+        "compare": ("models", "found_spring found_autumn"),
+        "effects": ("models", "channel_skew seat_area"),
+    },
+    "Many recordings": {
+        "batch": ("fleet", r"measured/ --out results --bench bench.toml --injector-from 'injector_(\w+)'"),
+        "trend": ("fleet", "results --limit nozzle=30%"),
+    },
+}
+
+
+@cache
+def app_of(only: str = "") -> typer.Typer:
+    """The command line; only: with this command alone, so that nothing is loaded for others."""
+    app = typer.Typer(
+        cls=GroupedCommands,
+        no_args_is_help=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # units in brackets are not markup
+        help="Estimates the injection rate of a common-rail injector in real time, from CAN back onto CAN.",
+        epilog="Every command has help: -h. Results go to stdout, progress and errors to stderr.\n\n"
+        + EXIT_CODES,
+    )
+    app.callback()(_root)
+    for heading, commands in COMMANDS.items():
+        for name, (module, example) in commands.items():
+            if only in ("", name):
+                work = getattr(import_module(f"observer_rt.desk.cli.{module}"), name.replace("-", "_"))
+                app.command(
+                    name,
+                    cls=WordedCommand,
+                    short_help=inspect.cleandoc(work.__doc__ or "").split("\n\n")[0].replace("\n", " "),
+                    epilog=f"Example: observer-rt {name} {example}\n\n{EXIT_CODES}",
+                    rich_help_panel=heading,
+                )(with_options(work))
+    return app

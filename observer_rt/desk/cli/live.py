@@ -139,7 +139,7 @@ class CheckOptions:
 
 def check(options: CheckOptions) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.desk.check import checkup
+    from observer_rt.desk.check import checkup, given_files
 
     is_alone = options.bench == EXAMPLE_BENCH and options.model is None and options.state is None
     is_layout = options.recording is not None and (is_alone or describes_files_only(options.bench))
@@ -147,10 +147,10 @@ def check(options: CheckOptions) -> None:
     findings = [] if is_layout else checkup.checkup(chosen, options.state)
     if (log := options.log) is not None:
         findings += checkup.of_each(
-            chosen, lambda alone: checkup.log_findings(alone, log, options.from_channel)
+            chosen, lambda alone: given_files.log_findings(alone, log, options.from_channel)
         )
     if options.recording is not None:
-        findings += checkup.recording_findings(chosen, options.recording)
+        findings += given_files.recording_findings(chosen, options.recording)
     if options.json:
         print(json.dumps(checkup.as_json_document(findings), indent=2))
     else:

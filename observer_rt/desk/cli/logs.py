@@ -15,7 +15,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.bench_file import of_links, refuse_shared_channels
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import decoder_of, messages
-from observer_rt.desk.options import CLASSIC_ONLY, RECORDED
+from observer_rt.desk.recording_options import CLASSIC_ONLY, RECORDED, Recording
 from observer_rt.foundation.console import progress_bar, say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Writes
@@ -44,7 +44,7 @@ MEGABYTE = 1_000_000
 class ReplayOptions:
     """Options of the command."""
 
-    recording: shared.Recording
+    recording: Recording
     bench: shared.BenchFile = EXAMPLE_BENCH
     channel: Channel = ()
     interface: Interface = ()
@@ -160,7 +160,7 @@ def record(options: RecordOptions) -> None:
 class ConvertOptions:
     """Options of the command."""
 
-    recording: shared.Recording
+    recording: Recording
     target: Annotated[
         Path,
         Argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT"),

@@ -13,6 +13,7 @@ from observer_rt.config.effects import effect_named, effects_named
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import decoder_of, messages
+from observer_rt.desk.recording_options import Recordings
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError
 from observer_rt.foundation.extras import require
@@ -39,7 +40,7 @@ class ModelOptions:
 class FitOptions(ModelOptions):
     """Options of the command."""
 
-    recordings: shared.Recordings
+    recordings: Recordings
     model: Annotated[
         Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")
     ]
@@ -119,7 +120,7 @@ class DiscoverOptions(ModelOptions):
             ("findings.json", "report.html", "amended.toml", "plan.csv", "data", "fits.jsonl"),
         ),
     ]
-    recordings: shared.Recordings = ()
+    recordings: Recordings = ()
     from_evidence: Annotated[
         Path | None,
         Option(

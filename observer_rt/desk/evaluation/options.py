@@ -7,6 +7,7 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.desk import options as shared
+from observer_rt.desk.recording_options import Recordings
 from observer_rt.foundation.options import Injector, Lenient, Option, Writes
 
 
@@ -14,7 +15,7 @@ from observer_rt.foundation.options import Injector, Lenient, Option, Writes
 class EvaluateOptions:
     """Options of the command."""
 
-    recordings: shared.Recordings
+    recordings: Recordings
     bench: shared.BenchFile = EXAMPLE_BENCH
     model: shared.Model = None
     state: shared.State = None

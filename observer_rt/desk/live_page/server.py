@@ -24,8 +24,6 @@ from tornado.web import Application, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from observer_rt.config.bench import Bench
-from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
-from observer_rt.desk.live_page.missing.word import SecretWord
 from observer_rt.desk.live_page.reading import Watching
 from observer_rt.desk.live_page.session import Session, pressed
 from observer_rt.foundation.console import say, stop_on_signals
@@ -140,23 +138,28 @@ def serve_page(
     port: 0: one that is free; folder: of `Save`; read: the bench file anew. Raises `RunError` for a taken port.
     """
     watching = Watching(bench)
+    handlers: list[Any] = []
+    word = ""
+    if any(fitted.evidence is not None for fitted in bench.injectors):
+        from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
+        from observer_rt.desk.live_page.missing.word import SecretWord
+
+        secret = SecretWord(partial(say, console))
+        word = secret.text
+        handlers += handlers_of(_Guarded, MissingEffects(bench, watching, secret, read))
+    shown = {"watching": watching, "folder": folder, "asks": bool(word)}
+    handlers += [
+        ("/drawings", _Channel, shown),
+        ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
+    ]
     try:
-        missing = MissingEffects(bench, watching, SecretWord(partial(say, console)), read)
-        asyncio.run(_serve(watching, missing, address, port, folder, console))
+        asyncio.run(_serve(handlers, address, port, console, word))
     finally:
         watching.close()
 
 
-async def _serve(
-    watching: Watching, missing: MissingEffects, address: str, port: int, folder: Path, console: Console
-) -> None:
-    asks = missing.is_kept
-    handlers: list[Any] = [
-        ("/drawings", _Channel, {"watching": watching, "folder": folder, "asks": asks}),
-        ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
-    ]
-    if asks:
-        handlers[:0] = handlers_of(_Guarded, missing)
+async def _serve(handlers: list[Any], address: str, port: int, console: Console, word: str) -> None:
+    """Serve until asked to stop; word: of the page's buttons, if it has any."""
     try:
         is_local = ip_address(socket.gethostbyname(address)).is_loopback
         token = None if is_local else secrets.token_urlsafe(12)
@@ -185,11 +188,8 @@ async def _serve(
         behind = f":{sockets[0].getsockname()[1]}/{asked}"
         urls = " or ".join(f"http://{host}{behind}" for host in _hosts(address))
         say(console, f"{urls} (Ctrl-C ends it)")
-        if asks:
-            say(
-                console,
-                f"to ask what is missing, and to take it over, the page wants the word {missing.word.text}",
-            )
+        if word:
+            say(console, f"to ask what is missing, and to take it over, the page wants the word {word}")
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         while not stop.is_set():
             await asyncio.sleep(_STOP_EVERY)

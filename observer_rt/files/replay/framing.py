@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.mapping.bus_map import BusMap, message_of, role_range, role_resolution
+from observer_rt.bus.mapping.bus_map import BusMap, message_of, message_timing, role_range, role_resolution
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.timing import Numbering
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench
@@ -118,13 +118,6 @@ def windows_of(parts: Iterable[Recording]) -> list[Span]:
             spans.append(Span(start, end))
         samples += part.samples
     return [Span(span.start, min(span.end, samples)) for span in spans]
-
-
-def message_timing(bus: BusMap, number: int) -> np.void:
-    """TIMING of an input message: its streams share index and rate."""
-    group = bus.inputs.groups[int(bus.inputs.messages[number]["first_group"])]
-    timing: np.void = bus.inputs.timing[int(group["stream"])]
-    return timing
 
 
 def grid_samples(bus: BusMap, number: int) -> int:

@@ -8,8 +8,8 @@ import numpy as np
 
 from observer_rt.bus.links.link import Frame as BusFrame
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.check.checkup import log_findings
 from observer_rt.desk.check.findings import Finding, Level
+from observer_rt.desk.check.given_files import log_findings
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.replay.framing import whole
 from tests.daemon.time_frames import END, Received, jitter, merged, send, write_time_bench

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt import __version__
-from observer_rt.desk.cli.app import EXIT_CODES, app
+from observer_rt.desk.cli.app import EXIT_CODES, app_of
 from tests.desk.cli.conftest import Command, module
 from tests.pages import Page
 
@@ -97,7 +97,7 @@ def test_ctrl_c_while_modules_are_imported(tmp_path: Path, name: str) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
-REGISTERED = [command for command in app.registered_commands if command.callback]
+REGISTERED = [command for command in app_of().registered_commands if command.callback]
 COMMANDS = [command.name for command in REGISTERED if command.name]
 HEADINGS = list(dict.fromkeys(str(command.rich_help_panel) for command in REGISTERED))
 

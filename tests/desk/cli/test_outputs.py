@@ -13,7 +13,7 @@ import pytest
 from typer.models import OptionInfo
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR
-from observer_rt.desk.cli.app import app
+from observer_rt.desk.cli.app import app_of
 from observer_rt.foundation.options import Standing, Writes
 from tests.desk.cli.conftest import Command, module
 from tests.pages import Page
@@ -72,7 +72,7 @@ STRANGERS = ("observer.log", "bench.toml", "learned.json", "evidence/mine.parque
 def declared() -> dict[tuple[str, str], Writes]:
     """What commands say that they write, by command and option; `export` is not among them."""
     found = {}
-    for command in app.registered_commands:
+    for command in app_of().registered_commands:
         for name, hint in get_type_hints(command.callback, include_extras=True).items():
             of_hint: tuple[Any, ...] = getattr(hint, "__metadata__", ())
             for writes in (one for one in of_hint if isinstance(one, Writes)):
@@ -86,7 +86,7 @@ def declared() -> dict[tuple[str, str], Writes]:
 
 DECLARED = declared()
 HAVE_FORCE = {
-    command.name for command in app.registered_commands if "force" in get_type_hints(command.callback)
+    command.name for command in app_of().registered_commands if "force" in get_type_hints(command.callback)
 }
 FILES = [key for key, writes in DECLARED.items() if writes.standing in (Standing.FILE, Standing.OWN)]
 FOLDERS = [

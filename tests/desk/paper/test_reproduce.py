@@ -7,7 +7,7 @@ import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
-from observer_rt.desk.cli.app import app
+from observer_rt.desk.cli.app import app_of
 from observer_rt.foundation.errors import UserError
 
 RATE = "25000"
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the command writes; the table it prints in `stdout.txt`."""
     folder = tmp_path_factory.mktemp("reproduce") / "not" / "there" / "yet"
-    result = CliRunner().invoke(app, ["reproduce", "--out", str(folder), "--sample-rate", RATE])
+    result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(folder), "--sample-rate", RATE])
     assert result.exit_code == 0, result.output
     (folder / "stdout.txt").write_text(result.stdout)
     return folder
@@ -81,7 +81,7 @@ def test_report_names_the_errata_and_what_is_missing(folder: Path) -> None:
 
 
 def test_sample_rate_too_low_for_the_scheme_is_refused(tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["reproduce", "--out", str(tmp_path), "--sample-rate", "8000"])
+    result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(tmp_path), "--sample-rate", "8000"])
     assert isinstance(result.exception, UserError)
     assert result.exception.place == "--sample-rate"
     assert not list(tmp_path.iterdir())
@@ -90,7 +90,7 @@ def test_sample_rate_too_low_for_the_scheme_is_refused(tmp_path: Path) -> None:
 def test_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("mine")
-    result = CliRunner().invoke(app, ["reproduce", "--out", str(file)])
+    result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(file)])
     assert isinstance(result.exception, UserError)
     assert str(file) in result.exception.place
     assert file.read_text() == "mine"

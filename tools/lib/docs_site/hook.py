@@ -12,7 +12,7 @@ from mkdocs.structure.pages import Page
 from nbconvert import MarkdownExporter
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.desk.cli.app import app
+from observer_rt.desk.cli.app import app_of
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
@@ -74,7 +74,7 @@ def bench_file() -> str:
 
 def command_help() -> str:
     """The help of every command, as the terminal shows it."""
-    group: Any = typer.main.get_command(app)
+    group: Any = typer.main.get_command(app_of())
     root = typer.Context(group, info_name="observer-rt")
     texts = (
         f"\n### observer-rt {name}\n\n```text\n"

@@ -35,11 +35,6 @@ class MissingEffects:
             if alone.injector.evidence is not None
         }
 
-    @property
-    def is_kept(self) -> bool:
-        """Whether evidence of any injector is kept."""
-        return bool(self._searches)
-
     def html(self) -> str:
         """All panels, by the models that the bench file names now."""
         if (stamp := self._bench.path.stat().st_mtime_ns) != self._stamp:

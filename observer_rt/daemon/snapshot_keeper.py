@@ -116,16 +116,14 @@ class SnapshotKeeper:
         samples = {id(report): rows for report, rows in list(self._samples)}
         while self._news:
             news, moment = self._news.popleft()
-            if isinstance(news, InjectionReport):
-                self._count += 1
-                shown = self._shown(news, samples.get(id(news)), moment)
-                self._kept.append((news, shown))
-            else:
+            if isinstance(news, MeasuredMass):
                 self._note_mass(news)
-        for place in range(-len(self._kept), -WITH_CURVES):
-            report, shown = self._kept[place]
-            if shown.curves:
-                self._kept[place] = report, replace(shown, curves={})
+                continue
+            self._count += 1
+            self._kept.append((news, self._shown(news, samples.get(id(news)), moment)))
+            if len(self._kept) > WITH_CURVES:
+                report, shown = self._kept[-1 - WITH_CURVES]
+                self._kept[-1 - WITH_CURVES] = report, replace(shown, curves={})
 
     def _note_mass(self, measured: MeasuredMass) -> None:
         for place, (report, shown) in enumerate(self._kept):

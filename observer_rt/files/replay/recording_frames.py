@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock
-from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.bus.mapping.bus_map import BusMap, message_timing
 from observer_rt.files.replay.framing import (
     Framed,
     Framer,
     Span,
     TimedFrame,
     grid_samples,
-    message_timing,
     whole,
     windows_of,
 )

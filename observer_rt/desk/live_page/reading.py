@@ -25,6 +25,7 @@ from observer_rt.foundation.errors import ObserverError
 
 SILENT_AFTER = 1.0  # s without a look of the daemon at itself, after which nothing of it is of now
 WAIT = 0.3  # s that a daemon waits for news before it answers
+_PAUSE = 0.02  # s between two questions, so that many injections a second make few
 _AGAIN_AFTER = 0.3  # s, from one look for a daemon to the next
 FULL = 1.0  # share of the time that frames take, from which on none more has room
 _FULL_REMEDY = "a source that sends windows, or more buses; are the bit rates those of the bench file?"
@@ -81,7 +82,7 @@ class DaemonReader:
         if (daemon := self._daemon) is not None:
             with suppress(OSError):
                 daemon.shutdown(SHUT_RDWR)
-        self._thread.join()
+        self._thread.join(_AGAIN_AFTER)  # one that waits for a hung daemon ends with the process
 
     @property
     def buses(self) -> Mapping[str, BusStatus]:
@@ -90,11 +91,6 @@ class DaemonReader:
         if status is None or self._is_old(status.moment):
             return {}
         return {bus.label: bus for bus in status.buses}
-
-    @property
-    def last(self) -> ShownInjection | None:
-        """The newest injection."""
-        return self._injections[-1] if self._injections else None
 
     def injections(self, since: int = 0) -> list[ShownInjection]:
         """Those kept after the `since`-th, the newest last."""
@@ -148,6 +144,7 @@ class DaemonReader:
                     self._injections.append(replace(each, count=self.count + 1))
                     self.count += 1
                 self._status = snapshot.status
+                self._stop.wait(_PAUSE)
 
 
 class Watching:

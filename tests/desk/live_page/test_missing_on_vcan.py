@@ -25,11 +25,11 @@ from observer_rt.files.formats import write_recording
 from observer_rt.model.effects import sized
 from tests.daemon.end_to_end import START_TIMEOUT, command
 from tests.daemon.participants import until
+from tests.desk.live_page.browser import served
 
 INJECTIONS = 18
 SPEED = "0.25"
 PATIENCE = 240.0  # s of a search, in a machine within a machine
-_STARTED = re.compile(r"(http://\S+)|wants the word (\S+)")
 
 
 @pytest.fixture
@@ -73,18 +73,11 @@ class MissingPage:
 
 @contextmanager
 def monitor_of(bench: Path) -> Iterator[MissingPage]:
-    words = command("monitor", "--port", "0", "--bench", bench)
-    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stderr is not None
-            url = word = ""
-            while not word:
-                found = _STARTED.search(process.stderr.readline())
-                assert found or process.poll() is None
-                url, word = (found and found[1]) or url, (found and found[2]) or word
-            yield MissingPage(url, word)
-        finally:
-            process.terminate()
+    with served(command("monitor", "--port", "0", "--bench", bench)) as monitor:
+        assert monitor.process.stderr is not None
+        told = monitor.process.stderr.readline()
+        assert "wants the word" in told
+        yield MissingPage(monitor.url, told.split()[-1])
 
 
 @contextmanager

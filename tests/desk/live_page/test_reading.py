@@ -78,9 +78,12 @@ def test_a_loop_that_hangs_is_silent_though_its_process_answers(
         assert first(view).state == ("OBSERVER SILENT" if is_silent else "ADAPTED")
 
 
-def test_a_daemon_that_refuses_says_why(tmp_path: Path) -> None:
-    with watching(bench_file(tmp_path, "read"), {"": lambda _: {"error": "not now"}}) as view:
-        until(lambda: "not now" in str(first(view).faults))
+@pytest.mark.parametrize(
+    ("answer", "words"), [({"error": "not now"}, "not now"), ({"injections": "?"}, "another version")]
+)
+def test_a_daemon_that_gives_no_snapshot_is_a_fault(tmp_path: Path, answer: Message, words: str) -> None:
+    with watching(bench_file(tmp_path, "read"), {"": lambda _: answer}) as view:
+        until(lambda: words in str(first(view).faults))
 
 
 @pytest.mark.parametrize(("own", "is_full"), [(0.2, False), (0.4, True)])

@@ -113,9 +113,9 @@ class SnapshotKeeper:
 
     def _take_in(self) -> None:
         """Work out injections that are new; those before them have no curves any more."""
-        samples = {id(report): rows for report, rows in list(self._samples)}
-        while self._news:
-            news, moment = self._news.popleft()
+        pending = [self._news.popleft() for _ in range(len(self._news))]
+        samples = {id(report): rows for report, rows in list(self._samples)}  # which come before the news
+        for news, moment in pending:
             if isinstance(news, MeasuredMass):
                 self._note_mass(news)
                 continue
@@ -225,9 +225,8 @@ class LoadMeter:
             for link in (bench.config.buses[layout.bus],)
         }
         self._status_period = bench.injector.config.outputs.status_period_ms * MILLISECOND
-        self._before: deque[tuple[int, dict[MessageLayout, float]]] = (
-            deque()
-        )  # when [ns], busy until then [s]
+        # when [ns], busy until then [s]
+        self._before: deque[tuple[int, dict[MessageLayout, float]]] = deque()
 
     def look(self, daemon: Daemon, now: int) -> tuple[BusStatus, ...]:
         """All buses in use at a monotonic time [ns]."""

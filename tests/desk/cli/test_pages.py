@@ -70,6 +70,10 @@ NOT_RUN = {  # with the reason, and what looks after it instead
         "-v /etc/observer-rt:/etc/observer-rt -v observer-rt:/var/lib/observer-rt observer-rt"
     ): "tests/tools/test_release.py: the container starts what there is",
     "sudo systemctl enable --now observer-rt": "it needs systemd as the first process",
+    "sudo cp tools/systemd/observer-rt.service /etc/systemd/system/observer-rt@.service": (
+        "tests/tools/test_systemd_unit.py"
+    ),
+    "sudo systemctl enable --now observer-rt@left observer-rt@right": "it needs systemd as the first process",
     "journalctl -u observer-rt -f": "it needs systemd as the first process",
 }
 SEVERAL_POINTS = ("--rail-pressure", "60,140", "--energizing-time", "0.6,1.9", "--injections", 4)

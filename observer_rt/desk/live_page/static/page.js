@@ -284,7 +284,7 @@ function numbersHtml({ told }, list) {
 function showTop(buses) {
   const kind = ({ load, down }) => (down || load > FULL ? "bad" : load > BUSY ? "busy" : "");
   element("top").innerHTML = `<b>observer_rt</b> <span>live ${clock(now)}</span>` + buses.map((bus) =>
-    `<span class="bus ${kind(bus)}">${escaped(bus.label)} ${bus.down ? `down: ${escaped(bus.down)}` : `${(100 * bus.load).toFixed(0)} % load`}</span>`).join("");
+    `<span class="bus ${kind(bus)}">${escaped(bus.label)} ${bus.down ? `down: ${escaped(bus.down)}` : `at least ${(100 * bus.load).toFixed(0)} % load`}</span>`).join("");
 }
 
 function showControls() {

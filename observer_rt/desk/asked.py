@@ -29,7 +29,6 @@ class Asked:
     measured: tuple[Measurement, ...]
     hashes: dict[str, str]
     healthy: tuple[Measurement, ...] = ()
-    references: tuple[Path, ...] = ()
     stated: tuple[SizedEffect, ...] = ()
 
 
@@ -50,9 +49,7 @@ def asked_of_recordings(
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     given = [*paths, *references]
     measured = read_measured(given, read, console, stated=stated, baseline=baseline)
-    return Asked(
-        start, measured[: len(paths)], hashes(paths), measured[len(paths) :], tuple(references), stated
-    )
+    return Asked(start, measured[: len(paths)], hashes(paths), measured[len(paths) :], stated)
 
 
 def asked_of_evidence(folder: Path, model: Path | None, decoder: Bench | None, console: Console) -> Asked:

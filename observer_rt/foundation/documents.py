@@ -1,10 +1,22 @@
 """Documents for programs: frozen pydantic models, dumped as JSON, read back, published as JSON Schema."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationError,
+)
+from pydantic_core import CoreSchema, core_schema
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -15,6 +27,47 @@ Number = Annotated[
 ]
 """A figure; null where it is not finite."""
 Figures = Annotated[dict[str, Number], Field(description="by name, which ends with the unit")]
+
+
+class _AnyValue:
+    """A field whose type is of no concern to a document."""
+
+    def __get_pydantic_core_schema__(self, *_: object) -> CoreSchema:
+        return core_schema.any_schema()
+
+
+T = TypeVar("T")
+Inside = Annotated[T, _AnyValue(), Field(exclude=True)]
+"""A field of a data class that its document leaves out."""
+
+
+def key(name: str) -> Any:
+    """Metadata of a field of a data class: its key in a document."""
+    return Field(serialization_alias=name)
+
+
+def unit(si: float) -> PlainSerializer:
+    """Metadata of a figure [SI] of a data class: its unit in a document; null where it is not finite."""
+    return PlainSerializer(
+        lambda value: value / si if math.isfinite(value) else None, return_type=float | None, when_used="json"
+    )
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Metadata of a field of a data class: what makes its entry in a document, which is of a type of its own.
+
+    made: of the value and of `info`, whose context is the document; kind: of the entry.
+    """
+
+    made: Callable[[Any, SerializationInfo], Any]
+    kind: Any
+
+    def __get_pydantic_core_schema__(self, _: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        entry = core_schema.plain_serializer_function_ser_schema(
+            self.made, info_arg=True, return_schema=handler.generate_schema(self.kind)
+        )
+        return core_schema.any_schema(serialization=entry)
 
 
 class DocumentPart(BaseModel):

@@ -175,7 +175,6 @@ def discover(options: DiscoverOptions) -> None:
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.simulation.simulate import two_injections
     from observer_rt.identification.discovery import discover as discovery
-    from observer_rt.identification.discovery.report.document import FINDINGS
     from observer_rt.identification.discovery.report.plan import print_plan
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
@@ -231,7 +230,7 @@ def discover(options: DiscoverOptions) -> None:
         with progress_bar(messages, "planning what to measure next", 1.0) as progress:
             found = discovery.planned(found, task, two_injections, progress)
     found = replace(found, seconds=time.monotonic() - begin)
-    document = discovery.write_findings(out, task, found, amendable, asked.references, options.data)
+    document = discovery.write_findings(out, task, found, amendable, options.data)
     if found.not_accepted:
         say(messages, f"warning: {found.not_accepted}")
     if options.json:
@@ -246,7 +245,7 @@ def discover(options: DiscoverOptions) -> None:
             discovery.DATA: options.data,
         }
         more = [name for name, is_there in written.items() if is_there]
-        say(messages, f"{out}: {', '.join([discovery.REPORT, FINDINGS, *more])}")
+        say(messages, f"{out}: {', '.join([discovery.REPORT, discovery.FINDINGS, *more])}")
 
 
 @dataclass(frozen=True)

@@ -32,9 +32,10 @@ from observer_rt.identification.discovery.discover import (
     write_findings,
 )
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.report.formula import law_text
-from observer_rt.identification.discovery.report.text import as_text, printed, proposal_words
+from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import NoMemory
+from observer_rt.identification.discovery.words.formula import law_text
+from observer_rt.identification.discovery.words.sentences import proposal_words
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import coverage
 from observer_rt.model.effects import VOCABULARY
@@ -53,27 +54,26 @@ class DiscoveryResult:
     file: InjectorFile
     task: DiscoveryTask
     findings: Findings
-    healthy: tuple[Path, ...]
     notes: tuple[str, ...]
     load: "Callable[[Path], Injector]"
 
     @property
     def verdict(self) -> str:
         """`none`, `named`, `ambiguous` or `unknown`."""
-        return str(self.findings.discovery.verdict)
+        return str(self.findings.verdict)
 
     @property
     def confidence(self) -> float:
         """Confidence that the verdict is right."""
-        return self.findings.discovery.confidence
+        return self.findings.confidence
 
     @cached_property
     def effects(self) -> pd.DataFrame:
         """Effects named, a row a parameter: value, 95 % interval, unit."""
         rows = [
             (effect.id, VOCABULARY[effect.id].sentence, name, size.value, *size.ci95, size.unit)
-            for effect in self.findings.discovery.effects
-            for name, size in printed(effect.id, effect.parameters).items()
+            for effect in self.findings.effects
+            for name, size in effect.parameters.items()
         ]
         return pd.DataFrame(rows, columns=["effect", "meaning", "parameter", "value", "low", "high", "unit"])
 
@@ -90,7 +90,7 @@ class DiscoveryResult:
                 "may_enter_in_part": one.may_enter_in_part,
                 "refused": "" if one.refusal is None else one.refusal.reason,
             }
-            for one in self.findings.discovery.proposals
+            for one in self.findings.proposals
         ]
         columns = [
             "words",
@@ -129,7 +129,7 @@ class DiscoveryResult:
         return Path(folder) / REPORT
 
     def _write(self, folder: Path, data: bool = False) -> None:
-        write_findings(folder, self.task, self.findings, self.file, self.healthy, data)
+        write_findings(folder, self.task, self.findings, self.file, data)
 
     def __repr__(self) -> str:
         return as_text(self.findings)
@@ -176,5 +176,4 @@ def discovered(
     with progress_bar(screen, "looking for what is missing", 1.0) as progress:
         found = answer(task, NoMemory(), progress, AMENDED)
     said = (*notes, *map(coverage, (*measured, *healthy)))
-    references = tuple(one.recording.path for one in healthy if one.recording.path is not None)
-    return DiscoveryResult(file, task, found, references, said, load)
+    return DiscoveryResult(file, task, found, said, load)

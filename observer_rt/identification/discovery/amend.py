@@ -12,15 +12,14 @@ import numpy as np
 from observer_rt.config.injector_file import InjectorFile, section_of, tables_in_force
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.identification.discovery.findings import starts_anew
-from observer_rt.identification.discovery.report.text import printed, sizes_of
 from observer_rt.identification.discovery.search.hypothesis import Sizing, minimum_from
 from observer_rt.identification.discovery.search.results import (
     INCOMPLETE,
     Discovery,
     FittedEffect,
-    FittedParameter,
     Proposal,
     Refusal,
+    Size,
     Verdict,
 )
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
@@ -57,18 +56,18 @@ def amended_effects(
     ids = found.named.ids
     kept = tuple(effect for effect in parameters.effects if effect.id not in ids)
     again = {effect.id: sized_in_force(effect).values for effect in parameters.effects if effect.id in ids}
-    sizes: Sequence[tuple[FittedParameter, ...]] = [effect.parameters for effect in found.effects]
+    sizes = {effect.id: effect.parameters for effect in found.effects}
     if again:
         sizes = _totals(parameters.model_copy(update={"effects": kept}), again, found, measured, healthy)
     added = (
         EffectInForce(
             id=effect.id,
-            parameters=printed(effect.id, fitted),
+            parameters=sizes[effect.id],
             origin=ORIGIN,
             evidence=_reason(found, effect, recordings),
             date=date.today().isoformat(),
         )
-        for effect, fitted in zip(found.effects, sizes, strict=True)
+        for effect in found.effects
     )
     return (*kept, *added)
 
@@ -98,7 +97,7 @@ def accepted(
         evidence += f"; in part: closes {proposal.part.closed:.0%} of the gap held out, see [remainder]"
     evidence = "; ".join((evidence, *starts_anew(proposal.terms)))
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
-    sizes = sizes_of(proposal.found)
+    sizes = proposal.found.parameters
     effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.effects]
     terms = [TermInForce.of(_rounded(term), str(term.equation.unit), **why) for term in proposal.terms]
     return (*parameters.effects, *effects), (*parameters.terms, *terms)
@@ -165,7 +164,7 @@ def _totals(
     found: Discovery,
     measured: Sequence[Measurement],
     healthy: HealthyShape | None,
-) -> Sequence[tuple[FittedParameter, ...]]:
+) -> dict[str, dict[str, Size]]:
     """Parameters of the effects found, fitted to a model without them. again: those that were in force, SI."""
     base, hypothesis = effective_model(rest), found.named.hypothesis
     start = np.concatenate(
@@ -191,5 +190,6 @@ def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str
         doubt += ", chosen by --choose"
     return (
         f"verdict {found.verdict.value}, confidence {found.confidence:.2f}{doubt}; "
-        f"-2 log L falls by {effect.gain:.0f} (threshold {found.threshold:.0f}); {', '.join(shortened(recordings))}"
+        f"-2 log L falls by {effect.gain:.0f} (threshold {found.detection.threshold:.0f}); "
+        f"{', '.join(shortened(recordings))}"
     )

@@ -26,20 +26,17 @@ from observer_rt.identification.discovery.amend import (
 )
 from observer_rt.identification.discovery.findings import (
     Findings,
-    Sources,
+    ModelSource,
     is_level_measured,
     is_like_inertance,
     remedies,
-    shown_of,
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.in_part import variance_by_phase, with_parts
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.pairs import exchanged, with_alternatives
 from observer_rt.identification.discovery.report.data import remove_data, write_data
-from observer_rt.identification.discovery.report.document import FINDINGS, document_of
 from observer_rt.identification.discovery.report.page import report
-from observer_rt.identification.discovery.report.text import headline
 from observer_rt.identification.discovery.rivals import next_measurement
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import FitMemory, FitStore, problem_key
@@ -53,6 +50,7 @@ from observer_rt.identification.discovery.search.results import (
 )
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
+from observer_rt.identification.discovery.words.sentences import headline
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
@@ -97,7 +95,7 @@ _OTHER_RATE = (
     "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
     "rate. Fit at this rate, or give healthy recordings by --healthy."
 )
-AMENDED, REPORT, FITS = "amended.toml", "report.html", "fits.jsonl"
+AMENDED, FINDINGS, REPORT, FITS = "amended.toml", "findings.json", "report.html", "fits.jsonl"
 DATA = "data"
 PLAN = "plan.csv"
 ANSWER = (REPORT, FINDINGS, AMENDED, PLAN, DATA)
@@ -166,11 +164,12 @@ def answer(
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     proposals = _as_wanted(with_alternatives(found.proposals, likelihood, nominal), task, nominal)
     found = replace(found, proposals=with_parts(proposals, likelihood, nominal))
-    shown = shown_of(found, task.accepted if task.accepted <= len(found.proposals) else 0)
+    there = task.accepted if task.accepted <= len(found.proposals) else 0
+    shown = replace(found, accepted=there).shown
     gaps = gaps_of(shown, measured, nominal, baseline.shape)
     progress(_SHOWN)
     where = disagreements(found, shown, likelihood, nominal)
-    files, in_part = tuple(task.hashes), map(chosen_words, task.measured)
+    files, chosen = tuple(task.hashes), map(chosen_words, task.measured)
     several = Counter(point.file for point in points)
     names = tuple(
         files[point.file] if several[point.file] == 1 else f"{files[point.file]}, {point.name}"
@@ -195,7 +194,7 @@ def answer(
         except UserError as error:
             refused = str(error)
     return Findings(
-        discovery=found,
+        **vars(found) | {"accepted": taken},
         where=where,
         gaps=gaps,
         checks=standstill_checks(
@@ -209,17 +208,18 @@ def answer(
         in_force=in_force,
         terms=terms,
         not_accepted=refused,
-        accepted=taken,
         remainder=remainder,
         overlays=typical_overlays(shown, gaps, measured, nominal),
         injections=injection_gaps(gaps, measured, nominal),
         masses=mass_changes(shown, measured, nominal, _left_of_masses(found, shown)),
         files=files,
-        in_part=tuple(f"{name}: {chosen}" for name, chosen in zip(files, in_part, strict=True) if chosen),
+        recordings=dict(task.hashes),
+        judged_in_part=tuple(f"{name}: {words}" for name, words in zip(files, chosen, strict=True) if words),
         points=names,
         fitted_on=tuple(names[i] for i in gaps.fitted_on),
         held_out=tuple(names[i] for i in gaps.held_out),
-        healthy=None if baseline.shape is None else baseline,
+        healthy=tuple(one.recording.path.name for one in task.healthy if one.recording.path is not None),
+        baseline=None if baseline.shape is None else baseline,
     )
 
 
@@ -268,10 +268,10 @@ def planned(
 ) -> Findings:
     """Adds what to measure next to findings; progress is given the share done."""
     plan = next_measurement(
-        found.discovery,
+        found,
         task.measured,
         effective_model(task.parameters),
-        found.healthy or NOT_FITTED,
+        found.baseline or NOT_FITTED,
         simulate,
         progress,
     )
@@ -352,40 +352,28 @@ def fits_in(folder: Path, task: DiscoveryTask, stated: Sequence[SizedEffect]) ->
 
 
 def write_findings(
-    folder: Path,
-    task: DiscoveryTask,
-    found: Findings,
-    injector: InjectorFile,
-    healthy: Sequence[Path],
-    data: bool = False,
+    folder: Path, task: DiscoveryTask, findings: Findings, injector: InjectorFile, data: bool = False
 ) -> str:
     """Everything into the folder, and back what findings.json says. data: figures and numbers as files, too.
 
     What an earlier run left there and this one does not make is removed.
     """
-    sources = Sources(
-        model=injector.name,
-        model_hash=injector.sha256,
-        in_force=(
-            *(effect.id for effect in task.parameters.effects),
-            *(f"{term.equation}: {term.law}" for term in task.parameters.terms),
-        ),
-        recordings=task.hashes,
-        healthy=tuple(path.name for path in healthy),
-        made=datetime.now(),
-        folder=str(folder),
+    in_force = (
+        *(effect.id for effect in task.parameters.effects),
+        *(f"{term.equation}: {term.law}" for term in task.parameters.terms),
     )
-    document = document_of(found, sources)
-    text = json.dumps(document.as_json(), indent=2)
+    model = ModelSource(injector.name, injector.sha256, in_force)
+    found = replace(findings, model=model, made=datetime.now(), folder=str(folder))
+    text = json.dumps(found.as_json(), indent=2)
     with file_errors(folder):
         write_text(folder / FINDINGS, text + "\n")
-        write_text(folder / REPORT, report(found, sources))
+        write_text(folder / REPORT, report(found))
         (folder / PLAN).unlink(missing_ok=True)
         if found.plan is not None:
             write_schedule(folder / PLAN, found.plan)
         remove_data(folder / DATA)
         if data:
-            write_data(folder / DATA, found, document)
+            write_data(folder / DATA, found)
         if found.amended_model is not None:
             cells = stable_cells(task.parameters, found.in_force, task.measured)
             write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms, found.remainder)

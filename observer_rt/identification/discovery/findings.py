@@ -1,24 +1,37 @@
-"""Findings of `discover`: what they rest on, and caveats."""
+"""Findings of `discover`: the document findings.json, all that reports tell, and caveats. Inside SI."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cache
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.foundation.documents import DocumentPart, Number
+from observer_rt.foundation.documents import Entry, Figures, Inside, key
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
 from observer_rt.identification.discovery.search.results import (
     Candidate,
+    Cell,
     Discovery,
-    FittedEffect,
-    Proposal,
+    Unexplained,
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
+from observer_rt.identification.discovery.words.entries import (
+    CellOfMap,
+    RankedCandidate,
+    Unknown,
+    cell_of_map,
+    gap_entry,
+    ranked,
+    unknown,
+)
 from observer_rt.identification.likelihood.operating_points import distinct
 from observer_rt.identification.planning.plan import MeasurementPlan
 from observer_rt.model.baseline import Remainder
@@ -32,16 +45,6 @@ from observer_rt.model.terms.variable import Variable
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 _COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
 RECORD_MORE = "record at least three rail pressures and two durations"
-
-
-class PrintedFigure(DocumentPart):
-    """A figure in its unit, with its standard deviation or the ends of its 95 % interval."""
-
-    value: Number
-    sigma: Number = None
-    low: Number = None
-    high: Number = None
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ def _of_healthy_recordings(findings: "Findings") -> Iterator[Caveat]:
 
 
 def _of_bench(findings: "Findings") -> Iterator[Caveat]:
-    for remedy in remedies(findings.discovery):
+    for remedy in remedies(findings):
         yield Caveat(
             "bench_file",
             remedy,
@@ -97,7 +100,7 @@ def _of_coverage(findings: "Findings") -> Iterator[Caveat]:
             "All this rests on one operating point: nothing could be held out, and what shows at another rail "
             f"pressure or duration only cannot be told; {RECORD_MORE}.",
         )
-    elif distinct({cell.rail_pressure for cell in findings.discovery.before}) == 1:
+    elif distinct({cell.rail_pressure for cell in findings.before}) == 1:
         yield Caveat(
             "one_rail_pressure",
             "one rail pressure",
@@ -107,7 +110,7 @@ def _of_coverage(findings: "Findings") -> Iterator[Caveat]:
 
 
 def _of_names(findings: "Findings") -> Iterator[Caveat]:
-    for effect in findings.discovery.effects:
+    for effect in findings.effects:
         others = " or ".join(indistinguishable(VOCABULARY[effect.id]))
         if others:
             yield Caveat(
@@ -119,8 +122,7 @@ def _of_names(findings: "Findings") -> Iterator[Caveat]:
 
 def _of_level(findings: "Findings") -> Iterator[Caveat]:
     """Without a measured rate, now or when the model was fitted, the level of all flows is the line's inertance."""
-    found = findings.discovery
-    nobody_believes = found.verdict is Verdict.UNKNOWN and not found.proposals
+    nobody_believes = findings.verdict is Verdict.UNKNOWN and not findings.proposals
     if findings.gaps.injection_rate is not None or nobody_believes:
         return
     if findings.like_inertance:
@@ -133,7 +135,7 @@ def _of_level(findings: "Findings") -> Iterator[Caveat]:
             "injection rate measured tells them apart.",
         )
     elif not findings.level_measured and (
-        not found.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in found.effects)
+        not findings.effects or any(abs(effect.moves.mass) >= LEAST_MASS for effect in findings.effects)
     ):
         yield Caveat(
             "mass_not_measured",
@@ -163,64 +165,83 @@ def _of_counting(findings: "Findings") -> Iterator[Caveat]:
 
 
 @dataclass(frozen=True)
-class Findings:
+class ModelSource:
+    """The injector file, its SHA-256, and the effects and terms in it already."""
+
+    file: str = ""
+    sha256: str = ""
+    in_force: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings(Discovery):
     """Results of a discovery with what they rest on.
 
     healthy_warning: what healthy recordings say against the model, empty when nothing; like_inertance: the change
     found is one that another inertance of the line would make as well; level_measured: whether the fit of the model
     had a measured rate or mass; chosen: effects the user chose among those that explain as much; amended_model: name
     of the file beside the document, None when nothing is added; in_force, terms: all effects and terms that it has
-    then; not_accepted: why a proposal that the user accepts is not in it, empty where it is; accepted: number of the
-    proposal in it, 0 for none; remainder: what that leaves where it is accepted in part; overlays: injections to be
-    shown; injections: what is missed of each; masses: by operating point; files: names of the recordings; in_part:
-    which of these were too long to be judged as a whole, and how injections were chosen of them; points: of their
-    operating points, each of which counts as a recording; fitted_on, held_out: of these; seconds: it took; healthy:
-    what the model leaves of the healthy injector, None where nothing is known of it; plan: what to measure next, None
-    where that was not asked or nothing is left to decide.
+    then; not_accepted: why a proposal that the user accepts is not in it, empty where it is; remainder: what that
+    leaves where it is accepted in part; overlays: injections to be shown; injections: what is missed of each; masses:
+    by operating point; files: names of the recordings; judged_in_part: which of these were too long to be judged as a
+    whole, and how injections were chosen of them; points: of their operating points, each of which counts as a
+    recording; fitted_on, held_out: of these; seconds: it took; baseline: what the model leaves of the healthy
+    injector, None where nothing is known of it; healthy: names of healthy recordings; plan: what to measure next,
+    None where that was not asked or nothing is left to decide; folder: that all this is written to.
     """
 
-    discovery: Discovery
-    where: tuple[Disagreement, ...]
-    gaps: ModelGaps
+    schema: Literal[1] = 1
+    best: Annotated[Candidate, Entry(lambda one, _: one.ids, tuple[str, ...])]
+    ranking: tuple[Annotated[Candidate, Entry(ranked, RankedCandidate)], ...]
+    unexplained: Annotated[Unexplained | None, Entry(unknown, Unknown | None), key("unknown")]
+    where: tuple[Annotated[Disagreement, Entry(cell_of_map, CellOfMap)], ...]
+    gaps: Annotated[ModelGaps, Entry(gap_entry, dict[str, Figures | None]), key("gap")]
     checks: tuple[StandstillFigure, ...]
     healthy_warning: str
-    like_inertance: bool
-    level_measured: bool
+    like_inertance: Inside[bool]
+    level_measured: Inside[bool]
     chosen: tuple[str, ...]
     amended_model: str | None
-    in_force: tuple[EffectInForce, ...]
-    overlays: tuple[Overlay, ...]
-    files: tuple[str, ...]
-    in_part: tuple[str, ...]
-    points: tuple[str, ...]
+    in_force: Inside[tuple[EffectInForce, ...]]
+    overlays: Inside[tuple[Overlay, ...]]
+    files: Inside[tuple[str, ...]]
+    points: Inside[tuple[str, ...]]
+    model: ModelSource = ModelSource()
+    recordings: Annotated[dict[str, str], Field(description="SHA-256 by file name")]
+    judged_in_part: tuple[str, ...]
+    healthy: tuple[str, ...] = ()
+    made: Annotated[datetime, PlainSerializer(lambda made: made.isoformat(timespec="seconds"), str)] = (
+        datetime.min
+    )
     fitted_on: tuple[str, ...]
     held_out: tuple[str, ...]
-    seconds: float = 0.0
-    healthy: Healthy | None = None
-    terms: tuple[TermInForce, ...] = ()
-    not_accepted: str = ""
-    accepted: int = 0
-    remainder: Remainder | None = None
+    seconds: Annotated[float, PlainSerializer(lambda seconds: round(seconds, 3))] = 0.0
+    baseline: Inside[Healthy | None] = None
+    terms: Inside[tuple[TermInForce, ...]] = ()
+    not_accepted: Inside[str] = ""
+    remainder: Annotated[Remainder | None, Entry(lambda one, _: one is not None, bool), key("in_part")] = None
     injections: tuple[InjectionGap, ...] = ()
     masses: tuple[MassChange, ...] = ()
     plan: MeasurementPlan | None = None
-
-    @property
-    def proposal(self) -> Proposal | None:
-        """The proposal accepted, else the first; None without any."""
-        proposals = self.discovery.proposals
-        return proposals[max(self.accepted, 1) - 1] if proposals else None
-
-    @property
-    def shown(self) -> Candidate:
-        """What was found: the effects named, else a proposal; without effects where there is neither."""
-        return shown_of(self.discovery, self.accepted)
+    folder: Inside[str] = ""
 
     @property
     def held_apart(self) -> bool:
         """Whether the gaps are those of operating points that the sizes were not fitted to."""
         return set(self.held_out) != set(self.fitted_on)
 
+    @property
+    def places(self) -> dict[int, Cell]:
+        """A cell of the map of every operating point, by its number."""
+        return {item.before.recording: item.before for item in self.where}
+
+    @property
+    def open_ids(self) -> tuple[str, ...]:
+        """The effects found, and those tied with them."""
+        every = (self.named.ids, *self.rivals) if self.effects else ()
+        return tuple(dict.fromkeys(effect_id for ids in every for effect_id in ids))
+
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def caveats(self) -> tuple[Caveat, ...]:
         """Reservations, the gravest first."""
@@ -230,41 +251,15 @@ class Findings:
     @property
     def is_open(self) -> bool:
         """Whether several explanations are tied and none was chosen."""
-        return self.discovery.verdict is Verdict.AMBIGUOUS and not self.chosen
+        return self.verdict is Verdict.AMBIGUOUS and not self.chosen
+
+    def as_json(self) -> dict[str, Any]:
+        """findings.json: in printed units."""
+        document = adapter().dump_python(self, mode="json", by_alias=True, exclude_unset=True, context=self)
+        return {"schema": self.schema, **document}
 
 
-@dataclass(frozen=True)
-class Sources:
-    """Model and recordings that findings were made from.
-
-    model, model_hash: name and SHA-256 of the injector file; in_force: effects and terms in it already; recordings:
-    SHA-256 by file name; healthy: names of healthy recordings; folder: that the answer is written to.
-    """
-
-    model: str
-    model_hash: str
-    in_force: tuple[str, ...]
-    recordings: Mapping[str, str]
-    healthy: tuple[str, ...]
-    made: datetime
-    folder: str = ""
-
-
-def shown_of(found: Discovery, accepted: int = 0) -> Candidate:
-    """What was found, with half widths of its sizes: see `Findings.shown`. accepted: proposal's number, 0: none."""
-    if found.effects:
-        return next(one for one in found.ranking if one.ids == found.named.ids)
-    if found.proposals:
-        return found.proposals[max(accepted, 1) - 1].found
-    return found.named
-
-
-def explained_share(found: Discovery) -> float:
-    """Share of the disagreement that is explained: of what -2 log L has above that of an adequate model."""
-    left = sum(cell.samples * (cell.variance - 1.0) for cell in found.after)
-    return found.gain / (found.gain + max(0.0, left)) if found.gain > 0.0 else 0.0
-
-
-def gap_share(found: Discovery, effect: FittedEffect) -> float:
-    """An effect's part of that share, by what is lost without it."""
-    return explained_share(found) * effect.gain / sum(one.gain for one in found.effects)
+@cache
+def adapter() -> TypeAdapter[Findings]:
+    """What writes findings as JSON, and knows the schema of that."""
+    return TypeAdapter(Findings)

@@ -3,17 +3,21 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import computed_field
 
-from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.foundation.documents import Entry, Inside, key, unit
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import ModelGaps, PointGap, rms
 from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import Simulated, mass, simulated
 from observer_rt.model.effective import EffectiveModel
 
+POINT = Entry(lambda number, info: info.context.points[number], str)  # name of an operating point
 SHOWN_RINGING = 6e-3  # s after the last closing
 
 
@@ -86,10 +90,10 @@ class InjectionGap:
     recording: its number; number: of the event in it, from 1.
     """
 
-    recording: int
+    recording: Annotated[int, POINT]
     number: int
-    before: float
-    after: float
+    before: Annotated[float, key("before_MPa"), unit(MEGAPASCAL)]
+    after: Annotated[float, key("after_MPa"), unit(MEGAPASCAL)]
 
 
 @dataclass(frozen=True)
@@ -100,10 +104,23 @@ class MassChange:
     change, from those of the sizes and from what is left.
     """
 
-    recording: int
-    nominal: float
-    change: float
-    half: float
+    recording: Annotated[int, POINT]
+    nominal: Annotated[float, key("nominal_mg"), unit(MILLIGRAM)]
+    change: Inside[float]
+    half: Inside[float]
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def change_pct(self) -> float:
+        """The same as a share of the nominal mass [%]."""
+        return 100.0 * self.change / self.nominal
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def ci95_pct(self) -> tuple[float, float]:
+        """Ends of its 95 % interval."""
+        half = 100.0 * self.half / self.nominal
+        return self.change_pct - half, self.change_pct + half
 
 
 def injection_gaps(

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.identification.discovery.report.text import candidate_words, proposal_words
 from observer_rt.identification.discovery.search.results import Candidate, Discovery, Verdict
 from observer_rt.identification.discovery.search.search import price
 from observer_rt.identification.discovery.search.verdict import confidence_before
+from observer_rt.identification.discovery.words.sentences import candidate_words, proposal_words
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement

@@ -10,9 +10,11 @@ from rich.table import Table
 from rich.text import Text
 
 from observer_rt.foundation.console import plain_table
-from observer_rt.identification.discovery.report.document import FINDINGS, FindingsDocument
-from observer_rt.identification.discovery.report.numbers import shown, significant
-from observer_rt.identification.discovery.report.text import Size
+from observer_rt.foundation.documents import Document, DocumentPart, Number
+from observer_rt.identification.discovery.discover import FINDINGS
+from observer_rt.identification.discovery.findings import ModelSource
+from observer_rt.identification.discovery.numbers import shown, significant
+from observer_rt.identification.discovery.search.results import Size, Verdict
 
 SCHEMA = 1
 GAPS = (
@@ -21,14 +23,43 @@ GAPS = (
     ("injected_mass", "mg", "injected mass off, rms"),
 )
 _DIGITS = 12  # of a hash
-_COMPARED: Any = {
-    **dict.fromkeys(("verdict", "confidence", "rivals", "gap", "model", "recordings"), True),
-    "caveats": {"__all__": {"words"}},
-    "effects": {"__all__": {"id", "parameters"}},
-    "unknown": {"proposals": {"__all__": {"sentence"}}},
-}
-"""Keys of findings that runs are compared by."""
 _REMEDY = "name a folder that `observer-rt discover --out` of this version wrote"
+
+
+class _Words(DocumentPart):
+    words: str
+
+
+class _Effect(DocumentPart):
+    id: str
+    parameters: dict[str, Size]
+
+
+class _Proposal(DocumentPart):
+    sentence: str
+
+
+class _Unknown(DocumentPart):
+    proposals: tuple[_Proposal, ...] = ()
+
+
+class ComparedFindings(Document):
+    """Keys of findings.json that runs are compared by."""
+
+    verdict: Verdict
+    confidence: float
+    caveats: tuple[_Words, ...]
+    effects: tuple[_Effect, ...]
+    rivals: tuple[tuple[str, ...], ...]
+    unknown: _Unknown | None
+    gap: dict[str, dict[str, Number | bool] | None]
+    model: ModelSource
+    recordings: dict[str, str]
+
+    @property
+    def proposal(self) -> str:
+        """The first proposal; empty without one."""
+        return next((one.sentence for one in self.unknown.proposals), "") if self.unknown else ""
 
 
 @dataclass(frozen=True)
@@ -36,13 +67,13 @@ class DiscoveryRun:
     """An answer, by the name of its folder as the user gave it."""
 
     name: str
-    document: FindingsDocument
+    document: ComparedFindings
 
     @classmethod
     def read(cls, path: Path) -> Self:
         """The run whose folder, or findings.json, this is. Raises `UserError` for what is none."""
         file = path / FINDINGS if path.is_dir() else path
-        return cls(str(path), FindingsDocument.read(file, "findings of a run", _REMEDY))
+        return cls(str(path), ComparedFindings.read(file, "findings of a run", _REMEDY))
 
     def sizes(self) -> dict[tuple[str, str], Size]:
         """Sizes by effect and parameter."""
@@ -88,11 +119,7 @@ def as_json(runs: Sequence[DiscoveryRun]) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "runs": [
-            {
-                "run": run.name,
-                **run.document.model_dump(mode="json", by_alias=True, exclude_unset=True, include=_COMPARED),
-            }
-            for run in runs
+            {"run": run.name, **run.document.model_dump(mode="json", exclude={"schema_"})} for run in runs
         ],
         "changes": [
             {
@@ -168,7 +195,7 @@ def size_text(size: Size | None) -> str:
     return f"{value} ({low} to {high})" + ("" if size.unit == "-" else f" {size.unit}")
 
 
-def _gap(document: FindingsDocument, key: str, unit: str) -> str:
+def _gap(document: ComparedFindings, key: str, unit: str) -> str:
     gap = document.gap.get(key)
     if gap is None or gap.get(f"before_{unit}") is None:
         return "-"

@@ -3,12 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import SerializationInfo
 
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.documents import Entry, unit
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
@@ -22,6 +25,10 @@ _FEWEST_BLOCKS = 4
 _TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
 
 
+def _file_name(number: int | None, info: SerializationInfo) -> str | None:
+    return None if number is None else info.context.files[number]
+
+
 @dataclass(frozen=True)
 class StandstillFigure:
     """A figure of the standstill, in `unit`.
@@ -31,9 +38,9 @@ class StandstillFigure:
     """
 
     id: str
-    recording: int | None
-    value: float
-    sigma: float
+    recording: Annotated[int | None, Entry(_file_name, str | None)]
+    value: Annotated[float, unit(1.0)]
+    sigma: Annotated[float, unit(1.0)]
     unit: str
     passed: bool
     explained: bool = False

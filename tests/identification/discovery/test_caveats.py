@@ -11,14 +11,13 @@ from observer_rt.identification.discovery.findings import (
     is_level_measured,
     is_like_inertance,
 )
-from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import NoMemory
-from observer_rt.identification.discovery.search.results import FittedParameter, Verdict
+from observer_rt.identification.discovery.search.results import Size, Verdict
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.baselines import baseline
-from tests.identification.discovery.conftest import SOURCES, Worn
+from tests.identification.discovery.conftest import Worn
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 
@@ -36,14 +35,14 @@ def _without_rate(findings: Findings) -> Findings:
 
 
 def _at_one_pressure(findings: Findings) -> Findings:
-    before = tuple(replace(cell, rail_pressure=60e6) for cell in findings.discovery.before)
-    return replace(findings, discovery=replace(findings.discovery, before=before))
+    before = tuple(replace(cell, rail_pressure=60e6) for cell in findings.before)
+    return replace(findings, before=before)
 
 
 def _slow_lift_sensor(findings: Findings) -> Findings:
-    lag = FittedParameter("tau", 16e-6, (15e-6, 17e-6))
-    effect = replace(findings.discovery.effects[0], id="needle_lift_sensor_lag", parameters=(lag,))
-    return replace(findings, discovery=replace(findings.discovery, effects=(effect,)))
+    lag = {"tau": Size(value=16.0, ci95=(15.0, 17.0), unit="us")}
+    effect = replace(findings.effects[0], id="needle_lift_sensor_lag", parameters=(lag,))
+    return replace(findings, effects=(effect,))
 
 
 @pytest.mark.parametrize(
@@ -63,9 +62,7 @@ def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, chan
     (one,) = findings.caveats
     assert one.id == caveat
     assert f"but: {one.words}" in as_text(findings).splitlines()[0]
-    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in document_of(
-        findings, SOURCES
-    ).as_json()["caveats"]
+    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in findings.as_json()["caveats"]
 
 
 def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:
@@ -89,15 +86,14 @@ def test_the_level_is_what_the_fit_of_the_model_says(level: str, measured: bool)
 
 
 def test_what_looks_the_same_in_every_signal_is_told(worn: Worn) -> None:
-    (effect,) = worn.findings.discovery.effects
-    found = replace(worn.findings.discovery, effects=(replace(effect, id="bulk_modulus"),))
-    caveats = _by_id(replace(worn.findings, discovery=found))
+    (effect,) = worn.findings.effects
+    caveats = _by_id(replace(worn.findings, effects=(replace(effect, id="bulk_modulus"),)))
     assert caveats["same_signals"].words == "line_volume would look the same"
 
 
 def test_nothing_is_said_of_masses_nobody_believes(worn: Worn) -> None:
-    found = replace(worn.findings.discovery, verdict=Verdict.UNKNOWN, effects=())
-    assert _by_id(_without_rate(replace(worn.findings, discovery=found))) == {}
+    unknown = replace(worn.findings, verdict=Verdict.UNKNOWN, effects=())
+    assert _by_id(_without_rate(unknown)) == {}
 
 
 @pytest.mark.parametrize(("v_h", "r", "alike"), [(0.2, -1 / 6, True), (0.2, 0.0, False), (0.2, 0.2, False)])
@@ -112,6 +108,6 @@ def test_what_is_of_the_bench_is_told_and_never_amended() -> None:
     made = recordings((sized("needle_lift_sensor_lag", tau=16e-6),))
     task = DiscoveryTask(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
     findings = answer(task, NoMemory(), lambda _: None, "amended.toml")
-    assert [effect.id for effect in findings.discovery.effects] == ["needle_lift_sensor_lag"]
+    assert [effect.id for effect in findings.effects] == ["needle_lift_sensor_lag"]
     assert "state the lag of the lift sensor in the bench file" in as_text(findings).splitlines()[0]
     assert (findings.amended_model, findings.in_force) == (None, ())

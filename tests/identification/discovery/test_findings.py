@@ -5,19 +5,17 @@ from typing import Any
 
 import pytest
 
-from observer_rt.identification.discovery.findings import gap_share
-from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
-from tests.identification.discovery.conftest import SOURCES, WEAR, Worn
+from tests.identification.discovery.conftest import WEAR, Worn
 from tests.identification.discovery.hidden import NOMINAL, recordings
 
 
 @pytest.fixture
 def document(worn: Worn) -> dict[str, Any]:
     """The document as a reader without NaN sees it."""
-    text = json.dumps(document_of(worn.findings, SOURCES).as_json(), allow_nan=False)
+    text = json.dumps(worn.findings.as_json(), allow_nan=False)
     parsed: dict[str, Any] = json.loads(text)
     return parsed
 
@@ -92,7 +90,7 @@ def test_checks_are_in_it(document: dict[str, Any]) -> None:
 def test_the_shares_of_two_effects_do_not_exceed_the_whole() -> None:
     hidden = (sized("orifice_area", v_H=-0.15), sized("line_friction", k=0.5))
     found = name_effects(effective_model(NOMINAL), measurements(recordings(hidden)), SearchOptions(workers=2))
-    shares = {effect.id: gap_share(found, effect) for effect in found.effects}
+    shares = {effect.id: effect.gap_share for effect in found.effects}
     assert set(shares) == {"orifice_area", "line_friction"}
     assert 0.9 < sum(shares.values()) <= 1.0
     assert shares["orifice_area"] > shares["line_friction"]

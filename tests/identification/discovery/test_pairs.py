@@ -10,10 +10,11 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.pairs import exchanged, with_alternatives
 from observer_rt.identification.discovery.report.page import report
-from observer_rt.identification.discovery.report.text import alternative_words, as_text
+from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
 from observer_rt.identification.discovery.search.results import Candidate, Proposal, Unexplained, Verdict
 from observer_rt.identification.discovery.search.verdict import consequence
+from observer_rt.identification.discovery.words.sentences import alternative_words
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
@@ -22,7 +23,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.term_effect import FormNumber, term_effect
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
-from tests.identification.discovery.conftest import SOURCES, WORN_POINTS, Worn
+from tests.identification.discovery.conftest import WORN_POINTS, Worn
 from tests.identification.discovery.hidden import NOMINAL, recordings
 from tests.identification.discovery.terms import effect_of
 
@@ -66,11 +67,15 @@ def test_both_stand_in_the_answer(worn: Worn) -> None:
     law = parse("-0.35*exp(-((needle_lift/max_lift - 0.466)/0.13)^2)")
     one = _answered(Term(TermEquation.SEAT_FLOW, law), TermEquation.SEAT_FLOW, DIP, NUMBERS)
     place = Unexplained(Equation.SAC_PRESSURE, Phase.OPEN, Signal.LINE_PRESSURE, (), "more than modelled")
-    found = replace(
-        worn.findings.discovery, verdict=Verdict.UNKNOWN, effects=(), unexplained=place, proposals=(one,)
+    findings = replace(
+        worn.findings,
+        verdict=Verdict.UNKNOWN,
+        effects=(),
+        unexplained=place,
+        proposals=(one,),
+        amended_model=None,
     )
-    findings = replace(worn.findings, discovery=found, amended_model=None)
-    for told in (as_text(findings).splitlines()[0], report(findings, SOURCES)):
+    for told in (as_text(findings).splitlines()[0], report(findings)):
         assert re.search(r"as if the seat let .* less through .*, or as if the needle stood", told)
 
 

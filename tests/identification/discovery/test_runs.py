@@ -9,14 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.runs import DiscoveryRun, as_json, change_lines, changes, run_table
-from tests.identification.discovery.conftest import SOURCES, WEAR, Worn
+from tests.identification.discovery.conftest import WEAR, Worn
 
 
 @pytest.fixture
 def document(worn: Worn) -> dict[str, Any]:
-    parsed: dict[str, Any] = json.loads(json.dumps(document_of(worn.findings, SOURCES).as_json()))
+    parsed: dict[str, Any] = json.loads(json.dumps(worn.findings.as_json()))
     return parsed
 
 

@@ -8,9 +8,7 @@ from observer_rt.foundation.outputs import replacing, write_text
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.injections import Overlay
-from observer_rt.identification.discovery.report.document import FindingsDocument
-from observer_rt.identification.discovery.report.figures import overlay_figure
-from observer_rt.identification.discovery.report.page_figures import held_out_figure, with_words
+from observer_rt.identification.discovery.report.figures import gap_figure, overlay_figure
 
 _LISTS = {
     "candidates.csv": "ranking",
@@ -21,14 +19,14 @@ _LISTS = {
 }
 """Tables that are lists of findings.json."""
 _TABLES = (*_LISTS, "effects.csv", "gaps.csv")
-_INJECTIONS_FIGURE, _GAPS_FIGURE = "injections.svg", "gaps.svg"
+_FIGURES = {"injections.svg": overlay_figure, "gaps.svg": gap_figure}
 _XML = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
-def write_data(folder: Path, findings: Findings, document: FindingsDocument) -> None:
+def write_data(folder: Path, findings: Findings) -> None:
     """Tables and figures into a folder, which is made."""
     folder.mkdir(exist_ok=True)
-    lists = document.as_json()
+    lists = findings.as_json()
     for name, key in _LISTS.items():
         table = pd.json_normalize(lists[key], sep="_").drop(columns="parameters", errors="ignore")
         if "ids" in table:
@@ -36,23 +34,18 @@ def write_data(folder: Path, findings: Findings, document: FindingsDocument) -> 
         if "ci95_pct" in table:
             table[["ci95_low_pct", "ci95_high_pct"]] = table.pop("ci95_pct").tolist()
         _write(folder / name, table)
-    _write(folder / "effects.csv", _effects(document))
+    _write(folder / "effects.csv", _effects(findings))
     _write(folder / "gaps.csv", _gaps(findings))
-    label = with_words(findings)
     for number, overlay in enumerate(findings.overlays, start=1):
         _write(folder / f"injection_{number}.csv", _injection(overlay))
-    for name, svg in (
-        (_INJECTIONS_FIGURE, overlay_figure(findings.overlays, label)),
-        (_GAPS_FIGURE, held_out_figure(findings)),
-    ):
-        write_text(folder / name, _XML + svg)
+    for name, figure in _FIGURES.items():
+        write_text(folder / name, _XML + figure(findings))
 
 
 def remove_data(folder: Path) -> None:
     """Take away what an earlier run wrote there, and nothing else."""
     if folder.is_dir():
-        names = (*_TABLES, _INJECTIONS_FIGURE, _GAPS_FIGURE)
-        for path in (*(folder / name for name in names), *folder.glob("injection_[0-9].csv")):
+        for path in (*(folder / name for name in (*_TABLES, *_FIGURES)), *folder.glob("injection_[0-9].csv")):
             path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
@@ -63,13 +56,13 @@ def _write(path: Path, table: pd.DataFrame) -> None:
         table.to_csv(part, index=False, float_format="%.10g")
 
 
-def _effects(document: FindingsDocument) -> pd.DataFrame:
+def _effects(findings: Findings) -> pd.DataFrame:
     """Sizes of every effect of every candidate."""
     return pd.DataFrame(
         [
             ("+".join(one.ids), effect, name, size.unit, size.value, *size.ci95)
-            for one in document.ranking
-            for effect, sizes in zip(one.ids, one.parameters, strict=True)
+            for one in findings.ranking
+            for effect, sizes in one.parameters.items()
             for name, size in sizes.items()
         ],
         columns=["candidate", "effect", "parameter", "unit", "value", "ci95_low", "ci95_high"],

@@ -1,7 +1,8 @@
 """Figures of the report, as SVG to stand in the page."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
 from textwrap import fill
 
 import numpy as np
@@ -10,9 +11,10 @@ from matplotlib.figure import Figure
 
 from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, svg_figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
+from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import Gap
 from observer_rt.identification.discovery.injections import Overlay
-from observer_rt.identification.discovery.report.numbers import sign
+from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.results import LawCurve
 
 _FEWEST_PLACES = 3  # beside each other, for which there is room
@@ -20,13 +22,10 @@ _CROWDED = 9  # operating points, from which on labels are small
 _WRAPPED = 30  # characters of a label beside a low figure
 
 
-def overlay_figure(overlays: Sequence[Overlay], amended: str) -> str:
-    """Lift, line pressure, what the models miss of it, and injection rate; a column for each injection.
-
-    amended: what the legend calls the amended model.
-    """
+def overlay_figure(findings: Findings) -> str:
+    """Lift, line pressure, what the models miss of it, and injection rate; a column for each injection."""
     with svg_figure(10.4, 7.4) as (figure, svg):
-        _draw_overlays(figure, overlays, amended)
+        _draw_overlays(figure, findings.overlays, with_words(findings))
     return svg()
 
 
@@ -82,38 +81,33 @@ def _draw_overlay(axes: Sequence[Axes], one: Overlay, amended: str) -> None:
         axes[3].plot(time, one.amended_rate / MM3_PER_MS, color=FOUND, lw=1.1, ls=(0, (5, 1.5)))
 
 
-@dataclass(frozen=True)
-class Bars:
-    """Gaps of one quantity at several operating points, in its printed unit.
-
-    amended: what the legend calls the amended model, None where there is nothing to show of it.
-    """
-
-    title: str
-    unit: str
-    gaps: tuple[Gap, ...]
-    amended: str | None
-
-
-def gap_figure(labels: Sequence[str], groups: Sequence[Bars]) -> str:
-    """Before and after beside each other at every operating point, in proportion; noise as a line."""
+def gap_figure(findings: Findings) -> str:
+    """Before and after beside each other at every operating point held out, in proportion; noise as a line."""
+    points, amended = findings.gaps.points, bool(findings.shown.ids)
+    labels = [findings.places[point.recording].point.replace(", ", "\n") for point in points]
+    groups = [gap for gap in findings.gaps.printed.values() if gap.measured or amended]
     with svg_figure(10.4, 3.1) as (figure, svg):
-        for column, bars in enumerate(groups):
+        for column, gap in enumerate(groups):
             axes = figure.add_subplot(1, len(groups), column + 1)
-            _draw_bars(axes, labels, bars)
+            every = [printed[gap.name] for point in points if gap.name in (printed := point.printed)]
+            _draw_bars(axes, labels, every, with_words(findings) if amended and gap.measured else None)
+            unit, doubt = (sign(gap.unit), "") if gap.measured else (gap.unit, ", if this is right")
+            axes.set_ylabel(f"rms [{unit}]")
+            axes.set_title(f"{gap.words}{doubt}", loc="left", fontsize=10.5, fontweight="bold")
             if column == 0:
                 handles = axes.get_legend_handles_labels()
                 figure.legend(*handles, loc="outside upper right", ncols=3, frameon=False)
     return svg()
 
 
-def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
+def _draw_bars(axes: Axes, labels: Sequence[str], gaps: Sequence[Gap], amended: str | None) -> None:
+    """amended: what the legend calls the amended model, None where there is nothing to show of it."""
     places = np.arange(len(labels))
-    width = 0.5 if bars.amended is None else 0.36
-    series = [("model as given", [g.before for g in bars.gaps], GIVEN, 0.0 if bars.amended is None else -0.2)]
-    if bars.amended is not None:
-        series.append((bars.amended, [g.after for g in bars.gaps], FOUND, 0.2))
-    floors = np.array([g.noise_floor for g in bars.gaps])
+    width = 0.5 if amended is None else 0.36
+    series = [("model as given", [gap.before for gap in gaps], GIVEN, 0.0 if amended is None else -0.2)]
+    if amended is not None:
+        series.append((amended, [gap.after for gap in gaps], FOUND, 0.2))
+    floors = np.array([gap.noise_floor for gap in gaps])
     for label, values, colour, shift in series:
         heights = np.array(values)
         axes.bar(places + shift, heights, width, color=colour, label=label)
@@ -128,49 +122,43 @@ def _draw_bars(axes: Axes, labels: Sequence[str], bars: Bars) -> None:
     axes.set_xticks(places, labels)
     spare = 0.6 + max(0.0, (_FEWEST_PLACES - places.size) / 2.0)  # a single bar need not fill the figure
     axes.set_xlim(-spare, places.size - 1.0 + spare)
-    axes.set_ylabel(f"rms [{bars.unit}]")
-    axes.set_title(bars.title, loc="left", fontsize=10.5, fontweight="bold")
 
 
-@dataclass(frozen=True)
-class RecordingResiduals:
-    """Rms of the line pressure's gap on each injection of a recording [MPa], before and after."""
-
-    title: str
-    before: Sequence[float]
-    after: Sequence[float]
-    held_out: bool
-
-
-def residual_figure(groups: Sequence[RecordingResiduals], floor: float, amended: str | None) -> str:
-    """Every injection in order, recordings beside each other; those held out on grey.
-
-    floor: what noise alone leaves [MPa]; amended: what the legend calls the amended model, None without one.
-    """
+def residual_figure(findings: Findings) -> str:
+    """What the models miss of every injection in order, recordings beside each other; those held out on grey."""
+    label = with_words(findings) if findings.shown.ids else None
+    held_out = findings.gaps.held_out if findings.held_apart else ()
+    middles, start = {}, 0.0
     with svg_figure(10.4, 2.9) as (figure, svg):
         axes = figure.add_subplot()
-        start = 0.0
-        for number, one in enumerate(groups):
-            x = start + np.arange(len(one.before))
-            label = number == 0
-            axes.plot(x, one.before, "o", ms=4, color=GIVEN, label="model as given" if label else None)
-            if amended is not None:
-                axes.plot(x, one.after, "o", ms=4, color=FOUND, label=amended if label else None)
-            if one.held_out:
+        for number, injections in groupby(findings.injections, attrgetter("recording")):
+            every = tuple(injections)
+            x, given = start + np.arange(len(every)), None if middles else "model as given"
+            axes.plot(x, [one.before / MEGAPASCAL for one in every], "o", ms=4, color=GIVEN, label=given)
+            if label is not None:
+                after = [one.after / MEGAPASCAL for one in every]
+                axes.plot(x, after, "o", ms=4, color=FOUND, label=None if middles else label)
+            if number in held_out:
                 axes.axvspan(x[0] - 0.7, x[-1] + 0.7, color="#eef1f4", lw=0, zorder=0)
+            middles[(x[0] + x[-1]) / 2.0] = findings.places[number].point.replace(", ", "\n")
             start = x[-1] + 2.4
+        floor = findings.gaps.line_pressure.noise_floor / MEGAPASCAL
         axes.axhline(floor, color=MEASURED, lw=1.2, label="noise alone")
-        widths = [len(one.before) for one in groups]
-        starts = np.cumsum([0.0, *(width + 1.4 for width in widths[:-1])])
-        middles = [first + (width - 1) / 2.0 for first, width in zip(starts, widths, strict=True)]
-        axes.set_xticks(middles, [one.title.replace(", ", "\n") for one in groups])
-        axes.tick_params(axis="x", length=0, labelsize=8 if len(groups) > _CROWDED else None)
+        axes.set_xticks(list(middles), list(middles.values()))
+        axes.tick_params(axis="x", length=0, labelsize=8 if len(middles) > _CROWDED else None)
         axes.grid(axis="x", visible=False)
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.02)
         axes.set_ylabel("line pressure,\nrms [MPa]")
         figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
     return svg()
+
+
+def with_words(findings: Findings) -> str:
+    """The model with what was found, for a legend."""
+    if findings.effects or findings.proposal is None:
+        return f"with {' and '.join(findings.named.ids)}"
+    return f"with proposal {findings.proposals.index(findings.proposal) + 1}"
 
 
 def laws_figure(curves: Sequence[LawCurve]) -> str:

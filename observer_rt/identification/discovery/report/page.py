@@ -1,38 +1,79 @@
 """Builds report.html: the answer first, then what it rests on, in words and units."""
 
+import math
+from dataclasses import dataclass
+
+from observer_rt.foundation import units
 from observer_rt.foundation.files import templates_of
-from observer_rt.identification.discovery.findings import Findings, Sources
-from observer_rt.identification.discovery.report import page_answer, page_figures, page_tables, text
-from observer_rt.identification.discovery.report.figures import laws_figure, overlay_figure
-from observer_rt.identification.discovery.report.formula import formula
-from observer_rt.identification.discovery.report.gap_map import gap_map, legend, violated_words
-from observer_rt.identification.discovery.report.page_figures import with_words
-from observer_rt.identification.discovery.report.plan import HEADINGS, plan_rows, plan_words
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.identification.discovery import numbers
+from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
+from observer_rt.identification.discovery.numbers import sign
+from observer_rt.identification.discovery.report import figures, gap_map, plan, tables, text
+from observer_rt.identification.discovery.search.results import Verdict
+from observer_rt.identification.discovery.words import formula, sentences
+from observer_rt.identification.discovery.words.sentences import candidate_words, where_words
+from observer_rt.model.effects import VOCABULARY
 
 _PAGES = templates_of(__package__)
-for _module in (text, page_answer, page_figures, page_tables):
+for _module in (units, numbers, sentences, text, tables, figures, gap_map, formula, plan):
     _PAGES.globals |= vars(_module)
-_PAGES.globals |= {
-    "formula": formula,
-    "overlay_figure": overlay_figure,
-    "laws_figure": laws_figure,
-    "PLAN_HEADINGS": HEADINGS,
-    "plan_rows": plan_rows,
-    "plan_words": plan_words,
-}
+_PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
+_PAGES.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
 
 
-def report(findings: Findings, sources: Sources) -> str:
+def report(findings: Findings) -> str:
     """The page."""
-    found, where = findings.discovery, findings.where
-    nearest = f"Nearest, not enough: {' + '.join(found.best.ids)}"
-    after = f"{with_words(findings)[:1].upper()}{with_words(findings)[1:]}" if findings.shown.ids else nearest
     return _PAGES.get_template("report.html.j2").render(
-        findings=findings,
-        found=found,
-        sources=sources,
-        map_before=gap_map("Model as given", [(item.before, item) for item in where], findings.points),
-        map_after=gap_map(after, [(item.after, item) for item in where], findings.points),
-        violated=violated_words(findings),
-        legend=legend(),
+        findings=findings, title=title(findings), tiles=tiles(findings)
     )
+
+
+def title(findings: Findings) -> str:
+    """The answer in a sentence, all explanations that are tied in it."""
+    if findings.verdict is Verdict.NONE:
+        return "Nothing is missing: the model explains the recordings"
+    if findings.verdict is Verdict.UNKNOWN:
+        return f"Something is missing that no effect of the vocabulary explains{where_words(findings)}"
+    by_ids = {candidate.ids: candidate for candidate in findings.ranking}
+    first, *others = (candidate_words(by_ids[ids]) for ids in (findings.named.ids, *findings.rivals))
+    if findings.chosen and others:
+        return f"Missing: {first}, as was chosen; these recordings would allow {'; or '.join(others)} as well"
+    doubt = ""
+    if findings.verdict is Verdict.AMBIGUOUS:
+        doubt = ": these recordings do not decide" if others else ", which may be one of the two"
+    return f"Missing: {'; or '.join((first, *others))}{doubt}"
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A figure at the top of the page."""
+
+    value: str
+    unit: str
+    text: str
+
+
+def tiles(findings: Findings) -> list[Tile]:
+    """Confidence, and gaps before and after."""
+    amended = bool(findings.shown.ids)
+    sure = "confidence that this is right"
+    if findings.verdict is Verdict.UNKNOWN:
+        sure = "confidence that something unknown is missing; how sure a law is: its interval, and what is held out"
+    elif findings.rivals:
+        sure = f"confidence that it is {' and '.join(findings.named.ids)}"
+    elif findings.caveats:
+        sure = "confidence, with the reservations above"
+    result = [Tile(f"{findings.confidence:.0%}", "", sure)]
+    for gap in findings.gaps.printed.values():
+        if gap.measured:
+            value = f"{gap.before:.2g}" + (f" → {gap.after:.2g}" if amended else "")
+            apart = ", held out" if amended and findings.held_apart else ""
+            result.append(Tile(value, sign(gap.unit), f"{gap.words}, model minus measured, rms{apart}"))
+        elif amended:
+            least = LEAST_MASS / MILLIGRAM
+            value = f"{gap.before:.2g}" if findings.gaps.mass.before >= LEAST_MASS else f"< {least:g}"
+            result.append(Tile(value, gap.unit, f"{gap.words}, what the model given is wrong"))
+    if findings.effects and len(result) < 4:
+        result.append(Tile(f"{findings.explained:.0%}", "", "of the disagreement explained"))
+    return result

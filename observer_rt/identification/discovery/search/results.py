@@ -1,26 +1,32 @@
-"""Results of a search: candidates, fitted effects, cells of the map, proposals, the verdict. SI throughout."""
+"""Results of a search: candidates, fitted effects, cells of the map, proposals, the verdict. SI, but for `Size`."""
 
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import islice
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import PlainSerializer
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.documents import Inside, key, unit
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.likelihood.likelihood import Signal
-from observer_rt.model.effect import Equation
+from observer_rt.identification.likelihood.operating_points import point_name
+from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.parameters import EffectValue, Finite
 from observer_rt.model.term_effect import TermLaw, is_term, term_of
 from observer_rt.model.terms.term import Term
 
 MOST_ENTERING = (
     2  # terms and effects beside them that a model may be given: more say nothing of what is missing
 )
+_DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 _MORE_POINTS = "record more rail pressures and durations"
 
 
@@ -33,13 +39,32 @@ class Verdict(StrEnum):
     UNKNOWN = "unknown"
 
 
-@dataclass(frozen=True)
-class FittedParameter:
-    """One parameter of an effect with its 95 % interval, SI."""
+class Size(EffectValue):
+    """A fitted parameter with its 95 % interval, in its printed unit: as files have it."""
 
-    name: str
-    value: float
-    ci95: tuple[float, float]
+    ci95: tuple[Finite, Finite]
+
+    @classmethod
+    def of(cls, parameter: EffectParameter, value: float, low: float, high: float) -> "Size":
+        """A size and the ends of its interval [SI]."""
+        value, low, high = (float(f"{si / parameter.si:.{_DIGITS}g}") for si in (value, low, high))
+        return cls(value=value, ci95=(low, high), unit=parameter.unit)
+
+    @property
+    def digits(self) -> tuple[str, str, str]:
+        """The value and the ends of its interval, digits as the interval deserves."""
+        step = significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
+        return shown(self.value, step), shown(self.ci95[0], step), shown(self.ci95[1], step)
+
+    @property
+    def value_text(self) -> str:
+        """Such as `0.301`, with the unit."""
+        return f"{self.digits[0]} {sign(self.unit)}".rstrip()
+
+    @property
+    def interval_text(self) -> str:
+        """Such as `0.295 to 0.307`, with the unit."""
+        return f"{self.digits[1]} to {self.digits[2]} {sign(self.unit)}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -47,22 +72,25 @@ class Consequence:
     """By how much a model moves: root mean square of the line pressure from opening to the end of the ringing [Pa],
     and mean of the injected mass [kg], over all events."""
 
-    line_pressure: float
-    mass: float
+    line_pressure: Annotated[float, key("line_pressure_rms_MPa"), unit(MEGAPASCAL)]
+    mass: Annotated[float, key("injected_mass_mean_mg"), unit(MILLIGRAM)]
 
 
 @dataclass(frozen=True)
 class FittedEffect:
-    """An effect found.
+    """An effect found, with its sizes by parameter.
 
-    gain: what -2 log L rises without it, the others refitted; moves: what it does when it comes last.
+    gain: what -2 log L rises without it, the others refitted; moves: what it does when it comes last; gap_share: of
+    the disagreement, that it explains.
     """
 
     id: str
-    parameters: tuple[FittedParameter, ...]
-    gain: float
+    parameters: dict[str, Size]
+    confidence: float
     indistinguishable_from: tuple[str, ...]
+    gap_share: float
     moves: Consequence
+    gain: Inside[float]
 
 
 @dataclass(frozen=True)
@@ -107,14 +135,20 @@ class Candidate:
         return self.hypothesis.is_within_bounds(self.theta)
 
     @property
-    def parameters(self) -> tuple[tuple[FittedParameter, ...], ...]:
-        """The parameters of every effect, their intervals cut at the bounds of physics."""
-        every = zip(self.hypothesis.parameters, self.sizes, self.half, strict=True)
-        fitted = (
-            FittedParameter(p.name, value, (max(p.lowest, value - half), min(p.highest, value + half)))
-            for p, value, half in every
-        )
-        return tuple(tuple(islice(fitted, len(effect.parameters))) for effect in self.hypothesis.effects)
+    def parameters(self) -> dict[str, dict[str, Size]]:
+        """The sizes of the effects of the vocabulary by id, their intervals cut at the bounds of physics."""
+        halves = self.hypothesis.split(np.array(self.half))
+        found = {}
+        for effect, sizes, half in zip(
+            self.hypothesis.effects, self.hypothesis.split(self.theta), halves, strict=True
+        ):
+            if not is_term(effect):
+                every = zip(effect.parameters, sizes.tolist(), half.tolist(), strict=True)
+                found[effect.id] = {
+                    p.name: Size.of(p, value, max(p.lowest, value - half), min(p.highest, value + half))
+                    for p, value, half in every
+                }
+        return found
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -171,6 +205,11 @@ class Cell:
     excess: float
     rms: float
 
+    @property
+    def point(self) -> str:
+        """Names the operating point."""
+        return point_name(self.rail_pressure, self.duration)
+
 
 @dataclass(frozen=True)
 class Unexplained:
@@ -185,11 +224,12 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class SmallestVisible:
-    """The size [SI] from which on an effect would have been seen in these recordings, by its first parameter."""
+    """The size from which on an effect would have been seen in these recordings, by its first parameter."""
 
     id: str
     parameter: str
-    size: float
+    size: Annotated[float, key("value"), PlainSerializer(lambda size: float(f"{size:.4g}"))]
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,9 +274,11 @@ class Part:
     """
 
     closed: float
-    left: float
-    mass_half: float
-    refusal: Refusal | None = None
+    left: Annotated[float, key("left_MPa"), unit(MEGAPASCAL)]
+    mass_half: Annotated[float, key("mass_ci95_pct"), PlainSerializer(lambda share: 100.0 * share)]
+    refusal: Annotated[
+        Refusal | None, key("refused"), PlainSerializer(lambda one: "" if one is None else one.reason)
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -323,33 +365,55 @@ class Proposal:
 
 
 @dataclass(frozen=True)
+class Detection:
+    """Gain of the winner over the nominal model in -2 log L, and threshold it had to exceed."""
+
+    gain: float
+    threshold: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Discovery:
     """Result of a search for the missing effect.
 
     named: the winner, or the leading explanation when ambiguous; without effects for `none` and `unknown`; best: the
     same, but for `unknown` what explains most, which is not enough; effects: those of the named; rivals: combinations
     that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
-    innovations all this rests on; gain: of the winner over the nominal model, threshold: what it had to exceed;
-    before, after: cells of the nominal model and of the best; confidence: that the verdict is right;
-    smallest_visible: of every effect that has a size; proposals: of `unknown`, terms that explain it, the best first.
+    innovations all this rests on; before, after: cells of the nominal model and of the best; confidence: that the
+    verdict is right; explained: share of the disagreement: of what -2 log L has above that of an adequate model;
+    smallest_visible: of every effect that has a size; proposals: of `unknown`, terms that explain it, the best first;
+    accepted: number of the proposal that the amended model has, 0 for none.
     """
 
     verdict: Verdict
-    named: Candidate
+    confidence: float
+    confidence_method: str
+    named: Inside[Candidate]
     best: Candidate
     effects: tuple[FittedEffect, ...]
     rivals: tuple[tuple[str, ...], ...]
     ranking: tuple[Candidate, ...]
-    samples: float
-    gain: float
-    threshold: float
-    confidence: float
-    confidence_method: str
+    detection: Detection
     unexplained: Unexplained | None
     decide_by: tuple[Decisive, ...]
-    before: tuple[Cell, ...]
-    after: tuple[Cell, ...]
-    noise: NoiseLevels
-    rate_noise: float | None  # m3/s, None without a measured rate
+    explained: Inside[float]
+    samples: Inside[float]
+    before: Inside[tuple[Cell, ...]]
+    after: Inside[tuple[Cell, ...]]
+    noise: Inside[NoiseLevels]
     smallest_visible: tuple[SmallestVisible, ...] = ()
-    proposals: tuple[Proposal, ...] = ()
+    proposals: Inside[tuple[Proposal, ...]] = ()
+    accepted: Annotated[int, key("accepted_proposal")] = 0
+
+    @property
+    def proposal(self) -> Proposal | None:
+        """The proposal accepted, else the first; None without any."""
+        return self.proposals[max(self.accepted, 1) - 1] if self.proposals else None
+
+    @property
+    def shown(self) -> Candidate:
+        """What was found, with half widths of its sizes: the effects named, else a proposal; without effects where
+        there is neither."""
+        if self.effects:
+            return next(one for one in self.ranking if one.ids == self.named.ids)
+        return self.named if self.proposal is None else self.proposal.found

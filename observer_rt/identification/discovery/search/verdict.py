@@ -18,6 +18,7 @@ from observer_rt.identification.discovery.search.results import (
     Cell,
     Consequence,
     Decisive,
+    Detection,
     Discovery,
     FittedEffect,
     Proposal,
@@ -34,7 +35,7 @@ from observer_rt.identification.discovery.search.search import (
     price,
     representatives,
 )
-from observer_rt.identification.likelihood.appearance import healthy_remainder
+from observer_rt.identification.likelihood.appearance import Signature, healthy_remainder
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -212,51 +213,43 @@ class _Verdict:
             confidence = min(confidence, WITH_A_WRONG_MODEL)
         named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
         open_ids = [one for ids in (found.winner.ids, *self._rivals) for one in ids]
-        noise = [recorded.measurement.noise for recorded in self._likelihood.recordings]
+        recordings = self._likelihood.recordings
+        noise = [recorded.measurement.noise for recorded in recordings]
+        with_rate = any(recorded.rate_phases.size for recorded in recordings)
+        after, gain = self._cells(self._best), found.nominal.statistic - found.winner.statistic
+        left = max(0.0, sum(cell.samples * (cell.variance - 1.0) for cell in after))
+        explained = gain / (gain + left) if gain > 0.0 else 0.0
         return Discovery(
             verdict=verdict,
             named=found.winner if named else found.nominal,
             best=self._best,
-            effects=self._effects() if named else (),
+            effects=self._effects(confidence, explained) if named else (),
             rivals=self._rivals if named else (),
             ranking=self._ranking(),
-            samples=float(
-                sum(each.phases.size + each.rate_phases.size for each in self._likelihood.recordings)
-            ),
-            gain=found.nominal.statistic - found.winner.statistic,
-            threshold=found.threshold,
+            samples=float(sum(each.phases.size + each.rate_phases.size for each in recordings)),
+            detection=Detection(gain, found.threshold),
+            explained=explained,
             confidence=confidence,
             confidence_method=METHOD,
             unexplained=self._unexplained() if verdict is Verdict.UNKNOWN else None,
-            decide_by=decide_by(open_ids, self._rate_noise() is not None)
+            decide_by=decide_by(open_ids, with_rate)
             if verdict is Verdict.AMBIGUOUS
-            else decide_between(self._proposals, self._rate_noise() is not None),
+            else decide_between(self._proposals, with_rate),
             before=self._cells(found.nominal),
-            after=self._cells(self._best),
+            after=after,
             noise=NoiseLevels(
                 *(
                     float(np.sqrt(np.mean([getattr(level, name) ** 2 for level in noise])))
                     for name in ("rail_pressure", "line_pressure", "needle_lift")
                 )
             ),
-            rate_noise=self._rate_noise(),
-            smallest_visible=tuple(
-                SmallestVisible(
-                    one.effect.id, one.effect.parameters[0].name, self._fitter.smallest_visible(one)
-                )
-                for one in self._fitter.signatures
-            ),
+            smallest_visible=tuple(map(self._smallest_visible, self._fitter.signatures)),
             proposals=self._proposals,
         )
 
-    def _rate_noise(self) -> float | None:
-        """Mean over the recordings with a measured rate [m3/s]."""
-        levels = [
-            recorded.measurement.rate_noise
-            for recorded in self._likelihood.recordings
-            if recorded.rate_phases.size
-        ]
-        return float(np.mean(levels)) if levels else None
+    def _smallest_visible(self, one: Signature) -> SmallestVisible:
+        first, size = one.effect.parameters[0], self._fitter.smallest_visible(one)
+        return SmallestVisible(one.effect.id, first.name, size / first.si, first.unit)
 
     def _verdict(self) -> Verdict:
         if not self._found.adequate or self._proposals:
@@ -265,11 +258,13 @@ class _Verdict:
             return Verdict.NONE
         return Verdict.AMBIGUOUS if self._rivals or self._found.soft else Verdict.NAMED
 
-    def _effects(self) -> tuple[FittedEffect, ...]:
+    def _effects(self, confidence: float, explained: float) -> tuple[FittedEffect, ...]:
+        """The winner's effects. explained: share of the disagreement."""
         winner = self._found.winner
         whole, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
+        gains = [self._gain(effect_id) for effect_id in winner.ids]
         result = []
-        for number, effect in enumerate(winner.hypothesis.effects):
+        for number, (effect, gain) in enumerate(zip(winner.hypothesis.effects, gains, strict=True)):
             instead = [
                 one
                 for ids in self._rivals
@@ -279,7 +274,10 @@ class _Verdict:
             ]
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
             moves = self._moves(winner.model_without(number, self._nominal), whole)
-            result.append(FittedEffect(effect.id, parameters[number], self._gain(effect.id), others, moves))
+            share = explained * gain / sum(gains)
+            result.append(
+                FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain)
+            )
         return tuple(result)
 
     def _gain(self, effect_id: str) -> float:

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.identification.discovery.report.data import remove_data, write_data
-from observer_rt.identification.discovery.report.document import document_of
-from tests.identification.discovery.conftest import SOURCES, Worn
+from tests.identification.discovery.conftest import Worn
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -20,12 +19,12 @@ def _rows(path: Path) -> list[dict[str, str]]:
 @pytest.fixture
 def data(worn: Worn, tmp_path: Path) -> Path:
     folder = tmp_path / "data"
-    write_data(folder, worn.findings, document_of(worn.findings, SOURCES))
+    write_data(folder, worn.findings)
     return folder
 
 
 def test_the_tables_say_what_the_document_says(worn: Worn, data: Path) -> None:
-    document = document_of(worn.findings, SOURCES).as_json()
+    document = worn.findings.as_json()
     for name, key in (("candidates", "ranking"), ("disagreement", "where"), ("standstill", "checks")):
         assert len(_rows(data / f"{name}.csv")) == len(document[key])
     candidates = _rows(data / "candidates.csv")
@@ -73,7 +72,7 @@ def test_signals_and_figures_of_the_injections_shown(worn: Worn, data: Path) -> 
 def test_what_was_not_measured_has_no_column(worn: Worn, tmp_path: Path) -> None:
     overlays = tuple(replace(one, measured_rate=None) for one in worn.findings.overlays)
     findings = replace(worn.findings, overlays=overlays)
-    write_data(tmp_path, findings, document_of(findings, SOURCES))
+    write_data(tmp_path, findings)
     assert "injection_rate_mm3_per_ms" not in _rows(tmp_path / "injection_1.csv")[0]
 
 

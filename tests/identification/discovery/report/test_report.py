@@ -10,7 +10,6 @@ import pytest
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.findings import Sources
-from observer_rt.identification.discovery.report.document import document_of
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.results import Decisive, Discovery, Unexplained, Verdict
 from observer_rt.identification.likelihood.likelihood import Signal
@@ -84,7 +83,7 @@ def test_names_of_files_are_text(worn: Worn) -> None:
 
 def test_the_answer_comes_first_with_size_confidence_and_consequences(worn: Worn) -> None:
     text = _page(worn).text
-    (effect,) = worn.findings.discovery.effects
+    (effect,) = worn.findings.effects
     answer = text[: text.index("Where model and measurement disagree")]
     assert f"v_H = {effect.parameters[0].value:.4f}" in answer
     assert "99%" in answer
@@ -96,8 +95,8 @@ def test_a_recording_judged_in_part_is_told(worn: Worn) -> None:
     words = "long.csv: 113 of 988 complete injections chosen"
     assert words not in _page(worn).text
     assert f"{words}." in _page(worn, in_part=(words,)).text
-    told = document_of(replace(worn.findings, in_part=(words,)), SOURCES).as_json()["judged_in_part"]
-    assert (document_of(worn.findings, SOURCES).as_json()["judged_in_part"], told) == ([], [words])
+    told = replace(worn.findings, in_part=(words,)).as_json()["judged_in_part"]
+    assert (worn.findings.as_json()["judged_in_part"], told) == ([], [words])
 
 
 def test_every_part_is_there(worn: Worn) -> None:
@@ -117,9 +116,7 @@ def test_every_part_is_there(worn: Worn) -> None:
 
 
 def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) -> None:
-    rival = next(
-        one for one in worn.findings.discovery.ranking if len(one.ids) == 1 and one.ids[0] != "orifice_area"
-    )
+    rival = next(one for one in worn.findings.ranking if len(one.ids) == 1 and one.ids[0] != "orifice_area")
     found = replace(
         worn.findings.discovery,
         verdict=Verdict.AMBIGUOUS,
@@ -143,7 +140,7 @@ def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) 
 
 @pytest.mark.parametrize("verdict", [Verdict.NONE, Verdict.UNKNOWN])
 def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) -> None:
-    nominal = next(one for one in worn.findings.discovery.ranking if not one.ids)
+    nominal = next(one for one in worn.findings.ranking if not one.ids)
     place = Unexplained(
         Equation.SAC_PRESSURE, Phase.CLOSING, Signal.LINE_PRESSURE, ("duration",), "measured < modelled"
     )
@@ -151,7 +148,7 @@ def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) ->
         worn.findings.discovery,
         verdict=verdict,
         named=nominal,
-        best=nominal if verdict is Verdict.NONE else worn.findings.discovery.named,
+        best=nominal if verdict is Verdict.NONE else worn.findings.named,
         effects=(),
         unexplained=place if verdict is Verdict.UNKNOWN else None,
     )

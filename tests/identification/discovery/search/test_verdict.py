@@ -71,7 +71,7 @@ def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> N
     found = _discover(hidden, measured_rate=measured_rate)
     assert found.verdict is Verdict.NAMED
     assert _holds(found, hidden)
-    assert found.gain > found.threshold
+    assert found.detection.gain > found.detection.threshold
     assert found.confidence > 0.9
     assert found.ranking[0].ids == (hidden.effect.id,)
     assert max(cell.excess for cell in found.before) > 5.0
@@ -87,7 +87,7 @@ def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
         SearchOptions(workers=2),
     )
     nominal = next(one for one in found.ranking if not one.ids)
-    assert nominal.statistic > found.ranking[0].statistic + found.threshold  # it shows
+    assert nominal.statistic > found.ranking[0].statistic + found.detection.threshold  # it shows
     assert found.verdict is Verdict.NONE
 
 
@@ -114,7 +114,7 @@ def test_two_effects_are_named_together() -> None:
     assert sizes.keys() == {"orifice_area", "line_friction"}
     assert sizes["orifice_area"].value == pytest.approx(0.1, abs=0.01)
     assert sizes["line_friction"].value == pytest.approx(0.5, abs=0.03)
-    assert all(one.gain > found.threshold for one in found.effects)
+    assert all(one.gain > found.detection.threshold for one in found.effects)
 
 
 @pytest.mark.slow

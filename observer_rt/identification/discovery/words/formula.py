@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from latex2mathml.converter import convert
 
-from observer_rt.identification.discovery.report.law_reading import (
+from observer_rt.identification.discovery.numbers import shown, sign, significant
+from observer_rt.identification.discovery.words.law_reading import (
     LIFT_SHARE,
     StraightLaw,
     line_of,
@@ -16,8 +17,7 @@ from observer_rt.identification.discovery.report.law_reading import (
     with_largest_lift,
     with_unit,
 )
-from observer_rt.identification.discovery.report.law_words import rounded_size
-from observer_rt.identification.discovery.report.numbers import shown, sign, significant
+from observer_rt.identification.discovery.words.law_words import rounded_size
 from observer_rt.model.terms.law import (
     ZERO,
     Applied,

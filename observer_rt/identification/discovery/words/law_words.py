@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from observer_rt.foundation.units import MICROMETRE, MILLIMETRE
-from observer_rt.identification.discovery.report.law_reading import (
+from observer_rt.identification.discovery.numbers import shown, sign, significant
+from observer_rt.identification.discovery.words.law_reading import (
     GATES,
     SINCE,
     StraightLaw,
@@ -16,7 +17,6 @@ from observer_rt.identification.discovery.report.law_reading import (
     with_largest_lift,
     with_unit,
 )
-from observer_rt.identification.discovery.report.numbers import shown, sign, significant
 from observer_rt.model.terms.law import (
     ONE,
     ZERO,

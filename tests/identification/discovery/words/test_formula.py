@@ -4,9 +4,9 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from observer_rt.identification.discovery.report.formula import Formula, formula, law_text
 from observer_rt.identification.discovery.search.curves import AXES
 from observer_rt.identification.discovery.search.term_library import RecordingSpan, library
+from observer_rt.identification.discovery.words.formula import Formula, formula, law_text
 from observer_rt.model.term_effect import term_of
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation

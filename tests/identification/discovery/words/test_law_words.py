@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.report.law_words import as_if
 from observer_rt.identification.discovery.report.text import standing_words
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.results import (
@@ -15,6 +14,7 @@ from observer_rt.identification.discovery.search.results import (
     Proposal,
     Refusal,
 )
+from observer_rt.identification.discovery.words.law_words import as_if
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import FormNumber, term_effect
 from observer_rt.model.terms.parser import parse

@@ -1,0 +1,1 @@
+"""Laws and results of a search in words, formulas and entries of findings.json."""

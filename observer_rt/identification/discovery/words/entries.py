@@ -1,0 +1,223 @@
+"""Entries of findings.json that are told otherwise than the search keeps them.
+
+The context of these serializers is the `Findings` they belong to.
+"""
+
+import math
+
+from pydantic import Field, SerializationInfo
+
+from observer_rt.foundation.documents import DocumentPart, Figures, Number
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
+from observer_rt.identification.discovery.search.results import (
+    Candidate,
+    Cell,
+    Consequence,
+    Part,
+    Proposal,
+    Size,
+    Unexplained,
+)
+from observer_rt.identification.discovery.words.formula import formula
+from observer_rt.identification.discovery.words.law_words import as_if
+from observer_rt.identification.discovery.words.sentences import proposal_words
+from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.model.effect import Equation
+from observer_rt.model.terms.term import Term
+
+
+class RankedCandidate(DocumentPart):
+    """Effects fitted together. chi2: -2 log L, constants left out; n_effective: independent samples."""
+
+    ids: tuple[str, ...]
+    held_out_chi2: Number
+    chi2: Number
+    n_effective: Number
+    parameters: tuple[dict[str, Size], ...]
+    plausible: bool
+    moves: Consequence
+
+
+class CellOfMap(DocumentPart):
+    """Residuals of a signal in a phase at an operating point: nrmse over noise, significance in standard deviations,
+    rms; after: with what was found. equation: which is violated, null where none is known to be."""
+
+    signal: Signal
+    phase: str = Field(description="closed, opening, open, closing or after")
+    equation: Equation | None
+    rail_pressure_MPa: Number  # noqa: N815 - units as printed
+    open_ms: Number
+    recording: str
+    nrmse: Number
+    significance: Number
+    rms_MPa: Number = None  # noqa: N815
+    rms_mm3_per_ms: Number = None
+    after: Figures
+
+
+class ProposedTerm(DocumentPart):
+    """A law added to an equation. sentence: in words, behind `as if`; latex: with its coefficient and units;
+    coefficient: value, ends of its 95 % interval, unit."""
+
+    equation: str
+    law: str
+    sentence: str
+    latex: str
+    coefficient: dict[str, Number | str]
+    hardly_told_from: tuple[str, ...]
+    depends_on: tuple[str, ...]
+
+
+class ProposedEffect(DocumentPart):
+    """An effect of the vocabulary beside the terms of a proposal, with its sizes by parameter."""
+
+    id: str
+    parameters: dict[str, Size]
+
+
+class AlternativeEntry(DocumentPart):
+    """Terms of another equation that line pressure cannot tell from a proposal."""
+
+    terms: tuple[ProposedTerm, ...]
+    moves: Consequence
+
+
+class LostEntry(DocumentPart):
+    """What was fitted and explains less. gain: of -2 log L."""
+
+    terms: tuple[ProposedTerm, ...]
+    effects: tuple[str, ...]
+    gain: Number
+
+
+class ProposalEntry(DocumentPart):
+    """Terms that would explain the recordings. gain: of -2 log L; adequate: nothing but noise is left; sound: bounded
+    over the whole domain; may_enter: whether an amended model may have it; in_part: of one that leaves something but
+    has no other objection; lost: of the first, the best of what was fitted beside it."""
+
+    number: int
+    sentence: str
+    terms: tuple[ProposedTerm, ...]
+    effects: tuple[ProposedEffect, ...]
+    gain: Number
+    phase: str
+    adequate: bool
+    sound: bool
+    may_enter: bool
+    gap_held_out: Figures
+    moves: Consequence
+    in_part: Part | None
+    alternatives: tuple[AlternativeEntry, ...]
+    lost: tuple[LostEntry, ...]
+
+
+class Unknown(DocumentPart):
+    """Residuals that the best model leaves, and proposals that would explain them, the best first."""
+
+    equation: Equation
+    phase: str
+    signal: Signal
+    depends_on: tuple[str, ...]
+    term: str
+    proposals: tuple[ProposalEntry, ...]
+
+
+def ranked(one: Candidate, info: SerializationInfo) -> RankedCandidate:
+    """A candidate of the ranking."""
+    return RankedCandidate(
+        ids=one.ids,
+        held_out_chi2=one.held_out,
+        chi2=one.statistic,
+        n_effective=info.context.samples,
+        parameters=tuple(one.parameters.values()),
+        plausible=one.plausible,
+        moves=one.moves,
+    )
+
+
+def cell_of_map(item: Disagreement, info: SerializationInfo) -> CellOfMap:
+    """A cell of the map."""
+    cell = item.before
+    return CellOfMap(
+        signal=cell.signal,
+        phase=PHASE_NAMES[cell.phase],
+        equation=item.equation,
+        rail_pressure_MPa=cell.rail_pressure / MEGAPASCAL,
+        open_ms=cell.duration / MILLISECOND,
+        recording=info.context.points[cell.recording],
+        **_figures(cell),
+        after=_figures(item.after),
+    )
+
+
+def _figures(cell: Cell) -> dict[str, float]:
+    rms = f"rms_{_key(cell.signal.unit)}"
+    return {"nrmse": math.sqrt(cell.variance), "significance": cell.excess, rms: cell.rms / cell.signal.si}
+
+
+def gap_entry(found: ModelGaps, _: SerializationInfo) -> dict[str, dict[str, Number | bool] | None]:
+    """Rms of model minus measurement by signal: `before` as given, `after` amended, `noise_floor`; with units."""
+    result: dict[str, dict[str, Number | bool] | None] = {"line_pressure": None, "injection_rate": None}
+    for name, gap in found.printed.items():
+        unit = _key(gap.unit)
+        stated: dict[str, Number | bool] = {f"before_{unit}": gap.before, f"after_{unit}": gap.after}
+        is_mass = name == "injected_mass"
+        stated |= {"measured": gap.measured} if is_mass else {f"noise_floor_{unit}": gap.noise_floor}
+        result[name] = stated
+    return result
+
+
+def _key(unit: str) -> str:
+    """A unit as a part of a key."""
+    return unit.replace("/", "_per_")
+
+
+def unknown(left: Unexplained | None, info: SerializationInfo) -> Unknown | None:
+    """What is unexplained, with the proposals."""
+    return left and Unknown(
+        **vars(left) | {"phase": PHASE_NAMES[left.phase]},
+        proposals=tuple(_proposal(number, one) for number, one in enumerate(info.context.proposals, 1)),
+    )
+
+
+def _proposal(number: int, one: Proposal) -> ProposalEntry:
+    before, after = one.held_out
+    base, sizes = one.found.statistic + one.gain, one.found.parameters
+
+    def terms(found: Candidate) -> tuple[ProposedTerm, ...]:
+        return tuple(_term(term, one.largest_lift) for term in found.terms)
+
+    return ProposalEntry(
+        number=number,
+        sentence=proposal_words(one),
+        terms=terms(one.found),
+        effects=tuple(ProposedEffect(id=name, parameters=sizes[name]) for name in one.effects),
+        gain=one.gain,
+        phase=PHASE_NAMES[one.phase],
+        adequate=one.adequate,
+        sound=one.unsound is None,
+        may_enter=one.may_enter,
+        gap_held_out={"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
+        moves=one.moves,
+        in_part=one.part,
+        alternatives=tuple(
+            AlternativeEntry(terms=terms(each.found), moves=each.moves) for each in one.alternatives
+        ),
+        lost=tuple(
+            LostEntry(terms=terms(each), effects=each.named, gain=base - each.statistic) for each in one.lost
+        ),
+    )
+
+
+def _term(term: Term, largest_lift: float | None) -> ProposedTerm:
+    low, high = term.interval or (None, None)
+    return ProposedTerm(
+        equation=term.equation,
+        law=str(term.law),
+        sentence=as_if(term, largest_lift),
+        latex=formula(term, largest_lift).latex,
+        coefficient={"value": term.coefficient, "low": low, "high": high, "unit": str(term.equation.unit)},
+        hardly_told_from=term.equation.alike,
+        depends_on=tuple(sorted(variable.word for variable in term.law.variables)),
+    )

@@ -1,0 +1,127 @@
+"""Results of a search in words, for screen, page and document."""
+
+from collections.abc import Mapping
+
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.discovery.numbers import sign
+from observer_rt.identification.discovery.search.results import (
+    Alternative,
+    Candidate,
+    Discovery,
+    Proposal,
+    Size,
+    SmallestVisible,
+    Verdict,
+)
+from observer_rt.identification.discovery.words.law_words import as_if
+
+PHASE_WORDS = {
+    Phase.STANDSTILL: "while the needle is shut",
+    Phase.OPENING: "while the needle opens",
+    Phase.OPEN: "while the needle is open",
+    Phase.CLOSING: "while the needle closes",
+    Phase.AFTER: "right after the needle has closed",
+}
+
+
+def headline(found: Discovery, reservations: str = "") -> str:
+    """The verdict in one sentence, with its reservations."""
+    sure = f"(confidence {found.confidence:.2f})"
+    but = f", but: {reservations}" if reservations else ""
+    return f"{found.verdict.value}: {_verdict_words(found)} {sure}{but}"
+
+
+def _verdict_words(found: Discovery) -> str:
+    if found.verdict is Verdict.NONE:
+        return "the model explains the recordings; no effect is missing"
+    if found.verdict is Verdict.UNKNOWN:
+        return f"something is missing that no known effect explains{where_words(found)}"
+    names = [" and ".join(ids) for ids in (found.named.ids, *found.rivals)]
+    if found.verdict is Verdict.AMBIGUOUS and not found.rivals:
+        return f"{names[0]}, which may be one of the two"
+    return ", or ".join(names)
+
+
+def where_words(found: Discovery) -> str:
+    """Place at which something unknown acts, to be appended to a sentence."""
+    place = found.unexplained
+    if place is None:
+        return ""
+    shows = f"; it shows most {PHASE_WORDS[place.phase]}"
+    if (one := found.proposal) is not None:
+        either = [_law_words(other, one.largest_lift) for other in one.alternatives]
+        return ", or ".join((f"{shows}, {proposal_words(one)}", *either))
+    return f"{shows}, as if the {place.equation.value.replace('_', ' ')} equation were wrong"
+
+
+def proposal_words(one: Proposal) -> str:
+    """Describes a proposal in a sentence."""
+    parts = [as_if(term, one.largest_lift) for term in one.terms]
+    sizes = one.found.parameters
+    known = [f"{name} ({', '.join(size_words(sizes[name], '95 %: '))})" for name in one.effects]
+    return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *known])
+
+
+def alternative_words(one: Alternative, largest_lift: float | None) -> str:
+    """Describes what line pressure cannot tell from a proposal, with its mass. largest_lift: of the needle [m]."""
+    moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
+    return (
+        f"{_law_words(one, largest_lift)}, {moved}: line pressure cannot tell the two apart, a measured rate may "
+        f"(--instead {one.found.terms[0].equation})"
+    )
+
+
+def _law_words(one: Alternative, largest_lift: float | None) -> str:
+    (term,) = one.found.terms
+    return f"as if {as_if(term, largest_lift)}"
+
+
+def standing_words(one: Proposal) -> str:
+    """Rates a proposal: how far it explains the recordings, and whether a model may have it."""
+    before, after = (value / MEGAPASCAL for value in one.held_out)
+    apart = (
+        f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
+    )
+    moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
+    fit = "explains all"
+    refusal = one.refusal if one.part is None else one.part.refusal
+    if one.may_enter_in_part and one.part is not None:
+        closed, half = f"{one.part.closed:.0%}", f"{one.part.mass_half:.1%}"
+        fit = f"closes {closed} of the gap: a model may have it in part, masses ±{half}"
+    elif refusal is not None:
+        fit = f"no model may have it, for {refusal.reason}: {refusal.remedy}"
+    alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
+    hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
+    return "; ".join(filter(None, (fit, apart, moved, hardly)))
+
+
+def visible_words(one: SmallestVisible) -> str:
+    """The smallest size of an effect that would have been seen, such as `v_H = 0.0034`."""
+    return f"{one.parameter} = {one.size:.2g} {sign(one.unit)}".rstrip()
+
+
+def candidate_words(candidate: Candidate) -> str:
+    """The effects of a candidate with their sizes and intervals, for a title."""
+    return " and ".join(
+        ", ".join((name.replace("_", " "), *size_words(sizes, "")))
+        for name, sizes in candidate.parameters.items()
+    )
+
+
+def choices(found: Discovery) -> str:
+    """Names the options that choose among tied candidates."""
+    options = " or ".join(f"--choose {'+'.join(ids)}" for ids in (found.named.ids, *found.rivals))
+    return f"give the command again with {options}, and --force"
+
+
+def best_words(found: Discovery) -> str:
+    """Names the nearest candidate where nothing explains the recordings."""
+    if not found.best.ids:
+        return "no known effect brings the model nearer"
+    return f"nearest, and not enough: {' with '.join(found.best.ids)}"
+
+
+def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
+    """Such as `v_H = 0.301 (0.295 to 0.307)`. level: before the interval."""
+    return [f"{name} = {one.value_text} ({level}{one.interval_text})" for name, one in sizes.items()]

@@ -13,7 +13,6 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     PlainSerializer,
-    SerializationInfo,
     ValidationError,
 )
 from pydantic_core import CoreSchema, core_schema
@@ -57,15 +56,17 @@ def unit(si: float) -> PlainSerializer:
 class Entry:
     """Metadata of a field of a data class: what makes its entry in a document, which is of a type of its own.
 
-    made: of the value and of `info`, whose context is the document; kind: of the entry.
+    made: of the value and of the document, which is the context; kind: of the entry.
     """
 
-    made: Callable[[Any, SerializationInfo], Any]
+    made: Callable[[Any, Any], Any]
     kind: Any
 
     def __get_pydantic_core_schema__(self, _: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         entry = core_schema.plain_serializer_function_ser_schema(
-            self.made, info_arg=True, return_schema=handler.generate_schema(self.kind)
+            lambda value, info: self.made(value, info.context),
+            info_arg=True,
+            return_schema=handler.generate_schema(self.kind),
         )
         return core_schema.any_schema(serialization=entry)
 

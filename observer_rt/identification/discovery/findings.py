@@ -10,7 +10,7 @@ from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.foundation.documents import Entry, Figures, Inside, key
+from observer_rt.foundation.documents import Entry, Inside, key
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
@@ -25,6 +25,7 @@ from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.discovery.words.entries import (
     CellOfMap,
+    GapEntry,
     RankedCandidate,
     Unknown,
     cell_of_map,
@@ -168,9 +169,9 @@ def _of_counting(findings: "Findings") -> Iterator[Caveat]:
 class ModelSource:
     """The injector file, its SHA-256, and the effects and terms in it already."""
 
-    file: str = ""
-    sha256: str = ""
-    in_force: tuple[str, ...] = ()
+    file: str
+    sha256: str
+    in_force: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,7 +196,7 @@ class Findings(Discovery):
     ranking: tuple[Annotated[Candidate, Entry(ranked, RankedCandidate)], ...]
     unexplained: Annotated[Unexplained | None, Entry(unknown, Unknown | None), key("unknown")]
     where: tuple[Annotated[Disagreement, Entry(cell_of_map, CellOfMap)], ...]
-    gaps: Annotated[ModelGaps, Entry(gap_entry, dict[str, Figures | None]), key("gap")]
+    gaps: Annotated[ModelGaps, Entry(gap_entry, GapEntry), key("gap")]
     checks: tuple[StandstillFigure, ...]
     healthy_warning: str
     like_inertance: Inside[bool]
@@ -206,7 +207,7 @@ class Findings(Discovery):
     overlays: Inside[tuple[Overlay, ...]]
     files: Inside[tuple[str, ...]]
     points: Inside[tuple[str, ...]]
-    model: ModelSource = ModelSource()
+    model: ModelSource = ModelSource("", "", ())
     recordings: Annotated[dict[str, str], Field(description="SHA-256 by file name")]
     judged_in_part: tuple[str, ...]
     healthy: tuple[str, ...] = ()

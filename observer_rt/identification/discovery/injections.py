@@ -17,7 +17,7 @@ from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import Simulated, mass, simulated
 from observer_rt.model.effective import EffectiveModel
 
-POINT = Entry(lambda number, info: info.context.points[number], str)  # name of an operating point
+POINT = Entry(lambda number, findings: findings.points[number], str)  # name of an operating point
 SHOWN_RINGING = 6e-3  # s after the last closing
 
 

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import SerializationInfo
 
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import Phase
@@ -21,12 +20,11 @@ from observer_rt.model.effective import Coefficients, EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
+_FILE = Entry(
+    lambda number, findings: None if number is None else findings.files[number], str | None
+)  # name of a recording
 _FEWEST_BLOCKS = 4
 _TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
-
-
-def _file_name(number: int | None, info: SerializationInfo) -> str | None:
-    return None if number is None else info.context.files[number]
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ class StandstillFigure:
     """
 
     id: str
-    recording: Annotated[int | None, Entry(_file_name, str | None)]
+    recording: Annotated[int | None, _FILE]
     value: Annotated[float, unit(1.0)]
     sigma: Annotated[float, unit(1.0)]
     unit: str

@@ -94,7 +94,6 @@ def _first(samples: int) -> Recording:
     ("recording", "said"),
     [
         (_first(10_000), "no complete injection"),
-        (_first(15_400), "ms of shut needle follow"),
         (replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure), "unit"),
         (replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6)), "is clipped"),
     ],
@@ -116,14 +115,3 @@ def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ..
         "fit", *healthy, "--model", wrong, "--output", wrong, "--force"
     )
     assert wrong.read_bytes() == before
-
-
-@pytest.mark.slow
-def test_one_operating_point_is_warned_of(command: Command, tmp_path: Path) -> None:
-    path = tmp_path / "one.csv"
-    write_recording(path, RECORDING)
-    done = command.done(
-        "fit", path, "--model", NOMINAL_INJECTOR, "--output", tmp_path / "fitted.toml", "--json"
-    )
-    assert "one operating point only" in done.err
-    assert any("one operating point only" in one for one in json.loads(done.out)["warnings"])

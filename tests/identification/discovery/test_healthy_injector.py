@@ -41,7 +41,7 @@ def test_what_is_new_is_named_by_its_difference(options: SearchOptions) -> None:
     found = _discover(sized("orifice_area", v_H=0.10), options=options)
     (named,) = found.effects
     assert named.id == "orifice_area"
-    low, high = named.parameters[0].ci95
+    low, high = named.parameters["v_H"].ci95
     assert low - 0.01 < 0.08 < high + 0.01
 
 
@@ -50,7 +50,7 @@ def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions)
     hidden = sized("bulk_modulus", r=0.1)
     (surely,), (named,) = _discover(hidden).effects, _discover(OWN, hidden, options=options).effects
     widths = []
-    for size in (surely.parameters[0], named.parameters[0]):
+    for size in (one.parameters["r"] for one in (surely, named)):
         low, high = size.ci95
         widths.append((high - low) / size.value)
     assert widths[0] < 0.03 < widths[1] < 0.06

@@ -1,15 +1,23 @@
 """What is said of recordings before `fit` and `discover` judge them."""
 
 import io
+from dataclasses import replace
+from itertools import groupby, pairwise
 from pathlib import Path
 
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.tables import signals_of
-from observer_rt.identification.likelihood.reading import read_measured
+from observer_rt.identification.likelihood.measurement import MissingSamples, measurements
+from observer_rt.identification.likelihood.reading import coverage, read_measured, without_copies
 from tests.device import simulated
+from tests.identification.discovery.hidden import recordings
 
+POINT = ((100e6, 1.0e-3),)
 RIGHT = simulated(3, 0.2, (60e6, 120e6), seed=5)
 SECTION = {
     "time": {"column": "t", "unit": "s"},
@@ -20,16 +28,47 @@ SECTION = {
 
 
 def said(source: SignalStream) -> str:
-    console = Console(file=io.StringIO(), width=200)
-    read_measured([Path("a.csv")], lambda _: source, console)
-    assert isinstance(console.file, io.StringIO)
-    return console.file.getvalue()
+    told = io.StringIO()
+    read_measured([Path("a.csv")], lambda _: source, Console(file=told, width=200))
+    return told.getvalue()
 
 
 def test_exchanged_columns_are_named_by_what_they_do() -> None:
     table = {"t": RIGHT.time, "p1": RIGHT.line_pressure, "x": RIGHT.needle_lift, "p2": RIGHT.rail_pressure}
     assert "'p2' does what a rail's does, 'p1' what a line's does" in said(signals_of(table, SECTION))
-
-
-def test_nothing_is_said_of_a_recording_as_it_should_be() -> None:
     assert said(HeldSignals(RIGHT)) == ""
+
+
+def test_copies_are_left_out_and_named(tmp_path: Path) -> None:
+    one, other, copy = (tmp_path / name for name in ("one.csv", "other.csv", "copy.csv"))
+    for path, text in ((one, "1"), (other, "2"), (copy, "1")):
+        path.write_text(text)
+    told = io.StringIO()
+    assert without_copies([one, other, copy, one], Console(file=told, width=500)) == [one, other, one]
+    assert told.getvalue() == f"warning: {copy} is left out: a copy of {one}\n"
+
+
+def test_gaps_and_what_they_cost_are_named() -> None:
+    (one,) = recordings(points=POINT)
+    (whole,) = measurements([one])
+    opening = whole.events[1].openings[0]
+    rail, lift = one.rail_pressure.copy(), one.needle_lift.copy()
+    rail[:27] = np.nan  # far from any injection
+    lift[opening.first + 20 : opening.first + 29] = np.nan
+    (found,) = measurements([replace(one, rail_pressure=rail, needle_lift=lift)])
+    first, second = coverage(found).splitlines()
+    assert first.endswith("2 gaps of 36 samples in all, the longest 0.27 ms, 1 of 2 injections judged")
+    assert second == (
+        f"  left out, samples are missing in it or beside it: at {one.time[opening.first]:.4f} s"
+    )
+    assert coverage(whole).endswith("samples at 100000 Hz, no gap, 2 of 2 injections judged")
+
+
+@given(missing=st.lists(st.booleans(), max_size=40), cuts=st.sets(st.integers(0, 40)))
+def test_gaps_of_parts_are_counted_as_of_the_whole(missing: list[bool], cuts: set[int]) -> None:
+    gaps = MissingSamples()
+    for start, end in pairwise([0, *sorted(min(cut, len(missing)) for cut in cuts), len(missing)]):
+        gaps.take(np.array(missing[start:end], np.bool_))
+    lengths = [len(list(run)) for is_gap, run in groupby(missing) if is_gap]
+    found = gaps.samples, gaps.missing, gaps.count, gaps.longest
+    assert found == (len(missing), sum(missing), len(lengths), max(lengths, default=0))

@@ -128,7 +128,8 @@ def residual_figure(findings: Findings) -> str:
     """What the models miss of every injection in order, recordings beside each other; those held out on grey."""
     label = with_words(findings) if findings.shown.ids else None
     held_out = findings.gaps.held_out if findings.held_apart else ()
-    middles, start = {}, 0.0
+    middles: dict[float, str] = {}
+    start = 0.0
     with svg_figure(10.4, 2.9) as (figure, svg):
         axes = figure.add_subplot()
         for number, injections in groupby(findings.injections, attrgetter("recording")):

@@ -99,8 +99,8 @@ def with_sigma(figure: StandstillFigure) -> str:
 
 def healthy_words(one: SmallestVisible, findings: Findings) -> str:
     """Says how large an effect appears to be on the healthy injector."""
-    known = findings.baseline and findings.baseline.appears.get(one.id)
-    if known is None:
+    appears = {} if findings.baseline is None else findings.baseline.appears
+    if (known := appears.get(one.id)) is None:
         return "–"
     step = significant(max(known.uncertainty, known.scatter))
     scatter = f" ± {shown(known.scatter, step)}" if known.scatter > 0.0 else ""

@@ -1,11 +1,12 @@
 """Entries of findings.json that are told otherwise than the search keeps them.
 
-The context of these serializers is the `Findings` they belong to.
+What makes them is given the `Findings` they belong to.
 """
 
 import math
+from typing import Any
 
-from pydantic import Field, SerializationInfo
+from pydantic import Field
 
 from observer_rt.foundation.documents import DocumentPart, Figures, Number
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
@@ -25,6 +26,8 @@ from observer_rt.identification.discovery.words.sentences import proposal_words
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
 from observer_rt.model.terms.term import Term
+
+GapEntry = dict[str, dict[str, Number | bool] | None]
 
 
 class RankedCandidate(DocumentPart):
@@ -123,20 +126,20 @@ class Unknown(DocumentPart):
     proposals: tuple[ProposalEntry, ...]
 
 
-def ranked(one: Candidate, info: SerializationInfo) -> RankedCandidate:
+def ranked(one: Candidate, findings: Any) -> RankedCandidate:
     """A candidate of the ranking."""
     return RankedCandidate(
         ids=one.ids,
         held_out_chi2=one.held_out,
         chi2=one.statistic,
-        n_effective=info.context.samples,
+        n_effective=findings.samples,
         parameters=tuple(one.parameters.values()),
         plausible=one.plausible,
         moves=one.moves,
     )
 
 
-def cell_of_map(item: Disagreement, info: SerializationInfo) -> CellOfMap:
+def cell_of_map(item: Disagreement, findings: Any) -> CellOfMap:
     """A cell of the map."""
     cell = item.before
     return CellOfMap(
@@ -145,20 +148,20 @@ def cell_of_map(item: Disagreement, info: SerializationInfo) -> CellOfMap:
         equation=item.equation,
         rail_pressure_MPa=cell.rail_pressure / MEGAPASCAL,
         open_ms=cell.duration / MILLISECOND,
-        recording=info.context.points[cell.recording],
+        recording=findings.points[cell.recording],
         **_figures(cell),
         after=_figures(item.after),
     )
 
 
-def _figures(cell: Cell) -> dict[str, float]:
+def _figures(cell: Cell) -> dict[str, float | None]:
     rms = f"rms_{_key(cell.signal.unit)}"
     return {"nrmse": math.sqrt(cell.variance), "significance": cell.excess, rms: cell.rms / cell.signal.si}
 
 
-def gap_entry(found: ModelGaps, _: SerializationInfo) -> dict[str, dict[str, Number | bool] | None]:
+def gap_entry(found: ModelGaps, _: object) -> GapEntry:
     """Rms of model minus measurement by signal: `before` as given, `after` amended, `noise_floor`; with units."""
-    result: dict[str, dict[str, Number | bool] | None] = {"line_pressure": None, "injection_rate": None}
+    result: GapEntry = {"line_pressure": None, "injection_rate": None}
     for name, gap in found.printed.items():
         unit = _key(gap.unit)
         stated: dict[str, Number | bool] = {f"before_{unit}": gap.before, f"after_{unit}": gap.after}
@@ -173,11 +176,13 @@ def _key(unit: str) -> str:
     return unit.replace("/", "_per_")
 
 
-def unknown(left: Unexplained | None, info: SerializationInfo) -> Unknown | None:
+def unknown(left: Unexplained | None, findings: Any) -> Unknown | None:
     """What is unexplained, with the proposals."""
-    return left and Unknown(
+    if left is None:
+        return None
+    return Unknown(
         **vars(left) | {"phase": PHASE_NAMES[left.phase]},
-        proposals=tuple(_proposal(number, one) for number, one in enumerate(info.context.proposals, 1)),
+        proposals=tuple(_proposal(number, one) for number, one in enumerate(findings.proposals, 1)),
     )
 
 

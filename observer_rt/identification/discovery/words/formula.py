@@ -69,7 +69,7 @@ _LEFT: Mapping[TermEquation, tuple[tuple[str, str], tuple[str, str] | None]] = {
 }
 """What a term adds, and what it is a share of."""
 _PER_TIME = {"ms": "kHz", "s": "Hz"}
-_SIGNS = {Operation.ADD: "+", Operation.SUBTRACT: "−", Operation.GREATER: ">", Operation.LESS: "<"}
+_SIGNS = {Operation.ADD: "+", Operation.SUBTRACT: "-", Operation.GREATER: ">", Operation.LESS: "<"}
 _LOOSE = (Operation.ADD, Operation.SUBTRACT)  # need parentheses in a product
 
 
@@ -85,26 +85,6 @@ def _number(text: str, unit: str) -> str:
     value = rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
     upright = unit.replace("³", "^3")
     return value if unit in ("", "-") else rf"{value}\,\mathrm{{{upright}}}"
-
-
-def _row(*parts: str) -> str:
-    return " ".join(parts)
-
-
-def _sign(sign: str) -> str:
-    return {"−": "-", "·": r"\cdot", "|": "|"}.get(sign, sign)
-
-
-def _fraction(above: str, below: str) -> str:
-    return rf"\frac{{{above}}}{{{below}}}"
-
-
-def _power(base: str, exponent: str) -> str:
-    return f"{base}^{{{exponent}}}"
-
-
-def _root(of: str) -> str:
-    return rf"\sqrt{{{of}}}"
 
 
 def _call(name: str, *arguments: str) -> str:
@@ -143,25 +123,22 @@ def _term(term: Term, largest_lift: float | None) -> str:
     if line is None:
         parts = [_law(one, in_product=True) for one in factors]
         if size == 0.5 and len(parts) == 1:  # (1 + tanh(...))/2
-            size, parts = 1.0, [_fraction(_law(factors[0]), _number("2", ""))]
+            size, parts = 1.0, [rf"\frac{{{_law(factors[0])}}}{{2}}"]
     else:
         falls = shell is not None and line.slope < 0.0
         size *= abs(line.slope) if falls else line.slope
         unit = _per(unit, line.subject.unit)
         bare, zero = _quantity(line), _number(f"{line.zero:.3g}", line.subject.unit)
-        beyond = bare if not line.zero else _row(bare, *_signed(-line.zero, line.subject.unit))
-        beyond = _row(zero, _sign("−"), bare) if falls else beyond
+        beyond = f"{bare} {_signed(-line.zero, line.subject.unit)}" if line.zero else bare
+        beyond = f"{zero} - {bare}" if falls else beyond
         loose = bool(line.zero) or len(line.subject.of) > 1
-        parts = [_call("max", beyond, _number("0", "")) if shell else _fenced(beyond) if loose else bare]
-    number = rounded_size(term, size)
-    parts += [_gate(gate) for gate in product.gates]
-    sized = _number(number, unit)
-    for part in parts:
-        sized = _row(sized, _sign("·"), part)
+        parts = [_call("max", beyond, "0") if shell else _fenced(beyond) if loose else bare]
+    gates = (_symbol("1", _GATES[gate]) for gate in product.gates)
+    sized = r" \cdot ".join((_number(rounded_size(term, size), unit), *parts, *gates))
     above, below = _LEFT[term.equation]
     left = _symbol(*above)
-    left = left if below is None else _fraction(left, _symbol(*below))
-    return _row(left, _sign("="), sized)
+    left = left if below is None else rf"\frac{{{left}}}{{{_symbol(*below)}}}"
+    return f"{left} = {sized}"
 
 
 def _per(unit: str, other: str) -> str:
@@ -170,13 +147,9 @@ def _per(unit: str, other: str) -> str:
     return f"{unit or '1'}/({other})" if "/" in other else f"{unit or '1'}/{other}"
 
 
-def _signed(value: float, unit: str) -> tuple[str, str]:
+def _signed(value: float, unit: str) -> str:
     """A number that is added or taken away."""
-    return _sign("−" if value < 0.0 else "+"), _number(f"{abs(value):.3g}", unit)
-
-
-def _gate(gate: Variable) -> str:
-    return _symbol("1", _GATES[gate])
+    return f"{'-' if value < 0.0 else '+'} {_number(f'{abs(value):.3g}', unit)}"
 
 
 def _law(law: Law, in_product: bool = False) -> str:
@@ -188,7 +161,7 @@ def _law(law: Law, in_product: bool = False) -> str:
         case Number():
             return _number(f"{law.value:.4g}", sign(law.unit))
         case Quantity(variable):
-            return _gate(variable) if variable in _GATES else _symbol(*_SYMBOLS[variable])
+            return _symbol(*(("1", _GATES[variable]) if variable in _GATES else _SYMBOLS[variable]))
         case Lagged(argument, milliseconds):
             return _call("lag", _law(argument), _number(f"{milliseconds:.3g}", "ms"))
         case Ringing(argument, kilohertz, damping):
@@ -206,33 +179,25 @@ def _quantity(line: StraightLaw) -> str:
     """The bare quantity of a line."""
     first, *others = (_symbol(*_SYMBOLS[variable]) for variable, sign in line.subject.of.items() if sign)
     if line.subject is LIFT_SHARE:
-        return _fraction(first, _symbol(*_SYMBOLS[Variable.MAX_LIFT]))
-    return _row(first, _sign("−"), others[0]) if others else first
+        return rf"\frac{{{first}}}{{{_symbol(*_SYMBOLS[Variable.MAX_LIFT])}}}"
+    return " - ".join((first, *others[:1]))
 
 
 def _straight(line: StraightLaw, in_product: bool) -> str:
     """(u - zero) over what makes it 1."""
     bare, width = _quantity(line), 1.0 / line.slope
-    above = _row(bare, *_signed(-line.zero, line.subject.unit)) if line.zero else bare
+    above = f"{bare} {_signed(-line.zero, line.subject.unit)}" if line.zero else bare
     if width == 1.0:
         return _fenced(above) if in_product and (line.zero or len(line.subject.of) > 1) else above
-    share = _fraction(above, _number(f"{abs(width):.3g}", line.subject.unit))
-    return _row(_sign("−"), share) if width < 0.0 else share
+    share = rf"\frac{{{above}}}{{{_number(f'{abs(width):.3g}', line.subject.unit)}}}"
+    return f"- {share}" if width < 0.0 else share
 
 
 def _turns(line: StraightLaw) -> str:
     """2 pi times a frequency times time, and a phase."""
     frequency = _number(f"{line.slope / (2.0 * math.pi):.6g}", _PER_TIME.get(line.subject.unit, ""))
-    turns = _row(
-        _number("2", ""),
-        _symbol("π", ""),
-        _sign("·"),
-        frequency,
-        _sign("·"),
-        _quantity(line),
-    )
     phase = math.remainder(-line.slope * line.zero, 2.0 * math.pi)
-    return _row(turns, *_signed(phase, ""))
+    return rf"2 \pi \cdot {frequency} \cdot {_quantity(line)} {_signed(phase, '')}"
 
 
 def _applied(operation: Operation, arguments: tuple[Law, ...], in_product: bool) -> str:
@@ -240,21 +205,19 @@ def _applied(operation: Operation, arguments: tuple[Law, ...], in_product: bool)
         case Operation.SIN if (line := line_of(arguments[0])) is not None and line.slope > 0.0:
             return _call("sin", _turns(line))
         case Operation.NEGATE:
-            return _row(_sign("−"), _law(arguments[0], in_product=True))
+            return f"- {_law(arguments[0], in_product=True)}"
         case Operation.MULTIPLY:
-            one, other = (_law(part, in_product=True) for part in arguments)
-            return _row(one, _sign("·"), other)
+            return r" \cdot ".join(_law(part, in_product=True) for part in arguments)
         case Operation.DIVIDE:
-            return _fraction(*(_law(part) for part in arguments))
+            return rf"\frac{{{_law(arguments[0])}}}{{{_law(arguments[1])}}}"
         case Operation.POWER:
-            return _power(_fenced(_law(arguments[0])), _law(arguments[1]))
+            return f"{_fenced(_law(arguments[0]))}^{{{_law(arguments[1])}}}"
         case Operation.SQRT:
-            return _root(_law(arguments[0]))
+            return rf"\sqrt{{{_law(arguments[0])}}}"
         case Operation.ABS:
-            return _row(_sign("|"), _law(arguments[0]), _sign("|"))
+            return f"| {_law(arguments[0])} |"
         case operation if operation in _SIGNS:
-            one, other = (_law(part) for part in arguments)
-            text = _row(one, _sign(_SIGNS[operation]), other)
+            text = f" {_SIGNS[operation]} ".join(map(_law, arguments))
             return _fenced(text) if in_product or operation not in _LOOSE else text
     return _call(operation.name.lower(), *(_law(part) for part in arguments))
 

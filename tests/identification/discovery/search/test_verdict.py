@@ -33,9 +33,9 @@ def _discover(
 def _holds(discovery: Discovery, effect: SizedEffect) -> bool:
     """Whether the named effect is this one, its interval holding the truth within twice its width."""
     (named,) = discovery.effects
-    for fitted, true in zip(named.parameters, effect.values, strict=True):
-        low, high = fitted.ci95
-        if not low - 0.5 * (high - low) <= true <= high + 0.5 * (high - low):
+    for parameter, true in zip(effect.effect.parameters, effect.values, strict=True):
+        low, high = named.parameters[parameter.name].ci95
+        if not low - 0.5 * (high - low) <= true / parameter.si <= high + 0.5 * (high - low):
             return False
     return named.id == effect.effect.id
 
@@ -110,7 +110,7 @@ def test_near_ties_are_ambiguous_with_what_would_decide() -> None:
 def test_two_effects_are_named_together() -> None:
     found = _discover(sized("orifice_area", v_H=0.1), sized("line_friction", k=0.5))
     assert found.verdict is Verdict.NAMED
-    sizes = {one.id: one.parameters[0] for one in found.effects}
+    sizes = {one.id: size for one in found.effects for size in one.parameters.values()}
     assert sizes.keys() == {"orifice_area", "line_friction"}
     assert sizes["orifice_area"].value == pytest.approx(0.1, abs=0.01)
     assert sizes["line_friction"].value == pytest.approx(0.5, abs=0.03)

@@ -1,11 +1,14 @@
-"""Terms in the words of an engineer."""
+"""Laws in the words of an engineer, and as formulas."""
 
+import re
+import xml.etree.ElementTree as ET
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.report.text import standing_words
+from observer_rt.identification.discovery.search.curves import AXES
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.results import (
     Candidate,
@@ -14,167 +17,30 @@ from observer_rt.identification.discovery.search.results import (
     Proposal,
     Refusal,
 )
+from observer_rt.identification.discovery.search.term_library import RecordingSpan, library
+from observer_rt.identification.discovery.words.formula import formula, law_text
 from observer_rt.identification.discovery.words.law_words import as_if
+from observer_rt.identification.discovery.words.sentences import standing_words
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import FormNumber, term_effect
+from observer_rt.model.term_effect import FormNumber, term_effect, term_of
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 
 LARGEST_LIFT = 0.3e-3  # m
 
 
-@pytest.mark.parametrize(
-    ("equation", "law", "c", "words"),
-    [
-        (
-            "nozzle_flow",
-            "c*((1 + tanh((time_since_opening/1 - 0.605)/0.008))/2)",
-            -0.2126,
-            "the nozzle lost 21.3 % of its flow from 0.605 ms after the opening on",
-        ),
-        (
-            "stiffness",
-            "c*exp(-(((line_pressure - 100)/50 - -0.1)/0.3)^2)",
-            0.075,
-            "the fuel in the line were stiffer by 7.5 % round a line pressure of 95 MPa, within 15 MPa",
-        ),
-        (
-            "chamber_pressure",
-            "c*(exp(-(time_since_opening/1)/0.53)*sin(6.283185307*1.5*(time_since_opening/1) + (-0.1)))",
-            5.7,
-            "the pressure in the chamber were 5.7 MPa higher at most, ringing at 1.5 kHz after every opening "
-            "for 0.53 ms",
-        ),
-        (
-            "rail_pressure",
-            "c*sin(6.283185307*2791.05[Hz]*time + 0.06)",
-            -0.4,
-            "the rail pressure were 0.4 MPa lower than measured and back, a wave of 2791.05 Hz",
-        ),
-        (
-            "line_pressure_sensor",
-            "c*ringing(line_pressure/1, 7.39, 0.1476)",
-            1.011,
-            "a tube before the line-pressure sensor rang at 7.39 kHz with a damping of 0.148",
-        ),
-        (
-            "line_pressure",
-            "c*closed",
-            1.5,
-            "1.5 mm³/ms left the line beside the nozzle while the needle is shut",
-        ),
-        (
-            "line_flow",
-            "c*max(line_flow/60 - 0.4217, 0)",
-            8.34,
-            "the line lost 0.139 MPa more per mm³/ms of flow through the line above 25.3 mm³/ms",
-        ),
-        (
-            "line_flow",
-            "c*(max(line_flow/60 - 0.4217, 0) - max(-(line_flow/60) - 0.4217, 0))",
-            8.34,
-            "the line lost 0.139 MPa more per mm³/ms of flow through the line above 25.3 mm³/ms, either way",
-        ),
-        (
-            "rail_pressure",
-            "c*max(0.3 - (line_pressure - 100)/50, 0)",
-            1.0,
-            "the rail pressure were 0.02 MPa higher than measured per MPa of line pressure below 115 MPa",
-        ),
-        (
-            "line_flow",
-            "c*(line_flow/60*abs(line_flow/60))",
-            0.5,
-            "the line lost 0.5 MPa more at a flow through the line of 60 mm³/ms, as its square, either way",
-        ),
-        (
-            "line_pressure",
-            "c*(sqrt((line_pressure - chamber_pressure)/100)*closed)",
-            0.907,
-            "0.907 mm³/ms left the line beside the nozzle at a pressure above the chamber's of 100 MPa, as its "
-            "root while the needle is shut",
-        ),
-        (
-            "needle_lift",
-            "c*closed",
-            0.0007,
-            "the needle stood 0.7 µm higher than measured while the needle is shut",
-        ),
-        (
-            "needle_lift",
-            "c*(needle_lift/max_lift - lagged(needle_lift/max_lift, 0.2))",
-            -0.081,
-            "the needle stood 81 µm lower than measured right after it rose by the whole lift, fading in 0.2 ms, "
-            "and the other way after it fell",
-        ),
-        (
-            "seat_flow",
-            "c*exp(-((needle_lift/max_lift - 0.466)/0.138)^2)",
-            -0.334,
-            "the seat let 33.4 % less through round a needle lift of 0.14 mm, within 0.041 mm",
-        ),
-        (
-            "seat_flow",
-            "c*exp(-(time_since_opening/1)/0.3)",
-            0.2,
-            "the seat let 20 % more through at every opening, fading in 0.3 ms",
-        ),
-        (
-            "nozzle_flow",
-            "c*exp(-(needle_lift/max_lift)/0.176)",
-            -0.6,
-            "the nozzle lost 60 % of its flow at a needle lift of 0 mm, fading over 0.053 mm above",
-        ),
-        (
-            "nozzle_flow",
-            "c*(injection_number > 12)",
-            -0.15,
-            "the nozzle lost 15 % of its flow from the injection after number 12 on",
-        ),
-        (
-            "nozzle_flow",
-            "c*((injection_number - 1)/23)",
-            -0.23,
-            "the nozzle lost 1 % of its flow per injection beyond number 1",
-        ),
-        (
-            "line_flow",
-            "c*(line_flow/60*abs(line_flow/60)*exp(-(time_since_opening/1)/0.7))",
-            0.5,
-            "the line lost 0.5 MPa more at a flow through the line of 60 mm³/ms, as its square, either way, at "
-            "every opening, fading in 0.7 ms",
-        ),
-        (
-            "line_flow",
-            "c*(line_flow/60*(line_flow/60 < 0))",
-            0.6,
-            "the line lost 0.01 MPa more per mm³/ms of flow through the line, below a flow through the line of "
-            "0 mm³/ms",
-        ),
-        (
-            "seat_flow",
-            "c*tanh((0.15 - needle_lift)/0.02)",
-            0.1,
-            "the seat let 10 % less through far above a needle lift of 0.15 mm, and the other way far below",
-        ),
-        (
-            "nozzle_flow",
-            "c*(0.6 - time_since_opening > 0)*open",
-            0.1,
-            "the nozzle let 10 % more through below 0.6 ms after the opening while the needle is open",
-        ),
-        ("nozzle_flow", "c*1", 0.1, "the nozzle let 10 % more through all the time"),
-        (
-            "line_pressure_sensor",
-            "c*table((line_pressure - 100)/50, -1, 0.5, -0.2, 0)",
-            -2.0,
-            "the line-pressure sensor read more, by [MPa] -1 at 50, 0 at 90 of line pressure [MPa], straight "
-            "between",
-        ),
-    ],
-)
-def test_simple_laws_are_told_in_words(equation: str, law: str, c: float, words: str) -> None:
-    assert as_if(Term(TermEquation(equation), parse(law), c), LARGEST_LIFT) == words
+GOLDEN = (Path(__file__).parent / "laws.txt").read_text("utf-8")
+CASES = re.findall(r"^(\w+); (.+); (\S+)\n  (.+)$", GOLDEN, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("equation", "law", "c", "told"), CASES)
+def test_simple_laws_are_told_in_words_and_formulas(equation: str, law: str, c: str, told: str) -> None:
+    term = Term(TermEquation(equation), parse(law), float(c))
+    if told.startswith("$ "):
+        rounded = replace(term, interval=(0.99 * term.coefficient, 1.01 * term.coefficient))
+        assert formula(rounded, LARGEST_LIFT).latex == told[2:]
+    else:
+        assert as_if(term, LARGEST_LIFT) == told
 
 
 def test_an_amount_has_the_digits_that_its_interval_supports() -> None:
@@ -194,6 +60,23 @@ def test_any_other_law_stands_as_it_is() -> None:
     law = parse("c*(line_flow/60)*abs(lift_rate)")
     told = as_if(Term(TermEquation.LINE_FLOW, law, 0.3))
     assert told == f"the line lost more pressure, by {law} with c = 0.3 MPa"
+
+
+def test_every_law_that_is_tried_is_a_formula() -> None:
+    """Braces match, and the elements made of it."""
+    effects = [*library(RecordingSpan(1.0, 5.0)), *(AXES[0].hats(TermEquation.LINE_FLOW))]
+    for effect in effects:
+        term = term_of(effect, 0.1)
+        assert term is not None
+        drawn = formula(term)
+        assert drawn.latex.count("{") == drawn.latex.count("}")
+        assert drawn.latex.count(r"\left") == drawn.latex.count(r"\right")
+        assert ET.fromstring(drawn.mathml).tag.endswith("math")
+
+
+def test_a_law_as_a_file_has_it_states_its_interval() -> None:
+    term = Term(TermEquation.LINE_PRESSURE, parse("c*closed"), 1.5, (1.4, 1.6))
+    assert law_text(term) == "line_pressure = c * closed, c = 1.50 mm³/ms (95 %: 1.40 to 1.60)"
 
 
 FREE = term_effect(TermEquation.SEAT_FLOW, "exp(-time_since_opening/A)", (FormNumber(0.3, 0.1, 1.0),))

@@ -223,7 +223,7 @@ def discover(options: DiscoverOptions) -> None:
             found = discovery.answer(task, store, progress, discovery.AMENDED)
         except KeyboardInterrupt:
             raise InterruptionError(
-                f"interrupted; {store.kept} fitted candidates are kept in {out / discovery.FITS}\n"
+                f"interrupted; {len(store)} fitted candidates are kept in {out / discovery.FITS}\n"
                 "  remedy: give the same command again to go on"
             ) from None
     if options.plan:

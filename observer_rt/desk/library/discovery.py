@@ -7,7 +7,7 @@ from html import escape
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -33,7 +33,7 @@ from observer_rt.identification.discovery.discover import (
 )
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.report.text import as_text
-from observer_rt.identification.discovery.search.candidates import NoMemory
+from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.words.formula import law_text
 from observer_rt.identification.discovery.words.sentences import proposal_words
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -42,6 +42,17 @@ from observer_rt.model.effects import VOCABULARY
 
 if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
+
+PROPOSAL: dict[str, Callable[[Proposal], Any]] = {
+    "words": proposal_words,
+    "laws": lambda one: "; ".join(map(law_text, one.terms)),
+    "gap_before_MPa": lambda one: one.held_out[0] / MEGAPASCAL,
+    "gap_after_MPa": lambda one: one.held_out[1] / MEGAPASCAL,
+    "may_enter": lambda one: one.may_enter,
+    "may_enter_in_part": lambda one: one.may_enter_in_part,
+    "refused": lambda one: "" if one.refusal is None else one.refusal.reason,
+}
+"""Columns of a table of proposals."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,28 +91,9 @@ class DiscoveryResult:
     @cached_property
     def proposals(self) -> pd.DataFrame:
         """Laws outside the vocabulary, the best first; index: their numbers, for `accept_term`."""
-        rows = [
-            {
-                "words": proposal_words(one),
-                "laws": "; ".join(map(law_text, one.terms)),
-                "gap_before_MPa": one.held_out[0] / MEGAPASCAL,
-                "gap_after_MPa": one.held_out[1] / MEGAPASCAL,
-                "may_enter": one.may_enter,
-                "may_enter_in_part": one.may_enter_in_part,
-                "refused": "" if one.refusal is None else one.refusal.reason,
-            }
-            for one in self.findings.proposals
-        ]
-        columns = [
-            "words",
-            "laws",
-            "gap_before_MPa",
-            "gap_after_MPa",
-            "may_enter",
-            "may_enter_in_part",
-            "refused",
-        ]
-        return pd.DataFrame(rows, columns=columns, index=pd.RangeIndex(1, len(rows) + 1, name="number"))
+        proposals = self.findings.proposals
+        columns = {name: [of(one) for one in proposals] for name, of in PROPOSAL.items()}
+        return pd.DataFrame(columns, index=pd.RangeIndex(1, len(proposals) + 1, name="number"))
 
     @cached_property
     def amended(self) -> "Injector | None":
@@ -174,6 +166,6 @@ def discovered(
     )
     refuse_incomparable(task, file.name)
     with progress_bar(screen, "looking for what is missing", 1.0) as progress:
-        found = answer(task, NoMemory(), progress, AMENDED)
+        found = answer(task, {}, progress, AMENDED)
     said = (*notes, *map(coverage, (*measured, *healthy)))
     return DiscoveryResult(file, task, found, said, load)

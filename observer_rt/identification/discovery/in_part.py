@@ -21,11 +21,11 @@ from observer_rt.identification.discovery.search.results import (
     Proposal,
     Refusal,
 )
-from observer_rt.identification.discovery.search.search import INTERVAL_MARGIN, HeldOutPoints
+from observer_rt.identification.discovery.search.search import HeldOutPoints
 from observer_rt.identification.discovery.search.verdict import consequence
-from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, fit
+from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, Signal
-from observer_rt.identification.likelihood.open_loop import mass, simulated
+from observer_rt.identification.likelihood.open_loop import mean_mass
 from observer_rt.model.baseline import PhaseFigures
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term
@@ -64,19 +64,16 @@ def _best_law(whole: Proposal, likelihood: JointLikelihood, nominal: EffectiveMo
         alone = Hypothesis((effect,))
         fitted = fit(Sizing(likelihood, nominal, alone), np.array([size]), alone.ranges())
         if fitted is not None and is_term(effect):
-            half = NORMAL_975 * INTERVAL_MARGIN * fitted.sigmas()
-            statistic = fitted.residuals.statistic
-            found.append(Candidate(alone, tuple(fitted.theta.tolist()), statistic, tuple(half.tolist())))
+            found.append(Candidate.fitted(alone, fitted.theta, fitted.statistic, fitted.sigmas()))
     if found:
         best = min(found, key=lambda one: one.statistic)
         model, gap = best.model(nominal), HeldOutPoints(likelihood, nominal).gap(best)
         yield replace(
             whole,
-            found=best,
+            found=replace(best, moves=consequence(measured, nominal, model)),
             gain=whole.gain + whole.found.statistic - best.statistic,
             unsound=unsound(model, nominal),
             held_out=(whole.held_out[0], gap),
-            moves=consequence(measured, nominal, model),
             curves=(),
             lost=(),
             alternatives=(),
@@ -111,10 +108,10 @@ class _Judged:
         apart = _disagreement(one.found, self._likelihood, self._nominal)
         if apart is not None:
             return Refusal(f"its size is not the same at all operating points ({apart})", _MORE)
-        interval = half * self._mean_mass(one)
+        interval = half * mean_mass(self._measured, one.model(self._nominal))
         rivals = [other for other in self._proposals if other is not one]
-        moves = [*(other.moves for other in rivals), *(other.moves for other in one.alternatives)]
-        differs = max((each.mass - one.moves.mass for each in moves), key=abs, default=0.0)
+        others = (*(other.found for other in rivals), *one.alternatives)
+        differs = max((each.moves.mass - one.found.moves.mass for each in others), key=abs, default=0.0)
         if abs(differs) > interval:
             return Refusal(
                 f"a law of another equation that explains as much would inject {differs / MILLIGRAM:+.2g} mg, beyond "
@@ -128,17 +125,7 @@ class _Judged:
         leaves as much in the line pressure."""
         model = one.model(self._nominal)
         moved = consequence(self._measured, model, model.with_term(_PROBE))
-        return left / moved.line_pressure * abs(moved.mass) / self._mean_mass(one)
-
-    def _mean_mass(self, one: Proposal) -> float:
-        """Mean mass of an event with a proposal [kg]."""
-        model = one.model(self._nominal)
-        density = model.coefficients.density
-        return float(
-            np.mean(
-                [mass(each, event, density) for each in self._measured for event in simulated(each, model)]
-            )
-        )
+        return left / moved.line_pressure * abs(moved.mass) / mean_mass(self._measured, model)
 
 
 def _disagreement(found: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel) -> str | None:

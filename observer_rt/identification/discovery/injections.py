@@ -14,7 +14,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import ModelGaps, PointGap, rms
 from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import Simulated, mass, simulated
+from observer_rt.identification.likelihood.open_loop import Simulated, mean_mass, simulated
 from observer_rt.model.effective import EffectiveModel
 
 POINT = Entry(lambda number, findings: findings.points[number], str)  # name of an operating point
@@ -145,15 +145,11 @@ def mass_changes(
     mass.
     """
 
-    def mean_mass(measurement: Measurement, model: EffectiveModel) -> float:
-        density = model.coefficients.density
-        return float(np.mean([mass(measurement, one, density) for one in simulated(measurement, model)]))
-
     hypothesis, theta = shown.hypothesis, shown.theta
     moved = [hypothesis.model(nominal, theta + step) for step in np.diag(shown.half)]
     result = []
     for recording, measurement in enumerate(measured):
-        before, after = (mean_mass(measurement, model) for model in (nominal, shown.model(nominal)))
-        half = math.hypot(left * after, *(mean_mass(measurement, model) - after for model in moved))
+        before, after = (mean_mass([measurement], model) for model in (nominal, shown.model(nominal)))
+        half = math.hypot(left * after, *(mean_mass([measurement], model) - after for model in moved))
         result.append(MassChange(recording, before, after - before, half))
     return tuple(result)

@@ -9,11 +9,10 @@ import numpy as np
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
 from observer_rt.identification.discovery.search.proposals import unsound
-from observer_rt.identification.discovery.search.results import Alternative, Candidate, Proposal
-from observer_rt.identification.discovery.search.search import INTERVAL_MARGIN
+from observer_rt.identification.discovery.search.results import Candidate, Proposal
 from observer_rt.identification.discovery.search.term_search import TIE
 from observer_rt.identification.discovery.search.verdict import consequence
-from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Minimum, fit
+from observer_rt.identification.likelihood.bounded_fit import Minimum, fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
@@ -55,7 +54,7 @@ def exchanged(one: Proposal, number: int, equation: str, nominal: EffectiveModel
 
     number: of the proposal. Raises `UserError` for an equation of which there is no such law.
     """
-    by_equation = {str(other.found.terms[0].equation): other for other in one.alternatives}
+    by_equation = {str(other.terms[0].equation): other for other in one.alternatives}
     if equation not in by_equation:
         there = f"there are laws of {', '.join(by_equation)}" if by_equation else "there is no other law"
         raise UserError(
@@ -66,20 +65,19 @@ def exchanged(one: Proposal, number: int, equation: str, nominal: EffectiveModel
     other = by_equation.pop(equation)
     return replace(
         one,
-        found=other.found,
-        gain=one.gain + one.found.statistic - other.found.statistic,
-        unsound=unsound(other.found.model(nominal), nominal),
+        found=other,
+        gain=one.gain + one.found.statistic - other.statistic,
+        unsound=unsound(other.model(nominal), nominal),
         held_out=(math.nan, math.nan),
-        moves=other.moves,
         curves=(),
         lost=(),
-        alternatives=(Alternative(one.found, one.moves), *by_equation.values()),
+        alternatives=(one.found, *by_equation.values()),
     )
 
 
 def _alternatives(
     one: Proposal, proposed: set[TermEquation], likelihood: JointLikelihood, nominal: EffectiveModel
-) -> tuple[Alternative, ...]:
+) -> tuple[Candidate, ...]:
     (effect, *further), found = one.found.hypothesis.effects, []
     law = effect.apply
     if further or not isinstance(law, TermLaw):
@@ -91,7 +89,7 @@ def _alternatives(
             fitted = _fitted(other, one, likelihood, nominal)
             if fitted is not None:
                 moves = consequence(measured, nominal, fitted.model(nominal))
-                found.append(Alternative(fitted, moves))
+                found.append(replace(fitted, moves=moves))
     return tuple(found)
 
 
@@ -118,5 +116,4 @@ def _fitted(
     spread = max(1.0, residuals.squares / residuals.z.size)
     if residuals.statistic > beside.found.statistic + TIE * spread:
         return None
-    half = NORMAL_975 * INTERVAL_MARGIN * found.sigmas()
-    return Candidate(alone, tuple(found.theta.tolist()), residuals.statistic, tuple(half.tolist()))
+    return Candidate.fitted(alone, found.theta, residuals.statistic, found.sigmas())

@@ -24,7 +24,7 @@ _FILE = Entry(
     lambda number, findings: None if number is None else findings.files[number], str | None
 )  # name of a recording
 _FEWEST_BLOCKS = 4
-_TOLERATED = {"rail_line_offset": 0.02 * MEGAPASCAL, "line_pressure_slope": 2 * MEGAPASCAL}  # SI
+OFFSET_TOLERATED, SLOPE_TOLERATED = 0.02 * MEGAPASCAL, 2 * MEGAPASCAL  # Pa, Pa/s
 
 
 @dataclass(frozen=True)
@@ -75,24 +75,16 @@ def standstill_checks(
 def _of_recording(
     number: int, measurement: Measurement, c: Coefficients, usual_offset: float
 ) -> list[StandstillFigure]:
-    noise = measurement.noise
-    result = []
-    period = 2.0 * math.pi / c.line.mode
-    blocks = _blocks(measurement, period)
+    noise, result = measurement.noise, []
+    blocks = _blocks(measurement, 2.0 * math.pi / c.line.mode)
     if blocks is not None:
         offset, each = float(np.mean(blocks.differences)), float(np.std(blocks.differences, ddof=1))
-        result.append(
-            _check(
-                "rail_line_offset",
-                number,
-                offset - usual_offset,
-                each / math.sqrt(blocks.runs.size),
-                MEGAPASCAL,
-                "MPa",
-            )
-        )
-        slope, sigma = _slope(blocks)
-        result.append(_check("line_pressure_slope", number, slope, sigma, MEGAPASCAL, "MPa/s"))
+        moved, spread = offset - usual_offset, each / math.sqrt(blocks.runs.size)
+        for name, unit, tolerated, value, sigma in (
+            ("rail_line_offset", "MPa", OFFSET_TOLERATED, moved, spread),
+            ("line_pressure_slope", "MPa/s", SLOPE_TOLERATED, *_slope(blocks)),
+        ):
+            result.append(_judged(name, number, value, sigma, MEGAPASCAL, unit, tolerated))
     levels = [
         ("rail_pressure_noise", noise.rail_pressure / MEGAPASCAL, "MPa"),
         ("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa"),
@@ -103,6 +95,14 @@ def _of_recording(
     return result + [
         StandstillFigure(name, number, value, math.nan, unit, True) for name, value, unit in levels
     ]
+
+
+def _judged(
+    name: str, number: int | None, value: float, sigma: float, si: float, unit: str, tolerated: float
+) -> StandstillFigure:
+    """A figure and its standard deviation [SI], which stands out beyond both that and what is tolerated."""
+    passed = abs(value) <= max(tolerated, SIGNIFICANT * sigma)
+    return StandstillFigure(name, number, value / si, sigma / si, unit, passed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,11 +158,6 @@ def _slope(blocks: _PeriodMeans) -> tuple[float, float]:
     return slope, math.sqrt(float(left @ left) / freedom / spread)
 
 
-def _check(name: str, number: int, value: float, sigma: float, si: float, unit: str) -> StandstillFigure:
-    passed = abs(value) <= max(_TOLERATED[name], SIGNIFICANT * sigma)
-    return StandstillFigure(name, number, value / si, sigma / si, unit, passed)
-
-
 def _apparent(
     likelihood: JointLikelihood, model: EffectiveModel, effect: Effect, settled: bool
 ) -> list[StandstillFigure]:
@@ -183,9 +178,5 @@ def _apparent(
         length += float(slope @ slope)
     value = along / length if length > 0.0 else 0.0
     sigma = 1.0 / math.sqrt(length) if length > 0.0 else math.inf
-    passed = abs(value) <= max(parameter.dead_zone, SIGNIFICANT * sigma)
-    return [
-        StandstillFigure(
-            f"apparent_{effect.id}", None, value / parameter.si, sigma / parameter.si, parameter.unit, passed
-        )
-    ]
+    name, si, unit = f"apparent_{effect.id}", parameter.si, parameter.unit
+    return [_judged(name, None, value, sigma, si, unit, parameter.dead_zone)]

@@ -1,6 +1,7 @@
 """A model run through a recording as a reader of a report imagines it: open loop from the opening on."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,6 +78,12 @@ def mass(measurement: Measurement, one: Simulated, density: float) -> float:
     """Injected mass of an event [kg]."""
     inside = in_mass_window(measurement, one.event, one.rate_samples)
     return float(np.trapezoid(one.rate[inside])) * measurement.interval * density
+
+
+def mean_mass(measured: Sequence[Measurement], model: EffectiveModel) -> float:
+    """Mean injected mass of an event of recordings [kg]."""
+    density = model.coefficients.density
+    return float(np.mean([mass(each, one, density) for each in measured for one in simulated(each, model)]))
 
 
 def measured_mass(measurement: Measurement, one: Simulated, density: float) -> float:

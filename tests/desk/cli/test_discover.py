@@ -13,6 +13,7 @@ import observer_rt.identification.discovery.discover
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.errors import RunError
+from observer_rt.identification.discovery.search.candidates import FitMemory
 from tests.desk.cli.conftest import Command
 from tests.device import simulated
 
@@ -114,8 +115,8 @@ def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
 def test_an_interrupted_search_goes_on_where_it_was(
     command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(_: object, memory: object, *__: object) -> None:
-        memory.put(("orifice_area",), np.array([0.3]), -1.0)  # type: ignore[attr-defined]
+    def interrupted(_: object, memory: FitMemory, *__: object) -> None:
+        memory["orifice_area",] = np.array([0.3]), -1.0
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:

@@ -7,7 +7,6 @@ import pytest
 
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import Findings, ModelSource
-from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
@@ -30,6 +29,6 @@ def worn() -> Worn:
     made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True, points=WORN_POINTS)
     names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
     task = DiscoveryTask(NOMINAL, measurements(made), (), names)
-    findings = answer(task, NoMemory(), lambda _: None, "amended.toml")
+    findings = answer(task, {}, lambda _: None, "amended.toml")
     model = ModelSource("a & b.toml", "0" * 64, ("seat_area",))
     return Worn(task, replace(findings, model=model, made=datetime(2026, 1, 31, 12, 0), folder="found"))

@@ -5,11 +5,7 @@ from typing import Any
 
 import pytest
 
-from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
-from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.conftest import WEAR, Worn
-from tests.identification.discovery.hidden import NOMINAL, recordings
 
 
 @pytest.fixture
@@ -85,12 +81,3 @@ def test_checks_are_in_it(document: dict[str, Any]) -> None:
     assert [check["recording"] for check in noise] == [f"<{number}>.csv" for number in range(4)]
     assert all(check["value"] == pytest.approx(0.15, rel=0.05) for check in noise)
     assert all(check["sigma"] is None for check in noise)
-
-
-def test_the_shares_of_two_effects_do_not_exceed_the_whole() -> None:
-    hidden = (sized("orifice_area", v_H=-0.15), sized("line_friction", k=0.5))
-    found = name_effects(effective_model(NOMINAL), measurements(recordings(hidden)), SearchOptions(workers=2))
-    shares = {effect.id: effect.gap_share for effect in found.effects}
-    assert set(shares) == {"orifice_area", "line_friction"}
-    assert 0.9 < sum(shares.values()) <= 1.0
-    assert shares["orifice_area"] > shares["line_friction"]

@@ -8,7 +8,7 @@ import pytest
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.in_part import LEAST_CLOSED, sizes_by_recording, with_parts
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, Sizing
-from observer_rt.identification.discovery.search.results import Alternative, Candidate, Consequence, Proposal
+from observer_rt.identification.discovery.search.results import Candidate, Consequence, Proposal
 from observer_rt.identification.discovery.search.verdict import consequence
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, joint_likelihood
@@ -48,9 +48,10 @@ def _proposal(likelihood: JointLikelihood, left: float = 0.25 * GAP, mass: float
     hypothesis = Hypothesis((NOZZLE,))
     found = fit(Sizing(likelihood, MODEL, hypothesis), np.array([-0.1]), hypothesis.ranges())
     assert found is not None
-    candidate = Candidate(hypothesis, tuple(found.at.theta), found.at.residuals.statistic, (0.002,))
-    moves = Consequence(1e6, mass)
-    return Proposal(candidate, 1e4, Phase.OPEN, False, None, (GAP, left), moves)
+    candidate = Candidate.fitted(hypothesis, found.theta, found.statistic, np.array([0.001]))
+    return Proposal(
+        replace(candidate, moves=Consequence(1e6, mass)), 1e4, Phase.OPEN, False, None, (GAP, left)
+    )
 
 
 def test_what_closes_most_of_the_gap_may_enter_in_part(likelihood: JointLikelihood) -> None:
@@ -98,7 +99,7 @@ def test_a_rival_with_another_mass_is_a_reason_to_refuse(likelihood: JointLikeli
     one = _proposal(likelihood)
     other = _proposal(likelihood, mass=-12.0 * LOST)
     if where == "alternative":
-        one = replace(one, alternatives=(Alternative(other.found, other.moves),))
+        one = replace(one, alternatives=(other.found,))
     judged, *_ = with_parts([one, other] if where == "proposal" else [one], likelihood, MODEL)
     assert judged.part is not None
     assert judged.part.refusal is not None
@@ -113,10 +114,11 @@ def test_the_best_of_laws_that_pile_up_is_proposed_alone(likelihood: JointLikeli
         hypothesis=Hypothesis((idle[0], NOZZLE, idle[1])),
         sizes=(0.01, *one.found.sizes, 0.01),
         half=(0.01,) * 3,
+        moves=consequence(
+            [recorded.measurement for recorded in likelihood.recordings], MODEL, one.found.model(MODEL)
+        ),
     )
-    measured = [recorded.measurement for recorded in likelihood.recordings]
-    moves = consequence(measured, MODEL, one.found.model(MODEL))
-    whole, alone = with_parts([replace(one, found=found, moves=moves)], likelihood, MODEL)
+    whole, alone = with_parts([replace(one, found=found)], likelihood, MODEL)
     assert whole.part is None
     assert alone.found.hypothesis.effects == (NOZZLE,)
     assert alone.found.sizes == pytest.approx(one.found.sizes, rel=0.01)

@@ -18,7 +18,6 @@ from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import as_text
-from observer_rt.identification.discovery.search.candidates import NoMemory
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
@@ -44,7 +43,7 @@ def plugged() -> DiscoveryTask:
 
 
 def answered(task: DiscoveryTask) -> Findings:
-    return replace(answer(task, NoMemory(), lambda _: None, "amended.toml"), folder="found")
+    return replace(answer(task, {}, lambda _: None, "amended.toml"), folder="found")
 
 
 @pytest.fixture(scope="module")

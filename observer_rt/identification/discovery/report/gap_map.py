@@ -13,11 +13,24 @@ from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.identification.discovery.search.results import Cell
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
-from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.parameters import LineOutflow
 
 WORST = 10.0  # times the noise, from which on a cell is as red as it gets
 _WHITE, _RED = (255, 246, 240), (176, 38, 28)
 _CALM = "#eef4f0"
+_OF_LUMP = {
+    Equation.LINE_PRESSURE: "the balance of the line, p_L' = K_L/V_L (Q_L - {outflow}), (20)",
+    Equation.LINE_FLOW: "the flow through the line, Q_L' = ..., (19)",
+}
+_OF_WAVES = {
+    Equation.LINE_PRESSURE: "the balance at the closed end of the line, which {outflow} drains",
+    Equation.LINE_FLOW: "the motion of the fuel along the line",
+}
+_OTHERS = {
+    Equation.SAC_PRESSURE: "the balance of the sac, p_S' = K_C/V_S (Q_S - Q_H), with (21) and (23)",
+    Equation.INPUT: "an input: rail pressure, lift or chamber pressure is not what it is taken for",
+    Equation.OUTPUT: "the output: the line-pressure sensor does not show p_L",
+}
 
 
 @dataclass(frozen=True)
@@ -76,25 +89,6 @@ def violated_words(findings: Findings) -> str:
         return " and ".join(dict.fromkeys(f"{term.equation.words} ({term.equation})" for term in one.terms))
     equations = dict.fromkeys(item.equation for item in findings.where if item.equation is not None)
     injector = findings.gaps.refitted.injector
-    return " and ".join(_equation_words(equation, injector) for equation in equations)
-
-
-def _equation_words(equation: Equation, injector: InjectorParameters) -> str:
-    """Names an equation as an injector's model has it."""
-    lump, drained = injector.line.model == "lump", injector.line_outflow
-    outflow = "Q_H" if drained is LineOutflow.NOZZLE else "Q_S"
-    match equation:
-        case Equation.LINE_PRESSURE if lump:
-            return f"the balance of the line, p_L' = K_L/V_L (Q_L - {outflow}), (20)"
-        case Equation.LINE_PRESSURE:
-            return f"the balance at the closed end of the line, which {outflow} drains"
-        case Equation.LINE_FLOW if lump:
-            return "the flow through the line, Q_L' = ..., (19)"
-        case Equation.LINE_FLOW:
-            return "the motion of the fuel along the line"
-        case Equation.SAC_PRESSURE:
-            return "the balance of the sac, p_S' = K_C/V_S (Q_S - Q_H), with (21) and (23)"
-        case Equation.INPUT:
-            return "an input: rail pressure, lift or chamber pressure is not what it is taken for"
-        case Equation.OUTPUT:
-            return "the output: the line-pressure sensor does not show p_L"
+    outflow = "Q_H" if injector.line_outflow is LineOutflow.NOZZLE else "Q_S"
+    of_line = _OF_LUMP if injector.line.model == "lump" else _OF_WAVES
+    return " and ".join((of_line | _OTHERS)[one].format(outflow=outflow) for one in equations)

@@ -3,14 +3,14 @@
 import hashlib
 import json
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,24 +47,11 @@ _Result = TypeVar("_Result")
 FORMAT = 1
 
 
-class FitMemory(Protocol):
-    """Keeps fitted candidates, so that an interrupted run goes on where it was."""
-
-    def get(self, key: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
-        """theta (p,) and -2 log L stored under this key; None when there is none."""
-
-    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
-        """Keep a fit; the key is the ids of its effects, and ROUGH after them for a rough one."""
-
-
-class NoMemory:
-    """Keeps nothing."""
-
-    def get(self, key: tuple[str, ...]) -> None:
-        """Finds nothing: no fit is stored."""
-
-    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
-        """Stores nothing."""
+Fit = tuple[NDArray[np.float64], float]
+"""theta (p,) and -2 log L."""
+FitMemory = MutableMapping[tuple[str, ...], Fit]
+"""Fitted candidates by the ids of their effects, and ROUGH after them for a rough one: an interrupted run goes on
+where it was."""
 
 
 class Fitter:
@@ -84,7 +71,7 @@ class Fitter:
         self.likelihood = likelihood
         self.nominal = nominal
         self._workers = workers
-        self._memory = memory or NoMemory()
+        self._memory: FitMemory = {} if memory is None else memory
         self._fitted = fitted
         self._appears = appears
         self._signatures: dict[str, Signature] = {}
@@ -157,7 +144,7 @@ class Fitter:
         if found is None:
             return None
         candidate = Candidate(hypothesis, tuple(found.theta.tolist()), found.statistic)
-        self._memory.put(key, found.theta, found.statistic)
+        self._memory[key] = found.theta, found.statistic
         if self._fitted is not None:
             self._fitted(candidate)
         return candidate
@@ -282,8 +269,8 @@ def problem_key(
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-class FitStore:
-    """JSON lines: what the fits belong to, then a fit a line. A `candidates.FitMemory`, used by several threads."""
+class FitStore(dict[tuple[str, ...], Fit]):
+    """JSON lines: what the fits belong to, then a fit a line. A `FitMemory`, used by several threads."""
 
     def __init__(self, path: Path, key: str) -> None:
         """Take over the fits of this key; a file of another key, or none, is begun anew.
@@ -291,12 +278,12 @@ class FitStore:
         Raises OSError when the file cannot be read or written.
         """
         self._lock = threading.Lock()
-        self._fits = _read(path, key)
-        self.taken_over = len(self._fits)
+        super().__init__(_read(path, key))
+        self.taken_over = len(self)
         """Fits there were already."""
         header = json.dumps({"format": FORMAT, "key": key}) + "\n"
         with replacing(path) as part:
-            part.write_text(header + "".join(_line(ids, *fit) for ids, fit in self._fits.items()), "ascii")
+            part.write_text(header + "".join(_line(ids, *fit) for ids, fit in self.items()), "ascii")
         self._file = path.open("a", encoding="ascii")
 
     def __enter__(self) -> "FitStore":
@@ -305,20 +292,11 @@ class FitStore:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    @property
-    def kept(self) -> int:
-        """Number of fits."""
-        return len(self._fits)
-
-    def get(self, ids: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
-        """theta (p,) and -2 log L of these effects; None when they were not fitted."""
-        return self._fits.get(ids)
-
-    def put(self, ids: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
+    def __setitem__(self, ids: tuple[str, ...], fit: Fit) -> None:
         """Keep a fit, at once on disk."""
         with self._lock:
-            self._fits[ids] = theta, statistic
-            self._file.write(_line(ids, theta, statistic))
+            super().__setitem__(ids, fit)
+            self._file.write(_line(ids, *fit))
             self._file.flush()
 
 

@@ -21,7 +21,6 @@ from observer_rt.identification.discovery.search.results import (
     Refusal,
 )
 from observer_rt.identification.discovery.search.search import (
-    INTERVAL_MARGIN,
     HeldOutPoints,
     SearchOutcome,
     price,
@@ -30,7 +29,6 @@ from observer_rt.identification.discovery.search.term_fit import PRICE, TermFit,
 from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
 from observer_rt.identification.discovery.search.term_scores import scores_of
 from observer_rt.identification.discovery.search.term_search import TIE, TermSearch, TermSearchResult
-from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, pool_of
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
@@ -68,18 +66,15 @@ def propose(
     before = held_out.gap(outcome.nominal)
 
     def proposal(fit: TermFit) -> Proposal:
-        half = NORMAL_975 * INTERVAL_MARGIN * fit.sigmas
-        hypothesis = problem.hypothesis(fit.chosen)
-        found = Candidate(hypothesis, tuple(fit.theta.tolist()), fit.statistic, tuple(half.tolist()))
+        found = Candidate.fitted(problem.hypothesis(fit.chosen), fit.theta, fit.statistic, fit.sigmas)
         model = found.model(fitter.nominal)
         return Proposal(
-            found,
+            replace(found, moves=moves(fitter.nominal, model)),
             result.nothing.statistic - fit.statistic,
             phase,
             problem.is_adequate(fit.chosen, fit.theta),
             unsound(model, fitter.nominal),
             (before, held_out.gap(found)),
-            moves(fitter.nominal, model),
         )
 
     first, *others = (proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])

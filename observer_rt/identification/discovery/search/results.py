@@ -15,6 +15,7 @@ from observer_rt.foundation.documents import Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.operating_points import point_name
 from observer_rt.model.effect import EffectParameter, Equation
@@ -25,6 +26,9 @@ from observer_rt.model.terms.term import Term
 
 MOST_ENTERING = (
     2  # terms and effects beside them that a model may be given: more say nothing of what is missing
+)
+INTERVAL_MARGIN = (
+    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
 )
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 _MORE_POINTS = "record more rail pressures and durations"
@@ -97,9 +101,9 @@ class FittedEffect:
 class Candidate:
     """A combination of effects fitted to all recordings; the nominal model is the one without effects.
 
-    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out. Of those in a ranking also half:
-    half widths of the 95 % intervals (p,); held_out: -2 log L fitted on every second operating point and judged on
-    the others, nan where that was not done; moves: what it does to the model as given.
+    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out. Of those in a ranking, and of
+    proposals, also half: half widths of the 95 % intervals (p,); moves: what it does to the model as given; held_out: -2 log L fitted on every second operating point and judged on
+    the others, nan where that was not done.
     """
 
     hypothesis: Hypothesis
@@ -108,6 +112,14 @@ class Candidate:
     half: tuple[float, ...] = ()
     held_out: float = math.nan
     moves: Consequence = Consequence(0.0, 0.0)
+
+    @classmethod
+    def fitted(
+        cls, hypothesis: Hypothesis, theta: NDArray[np.float64], statistic: float, sigmas: NDArray[np.float64]
+    ) -> "Candidate":
+        """With intervals. sigmas: standard deviations of its sizes by noise (p,)."""
+        half = NORMAL_975 * INTERVAL_MARGIN * sigmas
+        return cls(hypothesis, tuple(theta.tolist()), statistic, tuple(half.tolist()))
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -282,27 +294,16 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Alternative:
-    """A law of another equation that explains as much as a proposal.
-
-    moves: what it does to line pressure and mass.
-    """
-
-    found: Candidate
-    moves: Consequence
-
-
-@dataclass(frozen=True)
 class Proposal:
     """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
     found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
     in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold over
     the whole domain, None where all do; held_out: rms of the line pressure's gap on events it was not fitted to,
-    before and after [Pa], nan where nothing was held out; moves: what it does to line pressure and mass; curves: of
-    the first proposal, its laws over their variables where they have one; lost: of the first, what else was fitted,
-    the best first; alternatives: what the line pressure cannot tell from it; part: of one that leaves something but
-    has no other objection; largest_lift: of the needle [m], for words.
+    before and after [Pa], nan where nothing was held out; curves: of the first proposal, its laws over their
+    variables where they have one; lost: of the first, what else was fitted, the best first; alternatives: laws of
+    another equation, which the line pressure cannot tell from it; part: of one that leaves something but has no
+    other objection; largest_lift: of the needle [m], for words.
     """
 
     found: Candidate
@@ -311,10 +312,9 @@ class Proposal:
     adequate: bool
     unsound: Refusal | None
     held_out: tuple[float, float]
-    moves: Consequence
     curves: tuple[LawCurve, ...] = ()
     lost: tuple[Candidate, ...] = ()
-    alternatives: tuple[Alternative, ...] = ()
+    alternatives: tuple[Candidate, ...] = ()
     part: Part | None = None
     largest_lift: float | None = None
 

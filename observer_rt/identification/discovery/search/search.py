@@ -1,8 +1,8 @@
 """The search for the missing effect: singles, pairs, and the verdict; judged on operating points left out, too."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from operator import attrgetter
 
@@ -32,9 +32,6 @@ from observer_rt.model.effects import VOCABULARY
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
 TIE = 16.0  # of -2 log L within which a rival explains the recordings as well
 LEADERS = 3  # singles that a second effect is added to
-INTERVAL_MARGIN = (
-    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
-)
 PARAMETER_PRICE = 10.0  # of -2 log L for each parameter more, log(n): which of two near-ties leads
 
 
@@ -160,19 +157,6 @@ class SearchOutcome:
     def adequate(self) -> bool:
         """Whether the winner explains the recordings, or would with an effect too small to matter."""
         return self.ratio <= 1.0 or self.too_small
-
-    def led_by(self, ids: Collection[str]) -> "SearchOutcome":
-        """Replaces the winner by another candidate that explains the recordings as well.
-
-        Raises ValueError when these effects together are none of them.
-        """
-        for rival in self.rivals:
-            if set(rival.ids) == set(ids):
-                others = (self.winner, *(one for one in self.rivals if one is not rival))
-                return replace(self, winner=rival, rivals=others)
-        if set(self.winner.ids) != set(ids):
-            raise ValueError(f"{' + '.join(ids)} is not among those that explain the recordings")
-        return self
 
     @property
     def soft(self) -> bool:

@@ -14,6 +14,7 @@ from observer_rt.identification.discovery.search.adequacy import cells_of, unexp
 from observer_rt.identification.discovery.search.candidates import FitMemory, Fitter
 from observer_rt.identification.discovery.search.proposals import propose
 from observer_rt.identification.discovery.search.results import (
+    INTERVAL_MARGIN,
     Candidate,
     Cell,
     Consequence,
@@ -27,7 +28,6 @@ from observer_rt.identification.discovery.search.results import (
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import (
-    INTERVAL_MARGIN,
     HeldOutPoints,
     Search,
     SearchOutcome,
@@ -155,18 +155,16 @@ def name_effects(
 
 def _led_by(found: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
     """The outcome led by what the user chose. Raises `UserError` when the recordings do not leave it open."""
-    try:
-        if not found.adequate:
-            raise ValueError
-        return found.led_by(chosen)
-    except ValueError:
-        open_ids = [one.ids for one in (found.winner, *found.rivals)] if found.adequate else []
-        left = ", ".join(" + ".join(ids) for ids in open_ids if ids) or "nothing"
-        raise UserError(
-            f"--choose {'+'.join(chosen)}",
-            f"is no answer to these recordings, which leave open: {left}",
-            "choose one of these, or leave --choose out",
-        ) from None
+    tied = (found.winner, *found.rivals) if found.adequate else ()
+    for one in tied:
+        if set(one.ids) == set(chosen):
+            return replace(found, winner=one, rivals=tuple(other for other in tied if other is not one))
+    left = ", ".join(" + ".join(one.ids) for one in tied if one.ids) or "nothing"
+    raise UserError(
+        f"--choose {'+'.join(chosen)}",
+        f"is no answer to these recordings, which leave open: {left}",
+        "choose one of these, or leave --choose out",
+    )
 
 
 def healthy_baseline(

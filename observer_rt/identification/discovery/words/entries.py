@@ -204,10 +204,10 @@ def _proposal(number: int, one: Proposal) -> ProposalEntry:
         sound=one.unsound is None,
         may_enter=one.may_enter,
         gap_held_out={"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
-        moves=one.moves,
+        moves=one.found.moves,
         in_part=one.part,
         alternatives=tuple(
-            AlternativeEntry(terms=terms(each.found), moves=each.moves) for each in one.alternatives
+            AlternativeEntry(terms=terms(each), moves=each.moves) for each in one.alternatives
         ),
         lost=tuple(
             LostEntry(terms=terms(each), effects=each.named, gain=base - each.statistic) for each in one.lost

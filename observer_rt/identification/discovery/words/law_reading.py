@@ -38,6 +38,11 @@ class Subject:
     unit: str
     of: Mapping[Variable, float]
 
+    @property
+    def one(self) -> str:
+        """What an amount is per."""
+        return self.unit if self.unit != "-" else "unit"
+
     def at(self, value: float) -> str:
         """A value of it in words, such as `a line pressure of 95 MPa`."""
         if self.of == SINCE:

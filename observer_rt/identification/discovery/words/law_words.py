@@ -250,8 +250,7 @@ def _in_proportion(line: StraightLaw) -> Reading:
     beyond = (
         f" above {with_unit(f'{line.zero:.3g}', subject.unit)}, and the other way below" if line.zero else ""
     )
-    per = subject.unit if subject.unit != "-" else "unit"
-    return Reading(line.slope, f"of {subject.words}{beyond}", per)
+    return Reading(line.slope, f"of {subject.words}{beyond}", subject.one)
 
 
 def _kinked(line: StraightLaw | None, further: str) -> Reading | None:
@@ -259,9 +258,8 @@ def _kinked(line: StraightLaw | None, further: str) -> Reading | None:
         return None
     side = "above" if line.slope > 0.0 else "below"
     subject = line.subject
-    per = subject.unit if subject.unit != "-" else "unit"
     zero = with_unit(f"{line.zero:.3g}", subject.unit)
-    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}{further}", per)
+    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}{further}", subject.one)
 
 
 def _either_way(up: Applied, down: Applied) -> Reading | None:
@@ -329,5 +327,6 @@ def _remembered(line: StraightLaw | None, milliseconds: float) -> Reading | None
             "and the other way after it fell",
         )
     subject = line.subject
-    per = subject.unit if subject.unit != "-" else "unit"
-    return Reading(line.slope, f"of {subject.words} beyond what it was {milliseconds:.3g} ms ago", per)
+    return Reading(
+        line.slope, f"of {subject.words} beyond what it was {milliseconds:.3g} ms ago", subject.one
+    )

@@ -6,7 +6,6 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.results import (
-    Alternative,
     Candidate,
     Discovery,
     Proposal,
@@ -63,17 +62,17 @@ def proposal_words(one: Proposal) -> str:
     return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *known])
 
 
-def alternative_words(one: Alternative, largest_lift: float | None) -> str:
+def alternative_words(one: Candidate, largest_lift: float | None) -> str:
     """Describes what line pressure cannot tell from a proposal, with its mass. largest_lift: of the needle [m]."""
     moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
     return (
         f"{_law_words(one, largest_lift)}, {moved}: line pressure cannot tell the two apart, a measured rate may "
-        f"(--instead {one.found.terms[0].equation})"
+        f"(--instead {one.terms[0].equation})"
     )
 
 
-def _law_words(one: Alternative, largest_lift: float | None) -> str:
-    (term,) = one.found.terms
+def _law_words(one: Candidate, largest_lift: float | None) -> str:
+    (term,) = one.terms
     return f"as if {as_if(term, largest_lift)}"
 
 
@@ -83,7 +82,7 @@ def standing_words(one: Proposal) -> str:
     apart = (
         f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     )
-    moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
+    moved = f"injected mass {one.found.moves.mass / MILLIGRAM:+.2g} mg"
     fit = "explains all"
     refusal = one.refusal if one.part is None else one.part.refusal
     if one.may_enter_in_part and one.part is not None:

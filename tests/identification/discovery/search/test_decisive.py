@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.discovery.search.results import Candidate, Consequence, Proposal
+from observer_rt.identification.discovery.search.results import Candidate, Proposal
 from observer_rt.identification.discovery.search.verdict import decide_between, decide_by
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
@@ -51,7 +51,7 @@ def test_one_effect_needs_no_decision() -> None:
 
 def proposal(*effects: Effect) -> Proposal:
     found = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0)
-    return Proposal(found, 0.0, Phase.OPEN, True, None, (0.0, 0.0), Consequence(0.0, 0.0))
+    return Proposal(found, 0.0, Phase.OPEN, True, None, (0.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,9 @@
 """Which effect is missing: verdicts on recordings of a simulated injector with effects hidden in it."""
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.search.candidates import Fit
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal
@@ -115,6 +114,7 @@ def test_two_effects_are_named_together() -> None:
     assert sizes["orifice_area"].value == pytest.approx(0.1, abs=0.01)
     assert sizes["line_friction"].value == pytest.approx(0.5, abs=0.03)
     assert all(one.gain > found.detection.threshold for one in found.effects)
+    assert 0.9 < sum(one.gap_share for one in found.effects) <= 1.0
 
 
 @pytest.mark.slow
@@ -148,21 +148,16 @@ def test_held_out_recordings_rank_as_the_fitted_ones() -> None:
     assert held_out[()] > held_out[("line_friction",)] + 100.0
 
 
-class _Memory:
-    """Remembers fits, and fails after a number of them as an interruption would."""
+class _Memory(dict[tuple[str, ...], Fit]):
+    """Keeps fits until `left` are there."""
 
-    def __init__(self) -> None:
-        self.fits: dict[tuple[str, ...], tuple[NDArray[np.float64], float]] = {}
-        self.left = 10_000
+    left = 10_000
 
-    def get(self, key: tuple[str, ...]) -> tuple[NDArray[np.float64], float] | None:
-        return self.fits.get(key)
-
-    def put(self, key: tuple[str, ...], theta: NDArray[np.float64], statistic: float) -> None:
+    def __setitem__(self, key: tuple[str, ...], fit: Fit) -> None:
         if self.left == 0:
             raise KeyboardInterrupt
         self.left -= 1
-        self.fits[key] = (theta, statistic)
+        super().__setitem__(key, fit)
 
 
 def test_an_interrupted_search_goes_on_where_it_was_and_ends_the_same() -> None:
@@ -171,13 +166,13 @@ def test_an_interrupted_search_goes_on_where_it_was_and_ends_the_same() -> None:
     memory.left = 7
     with pytest.raises(KeyboardInterrupt):
         _discover(hidden, options=SearchOptions(memory=memory))
-    assert len(memory.fits) == 7
+    assert len(memory) == 7
     memory.left = 10_000
     resumed = _discover(hidden, options=SearchOptions(memory=memory))
     used = 10_000 - memory.left
     fresh = _Memory()
     assert resumed == _discover(hidden, options=SearchOptions(memory=fresh))
-    assert used == len(fresh.fits) - 7
+    assert used == len(fresh) - 7
 
 
 def test_threads_and_progress_change_nothing() -> None:

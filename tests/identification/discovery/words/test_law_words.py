@@ -12,7 +12,6 @@ from observer_rt.identification.discovery.search.curves import AXES
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.results import (
     Candidate,
-    Consequence,
     Part,
     Proposal,
     Refusal,
@@ -87,7 +86,7 @@ MOST = Part(0.9, 0.2e6, 0.013)
 
 def _proposal(*effects: Effect, adequate: bool = True, unsound: Refusal | None = None) -> Proposal:
     found = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0, (0.01,) * len(effects))
-    return Proposal(found, 0.0, Phase.OPEN, adequate, unsound, (0.0, 0.0), Consequence(0.0, 0.0))
+    return Proposal(found, 0.0, Phase.OPEN, adequate, unsound, (0.0, 0.0))
 
 
 @pytest.mark.parametrize(

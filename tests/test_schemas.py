@@ -10,8 +10,9 @@ from observer_rt.identification.fit.document import FitDocument
 
 FOLDER = Path(__file__).parents[1] / "docs" / "schemas"
 VERSION = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+FINDINGS = {"description": "Findings of `observer-rt discover`."}  # of which a part is in the document
 SCHEMAS = {
-    "findings": VERSION | findings.adapter().json_schema(mode="serialization"),
+    "findings": VERSION | findings.adapter().json_schema(mode="serialization") | FINDINGS,
     "fit": VERSION | FitDocument.model_json_schema(),
 }
 

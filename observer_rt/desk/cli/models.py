@@ -220,7 +220,7 @@ def discover(options: DiscoverOptions) -> None:
         say(messages, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
         try:
-            found = discovery.answer(task, store, progress, discovery.AMENDED)
+            found = discovery.answer(task, store, progress)
         except KeyboardInterrupt:
             raise InterruptionError(
                 f"interrupted; {len(store)} fitted candidates are kept in {out / discovery.FITS}\n"

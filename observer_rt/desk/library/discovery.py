@@ -166,6 +166,6 @@ def discovered(
     )
     refuse_incomparable(task, file.name)
     with progress_bar(screen, "looking for what is missing", 1.0) as progress:
-        found = answer(task, {}, progress, AMENDED)
+        found = answer(task, {}, progress)
     said = (*notes, *map(coverage, (*measured, *healthy)))
     return DiscoveryResult(file, task, found, said, load)

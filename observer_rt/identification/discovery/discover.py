@@ -130,16 +130,8 @@ def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
     refuse_unstable_cells(model, task.parameters, coefficients, first.interval)
 
 
-def answer(
-    task: DiscoveryTask,
-    memory: FitMemory,
-    progress: Callable[[float], None],
-    amended_model: str,
-    threads: int | None = None,
-) -> Findings:
-    """Finds what is missing; progress is given the share done, amended_model is the name of its file.
-
-    threads: to search with, None: one a CPU.
+def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], None]) -> Findings:
+    """Finds what is missing; progress is given the share done.
 
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
@@ -147,20 +139,17 @@ def answer(
     known, warning = _remembered(nominal, [*task.measured, *task.healthy])
     points = by_operating_point([with_healthy_offset(one, known) for one in task.measured])
     measured = [point.measurement for point in points]
-    workers = threads or len(os.sched_getaffinity(0))
+    workers = len(os.sched_getaffinity(0))
     baseline = known
     if task.healthy:
         baseline, warning = _judged_by_healthy(nominal, task.healthy, workers, known)
     begin = _HEALTHY if task.healthy else 0.0
     progress(begin)
-    options = SearchOptions(
-        workers,
-        memory,
-        lambda share: progress(begin + (_NAMED - begin) * share),
-        baseline,
-        task.chosen,
-    )
-    found = name_effects(nominal, measured, options)
+
+    def named(share: float) -> None:
+        progress(begin + (_NAMED - begin) * share)
+
+    found = name_effects(nominal, measured, SearchOptions(workers, memory, named, baseline, task.chosen))
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     proposals = _as_wanted(with_alternatives(found.proposals, likelihood, nominal), task, nominal)
     found = replace(found, proposals=with_parts(proposals, likelihood, nominal))
@@ -204,7 +193,7 @@ def answer(
         like_inertance=is_like_inertance(nominal, amended),
         level_measured=is_level_measured(nominal),
         chosen=task.chosen,
-        amended_model=amended_model if in_force or terms else None,
+        amended_model=AMENDED if in_force or terms else None,
         in_force=in_force,
         terms=terms,
         not_accepted=refused,

@@ -102,8 +102,9 @@ class Candidate:
     """A combination of effects fitted to all recordings; the nominal model is the one without effects.
 
     sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out. Of those in a ranking, and of
-    proposals, also half: half widths of the 95 % intervals (p,); moves: what it does to the model as given; held_out: -2 log L fitted on every second operating point and judged on
-    the others, nan where that was not done.
+    proposals, also half: half widths of the 95 % intervals (p,); moves: what it does to the model as given. Of those
+    in a ranking also held_out: -2 log L fitted on every second operating point and judged on the others, nan where
+    that was not done.
     """
 
     hypothesis: Hypothesis

@@ -1,7 +1,7 @@
 """The search for the missing effect: singles, pairs, and the verdict; judged on operating points left out, too."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from operator import attrgetter
@@ -165,10 +165,10 @@ class SearchOutcome:
         return any(one.is_like(other, Likeness.ALIKE) for one, other in pairs)
 
 
-def representatives(vocabulary: Mapping[str, Effect] = VOCABULARY) -> tuple[Effect, ...]:
+def representatives() -> tuple[Effect, ...]:
     """The vocabulary with one effect of every class that no recording can tell apart."""
     chosen: list[Effect] = []
-    for effect in vocabulary.values():
+    for effect in VOCABULARY.values():
         if not any(effect.is_like(other, Likeness.SAME) for other in chosen):
             chosen.append(effect)
     return tuple(chosen)

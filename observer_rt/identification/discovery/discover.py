@@ -99,6 +99,13 @@ AMENDED, FINDINGS, REPORT, FITS = "amended.toml", "findings.json", "report.html"
 DATA = "data"
 PLAN = "plan.csv"
 ANSWER = (REPORT, FINDINGS, AMENDED, PLAN, DATA)
+_KINDS = {
+    REPORT: None,
+    FINDINGS: file_kinds.FINDINGS,
+    AMENDED: None,
+    PLAN: file_kinds.PLAN,
+    FITS: file_kinds.FITS,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,13 +319,7 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
             f"holds the model to be amended as {AMENDED}",
             "name another folder, or copy the model",
         )
-    for name, kind in (
-        (REPORT, None),
-        (FINDINGS, file_kinds.FINDINGS),
-        (AMENDED, None),
-        (PLAN, file_kinds.PLAN),
-        (FITS, file_kinds.FITS),
-    ):
+    for name, kind in _KINDS.items():
         if (folder / name).exists():
             check_own_file("--out", folder / name, kind)
     there = [name for name in ANSWER if (folder / name).exists()]

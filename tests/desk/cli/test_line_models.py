@@ -32,9 +32,9 @@ def test_every_structure_is_simulated_and_observed(
         assert one["mass_mg"] == pytest.approx(true, rel=0.01)
 
 
-@pytest.mark.parametrize("name", ["evaluate", "check", "run"])
+@pytest.mark.parametrize("name", ["evaluate", "discover", "check", "run"])
 def test_too_many_cells_are_refused_with_the_numbers(
-    command: Command, resting: Path, tmp_path: Path, name: str
+    command: Command, resting: Path, worn: Path, tmp_path: Path, name: str
 ) -> None:
     model = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n")
     bench = tmp_path / "bench.toml"
@@ -43,6 +43,7 @@ def test_too_many_cells_are_refused_with_the_numbers(
     )
     arguments = {
         "evaluate": (resting, "--model", model),
+        "discover": (worn, "--model", model, "--out", tmp_path / "out"),
         "check": ("--model", model),
         "run": ("--bench", bench),
     }
@@ -51,19 +52,11 @@ def test_too_many_cells_are_refused_with_the_numbers(
     assert outcome.code == (1 if name == "check" else 2)
     assert "line.cells: 40 cells are not stable: sound crosses 3.21 of a cell in a step of 10 us" in said
     assert "(at most 0.98)" in said
+    assert not (tmp_path / "out").exists()
     told = re.search(r"give (\d+) cells, or leave 'cells' out", said)
     assert told is not None
     model.write_text(model.read_text().replace("cells = 40", f"cells = {told[1]}"))
     command.done("check", "--model", model)
-
-
-def test_discovery_refuses_them_with_the_numbers_too(command: Command, tmp_path: Path) -> None:
-    model, made = injector(tmp_path / "injector.toml", "wave", added="cells = 40\n"), tmp_path / "made.csv"
-    command.done("simulate", "--injections", "2", "--output", made)
-    assert "line.cells: 40 cells are not stable: sound crosses 3.21 of a cell" in " ".join(
-        command.refused("discover", made, "--model", model, "--out", tmp_path / "out").split()
-    )
-    assert not (tmp_path / "out").exists()
 
 
 def test_what_cannot_be_integrated_is_not_looked_at_further(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.gaps import PHASE_NAMES as PHASE_NAMES
 from observer_rt.identification.discovery.gaps import Disagreement
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from observer_rt.foundation import units
 from observer_rt.foundation.files import templates_of
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery import numbers
+from observer_rt.identification.discovery import gaps, numbers
 from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.report import figures, gap_map, plan, tables, text
@@ -16,7 +16,7 @@ from observer_rt.identification.discovery.words.sentences import candidate_words
 from observer_rt.model.effects import VOCABULARY
 
 _PAGES = templates_of(__package__)
-for _module in (units, numbers, sentences, text, tables, figures, gap_map, formula, plan):
+for _module in (units, numbers, gaps, sentences, text, tables, figures, gap_map, formula, plan):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
 _PAGES.filters["sentence"] = lambda text: text[:1].upper() + text[1:]

@@ -80,15 +80,13 @@ class Fitter:
     def nothing(self) -> Candidate:
         """The nominal model."""
         residuals = self.likelihood.residuals(self.nominal)
-        if residuals is None:
-            raise ArithmeticError("the nominal model has no finite solution on these recordings")
+        assert residuals is not None  # the search began with it
         return Candidate(Hypothesis(), (), residuals.statistic)
 
     def measure(self, effects: Sequence[Effect]) -> None:
         """Measures how a small size of every effect moves the residuals of the nominal model."""
         judged = self.likelihood.judge(self.nominal)
-        if judged is None:
-            raise ArithmeticError("the nominal model has no finite solution on these recordings")
+        assert judged is not None  # the search began with it
         found = self.each(lambda effect: signatures(self.likelihood, self.nominal, judged, [effect]), effects)
         self._signatures = {one.effect.id: one for each in found for one in each}
 

@@ -70,25 +70,30 @@ def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive
 
     rate_measured: the injection rate is among what could not tell them.
     """
-    found: dict[str, list[str]] = {}
-    for pair in combinations(dict.fromkeys(ids), 2):
-        one, other = (VOCABULARY[each] for each in pair)
-        together = found.setdefault(_measurement(one, other, rate_measured), [])
-        together.extend(each for each in pair if each not in together)
-    return tuple(Decisive(measurement, tuple(ids)) for measurement, ids in found.items())
+    pairs = combinations(dict.fromkeys(ids), 2)
+    return _by_measurement(
+        (_measurement(VOCABULARY[one], VOCABULARY[other], rate_measured), (one, other))
+        for one, other in pairs
+    )
 
 
 def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -> tuple[Decisive, ...]:
     """The measurements that would tell the first proposal from the others; see `decide_by`."""
-    found: dict[str, list[str]] = {}
+    found = []
     for number, other in enumerate(proposals[1:], start=2):
         ours, theirs = (one.found.hypothesis.effects for one in (proposals[0], other))
         one = next((effect for effect in ours if effect not in theirs), ours[0])
         instead = next((effect for effect in theirs if effect not in ours), theirs[0])
-        found.setdefault(_measurement(one, instead, rate_measured), ["proposal 1"]).append(
-            f"proposal {number}"
-        )
-    return tuple(Decisive(measurement, tuple(names)) for measurement, names in found.items())
+        found.append((_measurement(one, instead, rate_measured), ("proposal 1", f"proposal {number}")))
+    return _by_measurement(found)
+
+
+def _by_measurement(found: Iterable[tuple[str, tuple[str, str]]]) -> tuple[Decisive, ...]:
+    """Every measurement once, with all that it tells apart."""
+    separated: dict[str, dict[str, None]] = {}
+    for measurement, names in found:
+        separated.setdefault(measurement, {}).update(dict.fromkeys(names))
+    return tuple(Decisive(measurement, tuple(names)) for measurement, names in separated.items())
 
 
 def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:

@@ -52,6 +52,10 @@ def unit(si: float) -> PlainSerializer:
     )
 
 
+Figure = Annotated[float, unit(1.0)]
+"""A figure of a data class in the unit of its document."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """Metadata of a field of a data class: what makes its entry in a document, which is of a type of its own.

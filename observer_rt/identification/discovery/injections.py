@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import computed_field
 
-from observer_rt.foundation.documents import Entry, Inside, key, unit
+from observer_rt.foundation.documents import Entry, Figure, Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import ModelGaps, PointGap, rms
 from observer_rt.identification.discovery.search.results import Candidate
@@ -111,13 +111,13 @@ class MassChange:
 
     @computed_field  # type: ignore[prop-decorator]
     @property
-    def change_pct(self) -> float:
+    def change_pct(self) -> Figure:
         """The same as a share of the nominal mass [%]."""
         return 100.0 * self.change / self.nominal
 
     @computed_field  # type: ignore[prop-decorator]
     @property
-    def ci95_pct(self) -> tuple[float, float]:
+    def ci95_pct(self) -> tuple[Figure, Figure]:
         """Ends of its 95 % interval."""
         half = 100.0 * self.half / self.nominal
         return self.change_pct - half, self.change_pct + half

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import dead_band
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.foundation.documents import Entry, unit
+from observer_rt.foundation.documents import Entry, Figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
@@ -37,8 +37,8 @@ class StandstillFigure:
 
     id: str
     recording: Annotated[int | None, _FILE]
-    value: Annotated[float, unit(1.0)]
-    sigma: Annotated[float, unit(1.0)]
+    value: Figure
+    sigma: Figure
     unit: str
     passed: bool
     explained: bool = False

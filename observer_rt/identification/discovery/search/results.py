@@ -11,7 +11,7 @@ from pydantic import PlainSerializer
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.foundation.documents import Inside, key, unit
+from observer_rt.foundation.documents import Figure, Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
@@ -92,7 +92,7 @@ class FittedEffect:
     parameters: dict[str, Size]
     confidence: float
     indistinguishable_from: tuple[str, ...]
-    gap_share: float
+    gap_share: Figure
     moves: Consequence
     gain: Inside[float]
 
@@ -369,8 +369,8 @@ class Proposal:
 class Detection:
     """Gain of the winner over the nominal model in -2 log L, and threshold it had to exceed."""
 
-    gain: float
-    threshold: float
+    gain: Figure
+    threshold: Figure
 
 
 @dataclass(frozen=True, kw_only=True)

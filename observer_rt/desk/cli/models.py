@@ -175,6 +175,7 @@ def discover(options: DiscoverOptions) -> None:
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.simulation.simulate import two_injections
     from observer_rt.identification.discovery import discover as discovery
+    from observer_rt.identification.discovery.findings import FINDINGS
     from observer_rt.identification.discovery.report.plan import print_plan
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
@@ -245,7 +246,7 @@ def discover(options: DiscoverOptions) -> None:
             discovery.DATA: options.data,
         }
         more = [name for name, is_there in written.items() if is_there]
-        say(messages, f"{out}: {', '.join([discovery.REPORT, discovery.FINDINGS, *more])}")
+        say(messages, f"{out}: {', '.join([discovery.REPORT, FINDINGS, *more])}")
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,8 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.outputs import make_folder, write_text
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-from observer_rt.identification.discovery.discover import AMENDED, FINDINGS, REPORT
+from observer_rt.identification.discovery.discover import AMENDED, REPORT
+from observer_rt.identification.discovery.findings import FINDINGS
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.parameters import InjectorParameters

@@ -25,6 +25,7 @@ from observer_rt.identification.discovery.amend import (
     write_amended,
 )
 from observer_rt.identification.discovery.findings import (
+    FINDINGS,
     Findings,
     ModelSource,
     is_level_measured,
@@ -95,7 +96,7 @@ _OTHER_RATE = (
     "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
     "rate. Fit at this rate, or give healthy recordings by --healthy."
 )
-AMENDED, FINDINGS, REPORT, FITS = "amended.toml", "findings.json", "report.html", "fits.jsonl"
+AMENDED, REPORT, FITS = "amended.toml", "report.html", "fits.jsonl"
 DATA = "data"
 PLAN = "plan.csv"
 ANSWER = (REPORT, FINDINGS, AMENDED, PLAN, DATA)

@@ -43,6 +43,7 @@ from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.term import Term
 from observer_rt.model.terms.variable import Variable
 
+FINDINGS = "findings.json"
 LEAST_MASS = 0.01 * MILLIGRAM  # kg, below which a change or gap is not worth a number
 _COUNTED = {Variable.INJECTION_NUMBER, Variable.TIME}
 RECORD_MORE = "record at least three rail pressures and two durations"

@@ -11,8 +11,7 @@ from rich.text import Text
 
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.documents import Document, DocumentPart, Number
-from observer_rt.identification.discovery.discover import FINDINGS
-from observer_rt.identification.discovery.findings import ModelSource
+from observer_rt.identification.discovery.findings import FINDINGS, ModelSource
 from observer_rt.identification.discovery.numbers import shown, significant
 from observer_rt.identification.discovery.search.results import Size, Verdict
 

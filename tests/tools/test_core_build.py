@@ -1,6 +1,8 @@
 """The build of the compiled core: a wheel that needs no compiler, an edit that is built upon import."""
 
+import importlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -10,7 +12,6 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).parents[2]
-BUILDER = REPOSITORY / "tools" / "lib" / "build_core.py"
 LAW = """
 \"\"\"A trial.\"\"\"
 from {package}.law cimport doubled
@@ -35,7 +36,8 @@ def package(tmp_path: Path) -> Path:
     core = tmp_path / "observer_rt" / "core"
     core.mkdir(parents=True)
     (tmp_path / "tools" / "lib").mkdir(parents=True)
-    shutil.copy(BUILDER, tmp_path / "tools" / "lib")
+    for name in ("build_core.py", "core_stubs.py"):
+        shutil.copy(REPOSITORY / "tools" / "lib" / name, tmp_path / "tools" / "lib")
     for name in ("__init__.py", "meson.build", "meson.options"):
         shutil.copy(REPOSITORY / "observer_rt" / "core" / name, core)
     (core.parent / "__init__.py").touch()
@@ -54,6 +56,21 @@ def environment() -> dict[str, str]:
     """Without the package, sanitizers and the kind of core of the tests."""
     others = ("PYTHONPATH", "LD_PRELOAD", "OBSERVER_RT_CHECKED_CORE")
     return {name: value for name, value in os.environ.items() if name not in others}
+
+
+@pytest.mark.parametrize(
+    "source", sorted((REPOSITORY / "observer_rt" / "core").rglob("*.pyx")), ids=lambda path: path.stem
+)
+def test_a_stub_states_all_that_python_sees(source: Path) -> None:
+    module = importlib.import_module(".".join(source.relative_to(REPOSITORY).with_suffix("").parts))
+    there = {
+        name
+        for name, value in vars(module).items()
+        if getattr(value, "__module__", None) == module.__name__
+        or isinstance(value, int | float | tuple | dict)
+    }
+    stated = re.findall(r"^(?:def |class |)(\w+)[:(]", source.with_suffix(".pyi").read_text(), re.MULTILINE)
+    assert set(stated) == {name for name in there if not name.startswith("_")}
 
 
 def test_importing_builds_what_was_edited(package: Path) -> None:

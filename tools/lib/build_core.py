@@ -15,11 +15,13 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 CORE = REPOSITORY / "observer_rt" / "core"
+STUBS = REPOSITORY / "tools" / "lib" / "core_stubs.py"  # writes what type checkers read of a module
 BUILD = REPOSITORY / "build"
 STATE = BUILD / "core-state"  # which sources, of which build, the modules beside them were made of
 SPLIT_HEADERS = BUILD / "split-headers"
 UNPACKED_HEADERS = BUILD / "python-headers" / "usr" / "include"
 SUFFIX = ".abi3.so"
+STUB = ".pyi"
 ZIG = f"{sys.executable} -m ziglang cc"
 CHECKED_VARIABLE = "OBSERVER_RT_CHECKED_CORE"  # set: the build with bounds checks and sanitizers
 
@@ -65,10 +67,11 @@ def build_in_place(modules: Sequence[str] = ()) -> None:
         for name, built in build(_kind(), modules).items():
             _place(built, CORE / name)
         if not modules:
-            for orphan in set(CORE.rglob(f"*{SUFFIX}")) - {
-                CORE / (name + SUFFIX) for name in _module_names()
-            }:
-                orphan.unlink()
+            for ending in (SUFFIX, STUB):
+                for orphan in set(CORE.rglob(f"*{ending}")) - {
+                    CORE / (name + ending) for name in _module_names()
+                }:
+                    orphan.unlink()
             STATE.write_text(_sources_state())
 
 
@@ -79,6 +82,10 @@ def build(kind: Kind, modules: Sequence[str] = ()) -> dict[str, Path]:
     _configure(folder, kind)
     targets = {name + SUFFIX: name.replace("/", ".") + SUFFIX for name in names}
     _run(["ninja", "-C", str(folder), *targets.values()], kind)
+    for name in names:
+        if name != "views":
+            targets[name + STUB] = name.replace("/", ".") + STUB
+            _run([sys.executable, str(STUBS), f"{CORE / name}.pyx", str(folder / targets[name + STUB])], kind)
     return {name: folder / target for name, target in targets.items()}
 
 
@@ -99,14 +106,18 @@ def _is_current(state: str) -> bool:
 def _sources_state() -> str:
     """What the modules beside the sources are made of: a line a file, each module among them."""
     times = [f"{path} {path.stat().st_mtime_ns}" for path in _sources()]
-    there = [name for name in _module_names() if (CORE / (name + SUFFIX)).exists()]
+    there = [
+        name + ending
+        for name in _module_names()
+        for ending in (SUFFIX, STUB)
+        if (CORE / (name + ending)).exists()
+    ]
     return "\n".join([_kind().folder, *times, *there])
 
 
 def _sources() -> list[Path]:
-    return sorted(
-        path for ending in ("*.pyx", "*.pxd", "*.pxi", "meson.build") for path in CORE.rglob(ending)
-    )
+    endings = ("*.pyx", "*.pxd", "*.pxi", "meson.build")
+    return sorted([STUBS, *(path for ending in endings for path in CORE.rglob(ending))])
 
 
 def _module_names() -> list[str]:

@@ -67,61 +67,35 @@ include "python.pxi"
 
 
 # Records as Python makes arrays of them: foundation.records.
-cdef Signal _signal
-cdef Condition _condition
-cdef Protection _protection
-cdef Supervision _supervision
-cdef GridStream _grid_stream
-cdef Follower _follower
-cdef Slot _slot
-cdef AlignmentMemory _alignment_memory
-cdef Clock _clock
-cdef Counting _counting
-cdef Shift _shift
-cdef TimekeepingMemory _timekeeping_memory
-cdef Timing _timing
-cdef InputMessage _input_message
-cdef InputStream _input_stream
-cdef InputGroup _input_group
-cdef OptionalInput _optional_input
-cdef InputKind _input_kind
-cdef HeardValue _heard_value
-cdef Reading _reading
-cdef HeardMemory _heard_memory
-cdef Receiver _receiver
-cdef OutFrame _out_frame
-cdef PublisherMemory _publisher_memory
-cdef PumpBus _pump_bus
-cdef ErrorFrame _error_frame
-cdef Arrival _arrival
-cdef PumpMemory _pump_memory
+cdef double[1024] _blank  # room for each of them
 RECORDS = {
-    "Signal": (memoryview(<Signal[:1:1]> &_signal), _signal),
-    "Condition": (memoryview(<Condition[:1:1]> &_condition), _condition),
-    "Protection": (memoryview(<Protection[:1:1]> &_protection), _protection),
-    "Supervision": (memoryview(<Supervision[:1:1]> &_supervision), _supervision),
-    "GridStream": (memoryview(<GridStream[:1:1]> &_grid_stream), _grid_stream),
-    "Follower": (memoryview(<Follower[:1:1]> &_follower), _follower),
-    "Slot": (memoryview(<Slot[:1:1]> &_slot), _slot),
-    "AlignmentMemory": (memoryview(<AlignmentMemory[:1:1]> &_alignment_memory), _alignment_memory),
-    "Clock": (memoryview(<Clock[:1:1]> &_clock), _clock),
-    "Counting": (memoryview(<Counting[:1:1]> &_counting), _counting),
-    "Shift": (memoryview(<Shift[:1:1]> &_shift), _shift),
-    "TimekeepingMemory": (memoryview(<TimekeepingMemory[:1:1]> &_timekeeping_memory), _timekeeping_memory),
-    "Timing": (memoryview(<Timing[:1:1]> &_timing), _timing),
-    "InputMessage": (memoryview(<InputMessage[:1:1]> &_input_message), _input_message),
-    "InputStream": (memoryview(<InputStream[:1:1]> &_input_stream), _input_stream),
-    "InputGroup": (memoryview(<InputGroup[:1:1]> &_input_group), _input_group),
-    "OptionalInput": (memoryview(<OptionalInput[:1:1]> &_optional_input), _optional_input),
-    "InputKind": (memoryview(<InputKind[:1:1]> &_input_kind), _input_kind),
-    "HeardValue": (memoryview(<HeardValue[:1:1]> &_heard_value), _heard_value),
-    "Reading": (memoryview(<Reading[:1:1]> &_reading), _reading),
-    "HeardMemory": (memoryview(<HeardMemory[:1:1]> &_heard_memory), _heard_memory),
-    "Receiver": (memoryview(<Receiver[:1:1]> &_receiver), _receiver),
-    "OutFrame": (memoryview(<OutFrame[:1:1]> &_out_frame), _out_frame),
-    "PublisherMemory": (memoryview(<PublisherMemory[:1:1]> &_publisher_memory), _publisher_memory),
-    "PumpBus": (memoryview(<PumpBus[:1:1]> &_pump_bus), _pump_bus),
-    "ErrorFrame": (memoryview(<ErrorFrame[:1:1]> &_error_frame), _error_frame),
-    "Arrival": (memoryview(<Arrival[:1:1]> &_arrival), _arrival),
-    "PumpMemory": (memoryview(<PumpMemory[:1:1]> &_pump_memory), _pump_memory),
+    "Signal": (memoryview(<Signal[:1:1]> <Signal*> _blank), (<Signal*> _blank)[0]),
+    "Condition": (memoryview(<Condition[:1:1]> <Condition*> _blank), (<Condition*> _blank)[0]),
+    "Protection": (memoryview(<Protection[:1:1]> <Protection*> _blank), (<Protection*> _blank)[0]),
+    "Supervision": (memoryview(<Supervision[:1:1]> <Supervision*> _blank), (<Supervision*> _blank)[0]),
+    "GridStream": (memoryview(<GridStream[:1:1]> <GridStream*> _blank), (<GridStream*> _blank)[0]),
+    "Follower": (memoryview(<Follower[:1:1]> <Follower*> _blank), (<Follower*> _blank)[0]),
+    "Slot": (memoryview(<Slot[:1:1]> <Slot*> _blank), (<Slot*> _blank)[0]),
+    "AlignmentMemory": (memoryview(<AlignmentMemory[:1:1]> <AlignmentMemory*> _blank), (<AlignmentMemory*> _blank)[0]),
+    "Clock": (memoryview(<Clock[:1:1]> <Clock*> _blank), (<Clock*> _blank)[0]),
+    "Counting": (memoryview(<Counting[:1:1]> <Counting*> _blank), (<Counting*> _blank)[0]),
+    "Shift": (memoryview(<Shift[:1:1]> <Shift*> _blank), (<Shift*> _blank)[0]),
+    "TimekeepingMemory": (memoryview(<TimekeepingMemory[:1:1]> <TimekeepingMemory*> _blank), (<TimekeepingMemory*> _blank)[0]),
+    "Timing": (memoryview(<Timing[:1:1]> <Timing*> _blank), (<Timing*> _blank)[0]),
+    "InputMessage": (memoryview(<InputMessage[:1:1]> <InputMessage*> _blank), (<InputMessage*> _blank)[0]),
+    "InputStream": (memoryview(<InputStream[:1:1]> <InputStream*> _blank), (<InputStream*> _blank)[0]),
+    "InputGroup": (memoryview(<InputGroup[:1:1]> <InputGroup*> _blank), (<InputGroup*> _blank)[0]),
+    "OptionalInput": (memoryview(<OptionalInput[:1:1]> <OptionalInput*> _blank), (<OptionalInput*> _blank)[0]),
+    "InputKind": (memoryview(<InputKind[:1:1]> <InputKind*> _blank), (<InputKind*> _blank)[0]),
+    "HeardValue": (memoryview(<HeardValue[:1:1]> <HeardValue*> _blank), (<HeardValue*> _blank)[0]),
+    "Reading": (memoryview(<Reading[:1:1]> <Reading*> _blank), (<Reading*> _blank)[0]),
+    "HeardMemory": (memoryview(<HeardMemory[:1:1]> <HeardMemory*> _blank), (<HeardMemory*> _blank)[0]),
+    "Receiver": (memoryview(<Receiver[:1:1]> <Receiver*> _blank), (<Receiver*> _blank)[0]),
+    "OutFrame": (memoryview(<OutFrame[:1:1]> <OutFrame*> _blank), (<OutFrame*> _blank)[0]),
+    "PublisherMemory": (memoryview(<PublisherMemory[:1:1]> <PublisherMemory*> _blank), (<PublisherMemory*> _blank)[0]),
+    "PumpBus": (memoryview(<PumpBus[:1:1]> <PumpBus*> _blank), (<PumpBus*> _blank)[0]),
+    "ErrorFrame": (memoryview(<ErrorFrame[:1:1]> <ErrorFrame*> _blank), (<ErrorFrame*> _blank)[0]),
+    "Arrival": (memoryview(<Arrival[:1:1]> <Arrival*> _blank), (<Arrival*> _blank)[0]),
+    "PumpMemory": (memoryview(<PumpMemory[:1:1]> <PumpMemory*> _blank), (<PumpMemory*> _blank)[0]),
 }
+assert all(view.itemsize <= sizeof(_blank) for view, _ in RECORDS.values())

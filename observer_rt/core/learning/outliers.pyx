@@ -65,7 +65,7 @@ cdef inline double _chi2_of_constant(const Sums* sums, int64_t start, int64_t en
 
 def find_held(
     const double[:] y, const double[:] innovations, masked, double innovation, double noise, int64_t first
-) -> object:
+) -> NDArray[np.float64]:
     """Stretches (k, 3): start, end, level, by what ends them: a leap of the innovations, or how long y was held.
 
     y, innovations, masked (n,); innovation, noise: standard deviations of both; those before `first` do not count.
@@ -173,7 +173,7 @@ def find_pile(
     return samples, level, constant, changing
 
 
-def smoothed(const double[:] y) -> object:
+def smoothed(const double[:] y) -> NDArray[np.float64]:
     """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
     means = empty(y.shape[0])
     _smooth(y, means)

@@ -8,7 +8,7 @@ cdef enum:  # engine.estimation.phases.Phase
     STANDSTILL, OPENING, OPEN, CLOSING, AFTER
 
 
-def phases_of(window, int64_t edge, int64_t afterglow) -> object:
+def phases_of(window, int64_t edge, int64_t afterglow) -> NDArray[np.int8]:
     """`Phase` of every sample of a window (n,); edge and afterglow in samples.
 
     An opening shorter than two edges is all opening in its first half and all closing in its second.

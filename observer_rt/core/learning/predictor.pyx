@@ -107,7 +107,7 @@ cdef class _FlowRecord:
 def follow(
     window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes,
     Terms terms=None, double[:, :] phi=None, run=None
-) -> object:
+) -> NDArray[np.float64]:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
     window, setting, learned, gradient: named tuples of engine.estimation.predictor. terms: go on with these; None: they

@@ -110,7 +110,7 @@ def weigh(
         information[:, :] = total[:, :m]
 
 
-def high_passed(const double[:] values, double forgetting) -> object:
+def high_passed(const double[:] values, double forgetting) -> NDArray[np.float64]:
     """Values (n,) behind the high pass of a `Whitening`."""
     passed = empty(values.shape[0])
     _pass(values, forgetting, passed)

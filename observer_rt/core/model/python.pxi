@@ -198,7 +198,7 @@ def change_and_activations(x, u, network) -> tuple[float, list[float]]:
     return nozzle, found
 
 
-def slopes_of_flows(x, u, coefficients, network, double[::1] sigmas) -> dict[str, object]:
+def slopes_of_flows(x, u, coefficients, network, double[::1] sigmas) -> dict[str, Any]:
     """Flows with phi and their derivatives, by name; sigmas (q,) becomes the activations of the hidden neurons."""
     cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
@@ -230,7 +230,7 @@ def rate_of_injection(x, u, coefficients, network) -> float:
 
 def totals_of_terms(
     const double[:, ::1] program, const double[:, ::1] variables, double[::1] memory, double interval_ms
-) -> object:
+) -> NDArray[np.float64]:
     """What a program (n, 2) makes of many moments: variables (k, 19) in the units of `Variable`; totals (k, 10).
 
     memory (3 n,): what rows remember, nan: nothing yet; moves on by `interval_ms` from moment to moment.

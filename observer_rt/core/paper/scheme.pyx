@@ -350,7 +350,7 @@ cdef class FaultCost:
             result = 0.5 * _of_lanes(total)
         return result if isfinite(result) else INFINITY
 
-    def gradient(self, const double[::1] theta):
+    def gradient(self, const double[::1] theta) -> NDArray[np.float64]:
         """Gradient (48,) of J at the theta whose value was asked for last, in the order of `network.free_network`.
 
         (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).

@@ -47,7 +47,7 @@ cdef class Stepper(PairStepper):
     coefficients, sensor: named tuples of the model; interval [s]; program (n, 2): of the terms in force.
     """
 
-    def __init__(self, Stream stream, coefficients, sensor, double interval, int64_t substeps, program, CarriedPhi phi):
+    def __init__(self, Stream stream, coefficients, sensor, double interval, int64_t substeps, program, CarriedPhi phi) -> None:
         cdef Model model = Model(coefficients)
         s, memory = &self.stepping, stream.observer.memory
         if model.coefficients.states != stream.observer.states:

@@ -67,22 +67,17 @@ globals().update(
 
 
 # Records as Python makes arrays of them: foundation.records.
-cdef ObserverMemory _memory
-cdef Recorded _recorded
-cdef Sample _sample
-cdef Event _event
-cdef Channel _channel
-cdef Injection _injection
-cdef Verdict _verdict
+cdef double[1024] _blank  # room for each of them
 RECORDS = {
-    "ObserverMemory": (memoryview(<ObserverMemory[:1:1]> &_memory), _memory),
-    "Recorded": (memoryview(<Recorded[:1:1]> &_recorded), _recorded),
-    "Sample": (memoryview(<Sample[:1:1]> &_sample), _sample),
-    "Event": (memoryview(<Event[:1:1]> &_event), _event),
-    "Channel": (memoryview(<Channel[:1:1]> &_channel), _channel),
-    "Injection": (memoryview(<Injection[:1:1]> &_injection), _injection),
-    "Verdict": (memoryview(<Verdict[:1:1]> &_verdict), _verdict),
+    "ObserverMemory": (memoryview(<ObserverMemory[:1:1]> <ObserverMemory*> _blank), (<ObserverMemory*> _blank)[0]),
+    "Recorded": (memoryview(<Recorded[:1:1]> <Recorded*> _blank), (<Recorded*> _blank)[0]),
+    "Sample": (memoryview(<Sample[:1:1]> <Sample*> _blank), (<Sample*> _blank)[0]),
+    "Event": (memoryview(<Event[:1:1]> <Event*> _blank), (<Event*> _blank)[0]),
+    "Channel": (memoryview(<Channel[:1:1]> <Channel*> _blank), (<Channel*> _blank)[0]),
+    "Injection": (memoryview(<Injection[:1:1]> <Injection*> _blank), (<Injection*> _blank)[0]),
+    "Verdict": (memoryview(<Verdict[:1:1]> <Verdict*> _blank), (<Verdict*> _blank)[0]),
 }
+assert all(view.itemsize <= sizeof(_blank) for view, _ in RECORDS.values())
 
 
 def dead_band(double lift_noise) -> tuple[float, float]:

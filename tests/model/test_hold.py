@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import normalised_area
-from observer_rt.core.model.model import rate_of_injection
+from observer_rt.core.model.model import fault_with_rate
 from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import Stroke
 from observer_rt.model.effective import coefficients
@@ -65,7 +65,7 @@ def _error(truth: Truth, integrate: Trajectory, sample_rate: float, zero_order_h
         )
         rate = np.array(
             [
-                rate_of_injection(tuple(x), tuple(u), C, zero_network())
+                fault_with_rate(tuple(x), tuple(u), C, zero_network())[1]
                 for x, u in zip(states, inputs, strict=True)
             ]
         )

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from observer_rt.core.model.model import advance_state, rate_of_injection
+from observer_rt.core.model.model import advance_state, fault_with_rate
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import constant_network, zero_network
@@ -53,7 +53,7 @@ def test_conserving_form_conserves_mass(injector: InjectorParameters, integrate:
     inputs = stroke(15_001, sample)
     c = coefficients(injector)
     states = integrate(inputs, (RAIL, 0.0, 0.0), sample, 1, c)
-    rate = np.array([rate_of_injection(x, u, c, NO_FAULT) for x, u in zip(states, inputs, strict=True)])
+    rate = np.array([fault_with_rate(x, u, c, NO_FAULT)[1] for x, u in zip(states, inputs, strict=True)])
     p_0, q_0 = injector.scaling.pressure, injector.scaling.flow
     in_line = injector.line.volume / injector.fluid.bulk_modulus_line * p_0 * (states[:, 0] - RAIL)
     in_sac = injector.nozzle.sac_volume / injector.fluid.bulk_modulus_sac * p_0 * states[:, 2]

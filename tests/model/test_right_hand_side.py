@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.core.model.model import fault_with_rate, rate_of_injection, rates_of_change
+from observer_rt.core.model.model import fault_with_rate, rates_of_change
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, constant_network, zero_network
@@ -49,7 +49,7 @@ def test_equations_are_those_in_physical_units(
     network = constant_network(v_h, v_s)
     rates, q_h = physical_rates(x, u, v_h, v_s, injector)
     np.testing.assert_allclose(rates_of_change(x, u, c, network), rates, rtol=1e-9, atol=1e-6)
-    assert rate_of_injection(x, u, c, network) == pytest.approx(q_h, rel=1e-9, abs=1e-15)
+    assert fault_with_rate(x, u, c, network)[1] == pytest.approx(q_h, rel=1e-9, abs=1e-15)
 
 
 @over_forms
@@ -78,10 +78,10 @@ def test_published_rate_obeys_both_balances(
     line = injector.line.volume * p_0 / injector.fluid.bulk_modulus_line
     sac = injector.nozzle.sac_volume * p_0 / injector.fluid.bulk_modulus_sac
     phi = fault_with_rate(x, u, c, network)[0]
-    expected = rate_of_injection(x, u, c, NO_FAULT) - line * phi[0]
+    expected = fault_with_rate(x, u, c, NO_FAULT)[1] - line * phi[0]
     if injector.line_outflow is LineOutflow.SEAT:
         expected -= sac * phi[2]
-    assert rate_of_injection(x, u, c, network) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    assert fault_with_rate(x, u, c, network)[1] == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 @over_forms
@@ -149,7 +149,7 @@ def test_closed_needle_and_empty_sac_are_at_rest(injector: InjectorParameters) -
     worn = constant_network(0.5, 0.5)
     worn.bias[:] = 0.5
     assert rates_of_change((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == [0.0, 0.0, 0.0]
-    assert rate_of_injection((0.95, 0.0, 0.0), (0.95, 0.0), c, worn) == 0.0
+    assert fault_with_rate((0.95, 0.0, 0.0), (0.95, 0.0), c, worn)[1] == 0.0
     assert fault_with_rate((0.95, 0.3, 0.0), (0.95, 0.0), c, worn) == ((0.0, 0.0, 0.0), 0.0)
 
 
@@ -173,7 +173,7 @@ def test_gas_blown_back_raises_the_sac_and_feeds_the_line(injector: InjectorPara
     """Chamber above sac above line: both flows are reversed."""
     c = coefficients(injector)
     x, u = (-0.3, 0.0, -0.1), (-0.3, 0.9)
-    assert rate_of_injection(x, u, c, NO_FAULT) < 0.0
+    assert fault_with_rate(x, u, c, NO_FAULT)[1] < 0.0
     rates = rates_of_change(x, u, c, NO_FAULT)
     assert rates[0] > 0.0
     assert rates_of_change((-0.1, 0.0, -0.1), u, c, NO_FAULT)[2] > 0.0
@@ -183,10 +183,10 @@ def test_nothing_leaves_an_open_nozzle_against_its_own_pressure(injector: Inject
     """Back-pressure of 8 MPa at a seat open by half: 5 MPa from the start, 3 MPa that come with the seat."""
     c = coefficients(injector)
     network = NO_FAULT._replace(nozzle=np.array([0.05, 0.06]))
-    assert rate_of_injection((0.95, 0.3, 0.08), (0.95, 0.5), c, network) == pytest.approx(0.0, abs=1e-15)
+    assert fault_with_rate((0.95, 0.3, 0.08), (0.95, 0.5), c, network)[1] == pytest.approx(0.0, abs=1e-15)
     raised, as_before = ((0.95, 0.3, 0.5 + rise) for rise in (0.08, 0.0))
-    assert rate_of_injection(raised, (0.95, 0.5), c, network) == pytest.approx(
-        rate_of_injection(as_before, (0.95, 0.5), c, NO_FAULT)
+    assert fault_with_rate(raised, (0.95, 0.5), c, network)[1] == pytest.approx(
+        fault_with_rate(as_before, (0.95, 0.5), c, NO_FAULT)[1]
     )
     shut = (0.95, 0.0)
-    assert rate_of_injection(as_before, shut, c, network) == rate_of_injection(as_before, shut, c, NO_FAULT)
+    assert fault_with_rate(as_before, shut, c, network)[1] == fault_with_rate(as_before, shut, c, NO_FAULT)[1]

@@ -3,6 +3,7 @@
 Files are read here: what cantools refuses is refused with file, line and reason, or read leniently.
 """
 
+import codecs
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ import cantools.database
 from cantools.database.can import Database, Message
 
 from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
-from observer_rt.bus.database.lookup import find_message
+from observer_rt.bus.database.lookup import SEVERAL_SCALES, find_message
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
 
@@ -31,14 +32,27 @@ _IN_MESSAGE = re.compile(r"signals? (\w+).* in\s+message (\w+)")
 _MESSAGE = re.compile(r"message (\w+)\W*$")
 _OF_SIGNAL = re.compile(r"unused \w+ entries in DBC: (\w+ \d+ \w+)")
 _NOT_READ = ("expected database format", "Only SYM version 6.0")
-_DBC = ".dbc"
-_DBC_ENCODING = "cp1252"
+_DBC, _ARXML = ".dbc", ".arxml"
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads DBF, XLS, older SYM and some FIBEX"
 
 _EXTENDED = 1 << 31  # of an identifier in a DBC file
 _TEXT = r'"(?:\\.|[^"\\])*+"'
 _MESSAGE_LINES = re.compile(
     r"^[ \t]*BO_[ \t]+(\d+)[ \t]+(\w+)[ \t]*:.*\n?((?:[ \t]*(?:SG_[ \t].*)?\n)*)", re.MULTILINE
+)
+_BIT_TIMING = re.compile(r"^([ \t]*BS_[ \t]*:)[ \t]*\d+[ \t]*:[ \t]*\d+[ \t]*,[ \t]*\d+;?", re.MULTILINE)
+_BARE_DEFAULT = re.compile(rf"^([ \t]*BA_DEF_DEF_[ \t]+{_TEXT}[ \t]+)([A-Za-z_]\w*)([ \t]*;)", re.MULTILINE)
+_SCALING = re.compile(
+    r"(<COMPU-METHOD\b(?:(?!</COMPU-METHOD>).)*?)(<COMPU-(?:INTERNAL|PHYS)-TO-.*?)(</COMPU-METHOD>)",
+    re.DOTALL,
+)
+_CATEGORY = re.compile(r"<CATEGORY>\s*(\w*)\s*</CATEGORY>")
+_LINEAR = ("LINEAR", "SCALE_LINEAR_AND_TEXTTABLE")  # with one segment: what cantools reads
+_SEVERAL_SCALES = (
+    "<CATEGORY>LINEAR</CATEGORY><COMPU-INTERNAL-TO-PHYS><COMPU-SCALES><COMPU-SCALE><COMPU-RATIONAL-COEFFS>"
+    f"<COMPU-NUMERATOR><V>0</V><V>{SEVERAL_SCALES}</V></COMPU-NUMERATOR><COMPU-DENOMINATOR><V>1</V></COMPU-DENOMINATOR>"
+    "</COMPU-RATIONAL-COEFFS></COMPU-SCALE></COMPU-SCALES></COMPU-INTERNAL-TO-PHYS>"
 )
 _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _SIGNAL_VALUES = re.compile(
@@ -91,10 +105,38 @@ def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
 @lru_cache(maxsize=_KEPT)
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
     """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
-    if not lenient or path.suffix.lower() != _DBC:
-        return cantools.database.load_file(path, strict=not lenient), ()
-    text, complaints = mended_dbc(path.read_text(encoding=_DBC_ENCODING, errors="replace"))
-    return cantools.database.load_string(text, _DBC[1:], strict=False), complaints
+    kind, text = path.suffix.lower(), _text_of(path)
+    complaints: tuple[str, ...] = ()
+    if kind == _DBC:
+        text = _BIT_TIMING.sub(r"\1", text)
+        if lenient:
+            text, complaints = mended_dbc(text)
+    elif kind == _ARXML:
+        text = _SCALING.sub(_readable, text)
+    return cantools.database.load_string(text, kind[1:], strict=not lenient), complaints
+
+
+def _text_of(path: Path) -> str:
+    """The text of a database, which may not state its encoding: UTF-8 or UTF-16 where it is that, else cp1252."""
+    content = path.read_bytes()
+    try:
+        text = content.decode("utf-16" if content.startswith(_UTF_16) else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+    return re.sub("\r\n?", "\n", text)
+
+
+def _readable(scaling: re.Match[str]) -> str:
+    """An ARXML scaling as cantools reads it; of others it would take the last segment, or 1, for all codes."""
+    head, scales, end = scaling.groups()
+    segments = scales.count("<COMPU-RATIONAL-COEFFS")
+    category = found[1] if (found := _CATEGORY.search(head)) else ""
+    is_one = segments == 1 and scales.startswith("<COMPU-INTERNAL")
+    if not segments or (is_one and category in _LINEAR):
+        return scaling[0]
+    if is_one and category == "SCALE_LINEAR":
+        return scaling[0].replace("SCALE_LINEAR", "LINEAR", 1)
+    return _CATEGORY.sub("", head) + _SEVERAL_SCALES + end
 
 
 def overlooked(path: Path) -> list[str]:
@@ -129,7 +171,7 @@ def _line_of(path: Path, reason: str) -> int | None:
     """The line of the file that a refusal speaks of, None where it is not known."""
     if (stopped := _AT_LINE.search(reason)) is not None:
         return int(stopped.group(1))
-    lines = path.read_text(encoding=_DBC_ENCODING, errors="replace").splitlines()
+    lines = _text_of(path).splitlines()
     if (unused := _OF_SIGNAL.match(reason)) is not None:
         return next((number for number, line in enumerate(lines, 1) if line.startswith(unused[1])), None)
     if (undefined := _UNDEFINED.match(reason)) is not None:
@@ -223,8 +265,12 @@ class MendedDbc(NamedTuple):
 
 
 def mended_dbc(text: str) -> MendedDbc:
-    """Take identifiers of more than 11 bits as extended; leave out impossible ones and values of absent signals."""
-    complaints = []
+    """Take identifiers of more than 11 bits as extended; leave out impossible ones and values of absent signals.
+
+    Words without quotes as defaults of attributes are put into them.
+    """
+    complaints = [f'{match[0].strip()}: "{match[2]}" is meant' for match in _BARE_DEFAULT.finditer(text)]
+    text = _BARE_DEFAULT.sub(r'\1"\2"\3', text)
     extended = set()
     for match in _MESSAGE_LINES.finditer(text):
         identifier, name = int(match[1]), match[2]

@@ -5,6 +5,9 @@ cantools is the reference: wherever it defines a result, `decode` gives the same
 
 - The code "not available" and the code "error" decode to NaN, and no number encodes to either of them: it
   becomes the nearest code that is neither.
+- So do codes that a database excludes: named by the value table in an unbroken row up to the field's largest (such as
+  65534 "Fault"), beyond 0xFA.. in J1939, or outside the declared range by more than a hundredth of it: noise about
+  an end of the range is none of these. Of an index or a counter every code counts.
 - A number outside the declared minimum and maximum, or outside what the field holds, is clamped (infinities
   included). A declared range in which no code of the field lies counts as none.
 - NaN encodes to "not available"; without that code to NaN in a float field, else to the number nearest zero.
@@ -20,42 +23,55 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import find_signal, reserved_codes
+from observer_rt.bus.database.lookup import SEVERAL_SCALES, find_signal, reserved_codes
 from observer_rt.core.frames.frames import RECORDS, raw_value
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.records import dtype_of
 
 # How the bits of a field are to be read.
 UNSIGNED, SIGNED, FLOAT16, FLOAT32, FLOAT64 = 0, 1, 2, 3, 4
+ABOUT_AN_END = 0.01  # of a declared range, by which noise may leave it
+_J1939_VALUES = 0xFB  # most significant byte of the first code that is none, of what is not an enumeration
 _FLOAT_KIND = {16: FLOAT16, 32: FLOAT32, 64: FLOAT64}
 _LARGEST_FLOAT = {16: 65504.0, 32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
 
 SIGNAL = dtype_of(RECORDS["Signal"])
 
 
-def signal_table(message: Message, names: Sequence[str]) -> NDArray[np.void]:
+def signal_table(message: Message, names: Sequence[str], counter: str | None = None) -> NDArray[np.void]:
     """Compile the signals `names` of `message`, in this order, into a table of dtype `SIGNAL`.
+
+    counter: the index or counter among them, whose every code counts.
 
     Raises `UserError`: a signal is missing, does not fit, has scale 0, a float of odd width, or no usable code.
     """
     table = np.zeros(len(names), SIGNAL)
     for row, name in zip(table, names, strict=True):
-        _compile(find_signal(message, name), row, f"message {message.name}, signal {name}", message.length)
+        _compile(find_signal(message, name), row, message)
+        if name == counter:
+            row["least"], row["most"] = -math.inf, math.inf
     return table
 
 
-def _compile(signal: Signal, row: np.void, place: str, message_length: int) -> None:
+def _compile(signal: Signal, row: np.void, message: Message) -> None:
+    place = f"message {message.name}, signal {signal.name}"
     if signal.length > 64:
         raise UserError(place, f"has {signal.length} bits, at most 64 are supported")
+    if signal.scale == SEVERAL_SCALES:
+        raise UserError(
+            place,
+            "has several linear segments, or a scaling that is none, which are not decoded",
+            "describe it in a DBC by the scale of the codes that are sent",
+        )
     if signal.scale == 0:
         raise UserError(place, "has scale 0", "correct the scale in the bus database")
     if signal.conversion.is_float and signal.length not in _FLOAT_KIND:
         raise UserError(place, f"is a float of {signal.length} bits, must be 16, 32 or 64")
     _set_position(signal, row)
     last_byte = row["first_byte"] + row["step"] * (row["byte_count"] - 1)
-    if min(row["first_byte"], last_byte) < 0 or max(row["first_byte"], last_byte) >= message_length:
+    if min(row["first_byte"], last_byte) < 0 or max(row["first_byte"], last_byte) >= message.length:
         raise UserError(
-            place, f"does not fit in the {message_length} bytes of the message", "correct the bus database"
+            place, f"does not fit in the {message.length} bytes of the message", "correct the bus database"
         )
     if signal.conversion.is_float:
         row["kind"] = _FLOAT_KIND[signal.length]
@@ -63,7 +79,7 @@ def _compile(signal: Signal, row: np.void, place: str, message_length: int) -> N
         row["kind"] = SIGNED if signal.is_signed else UNSIGNED
     row["scale"] = signal.scale
     row["offset"] = signal.offset
-    row["lowest"], row["highest"] = _raw_limits(signal)
+    _set_limits(signal, row, is_j1939=message.protocol == "j1939")
     _set_reserved_codes(signal, row, place)
 
 
@@ -81,11 +97,12 @@ def _set_position(signal: Signal, row: np.void) -> None:
     row["sign"] = 1 << (signal.length - 1)
 
 
-def _raw_limits(signal: Signal) -> tuple[float, float]:
+def _set_limits(signal: Signal, row: np.void, is_j1939: bool) -> None:
     """Lowest and highest raw value by the declared range and by the field, both float64 the field holds.
 
     A range in which no code lies is passed over: by the field alone.
     """
+    row["least"], row["most"] = -math.inf, math.inf
     if signal.conversion.is_float:
         highest = _LARGEST_FLOAT[signal.length]
         lowest = -highest
@@ -93,6 +110,9 @@ def _raw_limits(signal: Signal) -> tuple[float, float]:
         lowest, highest = -math.ldexp(1.0, signal.length - 1), _largest_float_to((1 << signal.length - 1) - 1)
     else:
         lowest, highest = 0.0, _largest_float_to((1 << signal.length) - 1)
+    largest = _largest_value(signal, is_j1939)
+    if largest is not None:
+        highest = row["most"] = float(largest)
     # [0|0] means no range; cantools knows it, but not [0.0|0.0].
     stated = (None, None) if signal.minimum == signal.maximum == 0 else (signal.minimum, signal.maximum)
     declared = [(limit - signal.offset) / signal.scale if limit is not None else None for limit in stated]
@@ -101,11 +121,29 @@ def _raw_limits(signal: Signal) -> tuple[float, float]:
     if not signal.conversion.is_float:
         declared = [float(np.rint(raw)) if raw is not None else None for raw in declared]
     declared_lowest, declared_highest = declared
-    within = (
-        lowest if declared_lowest is None else max(lowest, declared_lowest),
-        highest if declared_highest is None else min(highest, declared_highest),
-    )
-    return within if within[0] <= within[1] else (lowest, highest)
+    first = lowest if declared_lowest is None else max(lowest, declared_lowest)
+    last = highest if declared_highest is None else min(highest, declared_highest)
+    if first <= last:
+        margin = ABOUT_AN_END * (last - first)
+        row["least"] = first - margin if first > lowest else row["least"]
+        row["most"] = min(last + margin, row["most"]) if last < highest else row["most"]
+        lowest, highest = first, last
+    row["lowest"], row["highest"] = lowest, highest
+
+
+def _largest_value(signal: Signal, is_j1939: bool) -> int | None:
+    """The largest code that is a value by J1939 and by the names of the value table; None where they exclude none.
+
+    Fields below a byte, and tables that name every code, are enumerations.
+    """
+    if signal.conversion.is_float or signal.length < 8:
+        return None
+    largest = code = (1 << signal.length - signal.is_signed) - 1
+    if is_j1939 and not signal.is_signed:
+        code = (_J1939_VALUES << signal.length - 8) - 1
+    while code in (signal.choices or {}):
+        code -= 1
+    return code if 0 < code < largest else None
 
 
 def _largest_float_to(limit: int) -> float:

@@ -23,6 +23,7 @@ IN_CONTAINERS = (
     "or, where every frame has the same PDUs in the same order, describe their signals at their places in a DBC"
 )
 ERROR_NAMES = ("error", "err", "signal_error")
+SEVERAL_SCALES = 5e-324  # what `catalogue` puts in the place of a scale that depends on the code
 _DATA_ID = "E2EDataId"
 
 

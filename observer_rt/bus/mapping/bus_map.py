@@ -247,7 +247,7 @@ def _map_message(
                 )
                 names.extend(samples[role][group.offset : group.offset + group.count])
             with named(fitted.place(f"signals.{together[0]}")):
-                tables.add_group(group_row, message, names, group)
+                tables.add_group(group_row, message, names, group, None if number is None else number.name)
         tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
     tables.add_message(row, message, [group for groups in streams for group in groups])
     return list(streams.values())

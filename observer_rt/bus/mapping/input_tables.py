@@ -154,9 +154,14 @@ class InputTables:
         self._conditions = [np.zeros(0, CONDITION)]
 
     def add_group(
-        self, row: NDArray[np.void], message: Message, names: Sequence[str], group: SampleGroup
+        self,
+        row: NDArray[np.void],
+        message: Message,
+        names: Sequence[str],
+        group: SampleGroup,
+        counter: str | None,
     ) -> None:
-        """Add a group of the stream that comes next; `names` of its index or counter and its samples."""
+        """Add a group of the stream that comes next; `names` of its index or `counter` and its samples."""
         if len(names) > MAX_SIGNALS:
             raise UserError(
                 f"message {message.name}",
@@ -164,7 +169,8 @@ class InputTables:
             )
         row["stream"] = len(self._streams)
         row["offset"], row["samples"] = group.offset, group.count
-        self._add_signals(row, signal_table(message, names), compile_conditions(message, group.conditions))
+        table = signal_table(message, names, counter)
+        self._add_signals(row, table, compile_conditions(message, group.conditions))
         self._groups.append(row)
 
     def add_stream(self, samples: int, roles: int) -> None:

@@ -255,7 +255,7 @@ def _energizing(
     row["role"], row["is_placed"], row["factor"] = ENERGIZING, index is not None, factor or 1.0
     return EnergizingLayout(
         names=names,
-        table=signal_table(message, names if index is None else (index, *names)),
+        table=signal_table(message, names if index is None else (index, *names), index),
         selection=compile_conditions(message, groups[0].conditions),
         row=row,
         default=math.nan,

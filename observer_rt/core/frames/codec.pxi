@@ -9,7 +9,7 @@ cdef enum:
 
 
 cdef void decode(const uint8_t* payload, const Signal* table, int64_t count, double* out) noexcept nogil:
-    """Physical values, in the units of the bus database, of the signals in `table`; NaN: not available, in error."""
+    """Physical values, in the units of the bus database, of the signals in `table`; NaN: not available, in error, no value."""
     cdef uint64_t bits
     for i in range(count):
         signal = &table[i]
@@ -20,6 +20,9 @@ cdef void decode(const uint8_t* payload, const Signal* table, int64_t count, dou
             out[i] = NAN
             continue
         raw = raw_number(bits, signal)
+        if raw < signal.least or raw > signal.most:
+            out[i] = NAN
+            continue
         # An unscaled float passes as it is: adding zero would lose the sign of -0.0.
         if signal.kind >= FLOAT16 and signal.scale == 1.0 and signal.offset == 0.0:
             out[i] = raw

@@ -404,9 +404,7 @@ cdef void _lend_publisher(Publisher* lent, publisher) except *:
 
 # What Python works with, too.
 globals().update(
-    BATCH=BATCH,
     CLOCK_STEP=CLOCK_STEP,
-    ENOUGH_POINTS=ENOUGH_POINTS,
     ERRORS=ERRORS,
     FRAMES=FRAMES,
     GRACE=GRACE,

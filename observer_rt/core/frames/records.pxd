@@ -21,8 +21,10 @@ cdef struct Signal:
     uint64_t sign  # the sign bit of a signed field
     double scale
     double offset
-    double lowest  # raw, by minimum and field
+    double lowest  # raw, that is sent: by minimum and field
     double highest
+    double least  # raw, that is received: what is below, or above `most`, is no value
+    double most
     unsigned char has_not_available
     uint64_t not_available
     uint64_t instead_of_not_available  # nearest code that is an ordinary number

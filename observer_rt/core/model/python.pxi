@@ -172,30 +172,18 @@ def flows_with_changes(x, u, coefficients, network) -> tuple[float, float]:
     return q_h, q_s
 
 
-def changes_of_flow(x, u, network) -> tuple[float, float]:
-    """(N_H, N_S) = W tanh(V z) + b (7), with z = [x u 1]; relative changes of Q_H and Q_S."""
+def changes_and_activations(x, u, network) -> tuple[float, float, list[float]]:
+    """(N_H, N_S) = W tanh(V z) + b (7), relative changes of Q_H and Q_S, and tanh(V z) (q,), with z = [x u 1]."""
     cdef const double[::1] state = _state(x)
     cdef Weights weights = Weights(network)
     n = &weights.network
-    nozzle, seat = n.bias[0], n.bias[1]
+    nozzle, seat, sigmas = n.bias[0], n.bias[1], []
     for neuron in range(n.neurons):
         sigma = activation(&state[0], _inputs(u), n.hidden + 6 * neuron)
         nozzle += n.output[neuron] * sigma
         seat += n.output[n.neurons + neuron] * sigma
-    return nozzle, seat
-
-
-def change_and_activations(x, u, network) -> tuple[float, list[float]]:
-    """N_H of (7), and tanh(V z) (q,) of the hidden neurons, with z = [x u 1]."""
-    cdef const double[::1] state = _state(x)
-    cdef Weights weights = Weights(network)
-    n = &weights.network
-    nozzle, found = n.bias[0], []
-    for neuron in range(n.neurons):
-        sigma = activation(&state[0], _inputs(u), n.hidden + 6 * neuron)
-        nozzle += n.output[neuron] * sigma
-        found.append(sigma)
-    return nozzle, found
+        sigmas.append(sigma)
+    return nozzle, seat, sigmas
 
 
 def slopes_of_flows(x, u, coefficients, network, double[::1] sigmas) -> dict[str, Any]:
@@ -218,14 +206,6 @@ def fault_with_rate(x, u, coefficients, network) -> tuple[tuple[float, float, fl
     cdef double[3] phi
     rate = fault_and_rate(&state[0], _inputs(u), &model.coefficients, &weights.network, phi)
     return (phi[0], phi[1], phi[2]), rate
-
-
-def rate_of_injection(x, u, coefficients, network) -> float:
-    """Q_H^ [m3/s]."""
-    cdef const double[::1] state = _state(x)
-    cdef Model model = Model(coefficients)
-    cdef Weights weights = Weights(network)
-    return injection_rate(&state[0], _inputs(u), &model.coefficients, &weights.network)
 
 
 def totals_of_terms(

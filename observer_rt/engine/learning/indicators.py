@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import change_and_activations
+from observer_rt.core.model.model import changes_and_activations
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, network_of
 from observer_rt.model.network import HIDDEN
 
@@ -71,7 +71,7 @@ def nozzle_change(
     (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
     """
     network, slopes, area = network_of(theta), np.zeros(theta.size), float(u[1])
-    change, activations = change_and_activations(x, u, network)
+    change, _, activations = changes_and_activations(x, u, network)
     factor = 1.0 + change
     x_3 = max(float(x[2]), LEAST_SAC_PRESSURE)
     back_pressure = float(network.nozzle[0] + network.nozzle[1] * area)

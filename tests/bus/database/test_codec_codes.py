@@ -17,7 +17,9 @@ from observer_rt.core.frames.frames import decode_signals, encode_signals
 from observer_rt.foundation.errors import UserError
 
 
-def message_with(layout: str, codes: dict[str, int] | None = None, value_type: int = 0) -> Message:
+def message_with(
+    layout: str, codes: dict[str, int] | None = None, value_type: int = 0, more: str = ""
+) -> Message:
     """A message of 8 bytes with one signal, `Value`, as the DBC text `layout` says."""
     lines = [
         'VERSION ""',
@@ -30,6 +32,7 @@ def message_with(layout: str, codes: dict[str, int] | None = None, value_type: i
         'BA_DEF_DEF_ "GenSigError" -1;',
         *(f'BA_ "{name}" SG_ 1 Value {code};' for name, code in (codes or {}).items()),
         *([f"SIG_VALTYPE_ 1 Value : {value_type};"] if value_type else []),
+        more,
     ]
     database = cantools.database.load_string("\n".join(lines) + "\n", "dbc")
     return database.get_message_by_name("Message")
@@ -150,6 +153,43 @@ def test_a_range_in_which_no_code_lies_says_nothing() -> None:
     table, values = signal_table(message, ["Value"]), np.empty(1)
     decode_signals(np.frombuffer(b"\x07" + bytes(7), np.uint8), table, values)
     assert values[0] == 7.0
+
+
+J1939 = 'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","a","b","J1939PG";\nBA_ "VFrameFormat" BO_ 1 3;'
+FAULTS = 'VAL_ 1 Value 65535 "SNA" 65534 "Fault" 65533 "Signal invalid" 7 "seven" ;'
+
+
+@pytest.mark.parametrize(
+    ("layout", "more", "values", "others"),
+    [
+        ("0|16@1+ (0.5,0) [0|0]", FAULTS, [7, 65532], [65533, 65534, 65535]),
+        ("0|16@1+ (0.5,0) [0|0]", J1939, [0, 0xFAFF], [0xFB00, 0xFE00, 0xFFFF]),
+        ("0|8@1+ (1,0) [0|0]", J1939, [0, 250], [251, 254, 255]),
+        ("0|16@1+ (0.05,0) [0|3200]", "", [0, 64000, 64639], [64641, 65534]),
+        ("0|16@1- (0.02,0) [0|1000]", "", [0, -327, 32767], [-328, -32768]),
+        ("0|8@1+ (-1,100) [0|100]", "", [0, 100, 101], [102, 255]),
+        ("0|4@1+ (1,0) [0|0]", 'VAL_ 1 Value 15 "on" 14 "off" ;', [14, 15], []),
+        ("0|8@1+ (1,0) [0|0]", "", [0, 255], []),
+    ],
+)
+def test_codes_that_the_database_excludes_are_no_values(
+    layout: str, more: str, values: list[int], others: list[int]
+) -> None:
+    message = message_with(layout, more=more)
+    for codes, is_value in ((values, True), (others, False)):
+        for code in codes:
+            assert math.isnan(decoded(message, struct.pack("<q", code))) != is_value, code
+    for value in (math.inf, -math.inf, 1e9):
+        assert not math.isnan(decoded(message, encoded(message, value)))
+
+
+def test_of_a_counter_every_code_counts() -> None:
+    table, out = (
+        signal_table(message_with("0|8@1+ (1,0) [0|100]", more=J1939), ["Value"], "Value"),
+        np.zeros(1),
+    )
+    decode_signals(np.full(8, 255, np.uint8), table, out)
+    assert out[0] == 255.0
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,29 @@ def test_what_decoding_does_not_need_is_left_out_and_told(tmp_path: Path) -> Non
     ]
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_units_are_read_in_the_encodings_of_editors(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "edited.dbc"
+    path.write_text(
+        ODD.split("\nBO_ 416727056")[0]
+        .replace('""\n', '""\nBS_: 500000 : 1,2\n', 1)
+        .replace('"" Device', '"µm" Device'),
+        encoding,
+    )
+    assert load_database(path).messages[0].signals[0].unit == "µm"
+
+
+def test_a_default_without_quotes_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "odd.dbc"
+    path.write_text(
+        ODD.split("\nBO_ 416727056")[0] + 'BA_DEF_ BO_ "Sent" STRING ;\nBA_DEF_DEF_ "Sent" false;\n'
+    )
+    with pytest.raises(UserError, match=r"odd.dbc:6: Invalid syntax(?s:.*)lenient = true"):
+        load_database(path)
+    assert load_database(path, lenient=True).dbc.attribute_definitions["Sent"].default_value == "false"
+    assert overlooked(path) == ['BA_DEF_DEF_ "Sent" false;: "false" is meant']
+
+
 def test_the_reason_why_leniency_does_not_help_is_said_too(tmp_path: Path) -> None:
     path = tmp_path / "odd.dbc"
     overlapping = ODD.replace(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.core.model.model import changes_of_flow, rest_state
+from observer_rt.core.model.model import changes_and_activations, rest_state
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window, open_loop_errors
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
@@ -173,13 +173,13 @@ def test_meaning_of_a_parameter_vector() -> None:
     assert learned.coefficients == c._replace(line=changed)
     assert learned.offset == 0.3
     assert learned.sensor[0] == pytest.approx(40e-6)
-    assert changes_of_flow(x, u, learned.network) == (0.0, 0.0)
+    assert changes_and_activations(x, u, learned.network)[:2] == (0.0, 0.0)
     theta[Parameter.NOZZLE_BIAS] = 0.2
-    assert changes_of_flow(x, u, network_of(theta)) == (0.2, 0.0)
+    assert changes_and_activations(x, u, network_of(theta))[:2] == (0.2, 0.0)
     theta[Parameter.SEAT_BIAS] = -0.1
-    assert changes_of_flow(x, u, network_of(theta)) == (0.2, -0.1)
+    assert changes_and_activations(x, u, network_of(theta))[:2] == (0.2, -0.1)
     theta[Parameter.NOZZLE_WEIGHT + HIDDEN - 1] = 0.05
-    nozzle, seat = changes_of_flow(x, u, network_of(theta))
+    nozzle, seat, _ = changes_and_activations(x, u, network_of(theta))
     assert nozzle == pytest.approx(0.2 + 0.05 * math.tanh(4 * u[1] - 3.2))
     assert seat == -0.1
 

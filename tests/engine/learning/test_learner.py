@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
-from observer_rt.core.model.model import changes_of_flow
+from observer_rt.core.model.model import changes_and_activations
 from observer_rt.desk.evaluation.evaluate import History, evaluate
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import make_schedule
@@ -157,7 +157,7 @@ def nozzle_wear(v_h: float) -> Vector:
 
 def wear_of(theta: Vector) -> float:
     """v_H that theta means with the needle open at 95 MPa: bias and hidden neurons share it."""
-    return float(changes_of_flow((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
+    return float(changes_and_activations((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
 
 
 def event(v_h: float, seed: int | None = None) -> Window:

@@ -13,8 +13,8 @@ from observer_rt.core.model.model import (
     FORGETTING,
     WEIGHTS,
     advance_state,
+    fault_with_rate,
     flows_with_changes,
-    rate_of_injection,
     rest_state,
 )
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
@@ -61,7 +61,7 @@ def run(
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
         advance_state(x, Interval(*u, 1.0 / rate, substeps), c, network)
         states.append(x.copy())
-        rates.append(rate_of_injection(x, u[1], c, network))
+        rates.append(fault_with_rate(x, u[1], c, network)[1])
     return np.array(states), np.array(rates)
 
 
@@ -187,9 +187,9 @@ def test_what_leaves_the_line_was_in_it() -> None:
     injected = 0.0
     for k in range(900):
         u = (RAIL, area(k / rate)), (RAIL, area((k + 1) / rate))
-        before = rate_of_injection(x, u[0], alone, constant_network())
+        before = fault_with_rate(x, u[0], alone, constant_network())[1]
         advance_state(x, Interval(*u, 1.0 / rate, 1), alone, constant_network())
-        injected += 0.5 * (before + rate_of_injection(x, u[1], alone, constant_network())) / rate
+        injected += 0.5 * (before + fault_with_rate(x, u[1], alone, constant_network())[1]) / rate
     cells = int(line.cells)
     pressures = np.array([x[pressure_at(i, cells)] for i in range(1, cells + 1)])
     compliance = np.full(cells, c.flow_scale / line.b)
@@ -261,7 +261,7 @@ def _run_fine(c: Coefficients, every: int, seconds: float) -> tuple[NDArray[np.f
         interval = Interval((RAIL, ends[0]), (RAIL, ends[1]), step, 1)
         advance_state(x, interval, c, network)
         states.append(x.copy())
-        rates.append(rate_of_injection(x, (RAIL, ends[1]), c, network))
+        rates.append(fault_with_rate(x, (RAIL, ends[1]), c, network)[1])
     return np.array(states), np.array(rates)
 
 

@@ -20,7 +20,7 @@ MOST_CPUS = 8192  # that Linux knows
 RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
 
 # Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
-ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4}}
+ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4, "training": "prediction_error"}}
 
 
 class LinkConfig(Section):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from observer_rt.config.signals import Role, SignalsConfig
-from observer_rt.config.toml_file import Positive, Section
+from observer_rt.config.toml_file import Section
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
 
 OneCharacter = Annotated[str, Field(min_length=1, max_length=1)]
@@ -173,33 +173,14 @@ class OutputsConfig(Section):
     link: str | None = None  # the bus they are sent on, instead of their database's
 
 
-class Training(StrEnum):
-    """Training of phi: ours, or the paper's scheme for comparison."""
-
-    PREDICTION_ERROR = "prediction_error"
-    PAPER = "paper"
-
-
 class LearningConfig(Section):
     enabled: bool = True
     on_inadequate_model: bool = (
         False  # learn, and publish as valid, with a model whose own fit was inadequate
     )
-    training: Training = Training.PREDICTION_ERROR
-    identification_gain: Positive | None = None  # 1/s, l of (5)
     event_gap_ms: Annotated[float, Field(ge=2, le=50)] = 10.0
     learning_delay_ms: Annotated[float, Field(ge=0, le=1000)] = 20.0
     lockstep: bool = False
-
-    @model_validator(mode="after")
-    def _gain_of_the_paper(self) -> Self:
-        if self.training is Training.PAPER and self.identification_gain is None:
-            raise ValueError("training = 'paper' needs 'identification_gain'; add it [1/s], such as 1e5")
-        if self.training is not Training.PAPER and self.identification_gain is not None:
-            raise ValueError(
-                f"'identification_gain' has no effect with training = '{self.training}'; leave it out"
-            )
-        return self
 
 
 class StateConfig(Section):
@@ -231,14 +212,6 @@ class InjectorConfig(Section):
     state: StateConfig = StateConfig()
     evidence: EvidenceConfig = EvidenceConfig()
     recording: RecordingConfig | None = None  # of files in a layout of the user's own
-
-    @model_validator(mode="after")
-    def _means_are_ours(self) -> Self:
-        if self.learning.training is Training.PAPER and self.sampling.meaning is Meaning.MEAN:
-            raise ValueError(
-                "learning.training = 'paper' knows no sampling.meaning = 'mean', only instants; change one of them"
-            )
-        return self
 
     @property
     def stated_links(self) -> list[tuple[str, str | None]]:

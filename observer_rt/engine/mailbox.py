@@ -56,9 +56,6 @@ def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
     verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
-    posted: tuple[np.ndarray, ...] = tuple(observer.verdicts.phi)  # type: ignore[arg-type]
-    for array, values in zip(posted, outcome.phi, strict=True):  # type: ignore[call-overload]
-        array[slot] = values
 
 
 def _loud(outcome: Outcome) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.recorded import make_recorded
-from observer_rt.core.stream.stepper import CarriedPhi, Stepper
+from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
     INJECTIONS,
     LONG_PAST,
@@ -137,8 +137,7 @@ def make_observer(
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
     states, parameters = constants.coefficients.states, knowledge.in_force.size
-    phi = learner.phi  # new arrays each time it is asked for
-    verdicts = no_verdicts(parameters, learner.schedule, phi)
+    verdicts = no_verdicts(parameters, learner.schedule)
     memory, recorded, ring = np.zeros(1, MEMORY), make_recorded(), np.zeros(RING, SAMPLE)
     x_tilde, x_hat, gains = (
         np.zeros((RING, states)),
@@ -155,8 +154,8 @@ def make_observer(
         ),
     )
     stream = Stream(*lent, verdicts.slots, verdicts.gains, verdicts.theta)
-    stepper = _bound_stepper(stream, constants, phi.carried(verdicts.phi))
-    observer = Observer(constants, *lent, phi, verdicts, stream, stepper)
+    stepper = _bound_stepper(stream, constants)
+    observer = Observer(constants, *lent, verdicts, stream, stepper)
     memory = observer.memory[0]
     prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
     scale, noise, lift = constants.coefficients.pressure_scale, knowledge.state.noise, knowledge.lift
@@ -179,14 +178,11 @@ def make_observer(
 
 def with_constants(observer: Observer, constants: Constants) -> Observer:
     """Observer that goes on with other constants."""
-    carried = observer.phi.carried(observer.verdicts.phi)
-    stepper = _bound_stepper(observer.stream, constants, carried, observer.stepper)
+    stepper = _bound_stepper(observer.stream, constants, observer.stepper)
     return observer._replace(constants=constants, stepper=stepper)
 
 
-def _bound_stepper(
-    stream: Stream, constants: Constants, carried: CarriedPhi, before: Stepper | None = None
-) -> Stepper:
+def _bound_stepper(stream: Stream, constants: Constants, before: Stepper | None = None) -> Stepper:
     """Stepper of the pair by these constants from now on; before: what stepped it so far."""
     stepper = Stepper(
         stream,
@@ -195,7 +191,6 @@ def _bound_stepper(
         constants.interval,
         constants.substeps,
         constants.program,
-        carried,
     )
     if before is not None:
         stepper.go_on_from(before)

@@ -98,7 +98,7 @@ REASONS: Mapping[Reason, Words] = {
         "vary the rail pressure; measure the fuel temperature",
     ),
     Reason.UNTESTED: Words(
-        "the training in use has no test of its result", "use training = 'prediction_error'"
+        "the training in use has no test of its result", "update the observer that sends it"
     ),
     Reason.TIME_BASE: Words(
         "when samples were taken is in doubt",

@@ -114,17 +114,12 @@ def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path
 
 
 def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_have(tmp_path: Path) -> None:
-    bench = load_bench(bench_file(tmp_path, f"{BENCH}[learning]\nlookahead = 4\n"))
+    bench = load_bench(
+        bench_file(tmp_path, f'{BENCH}[learning]\nlookahead = 4\ntraining = "prediction_error"\n')
+    )
     assert bench.injector.config == load_bench().injector.config
     error = bench_refusal(tmp_path, f"{BENCH}[learning]\nlookahead = 2\n")
     assert (error.place.endswith(": learning.lookahead"), error.problem) == (True, "unknown key")
-
-
-def test_the_training_of_the_paper_with_its_gain_is_read_and_knows_no_means(tmp_path: Path) -> None:
-    text = f'{BENCH}[learning]\ntraining = "paper"\nidentification_gain = 5e4\n'
-    assert load_bench(bench_file(tmp_path, text)).injector.config.learning.identification_gain == 5e4
-    error = bench_refusal(tmp_path, f'{text}[sampling]\nmeaning = "mean"\n')
-    assert "knows no sampling.meaning = 'mean'" in error.problem
 
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from tools.benchmarks.cases import Case, make_case
-from tools.benchmarks.peers import score_paper
-from tools.benchmarks.score import NOMINAL, OBSERVER, PAPER, CaseScore
+from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore
 from tools.benchmarks.scoring import score_case
 
 REPOSITORY = Path(__file__).parents[2]
@@ -55,17 +54,6 @@ def test_observer_is_scored_event_by_event(worn: CaseScore) -> None:
     assert worn.reasons[0] != ""
     assert len(worn.training_ms) == 5
     assert min(worn.training_ms) > 0.0
-
-
-def test_the_papers_scheme_is_scored_on_the_same_recording(worn: CaseScore) -> None:
-    peer = score_paper(shortened("orifice_area"))
-    (paper,) = peer.estimators
-    assert paper.name == PAPER
-    joined = replace(worn, estimators=(*worn.estimators, paper))
-    nominal, trained = (abs(joined.event_errors_pct(name)) for name in (NOMINAL, PAPER))
-    assert trained[0] == pytest.approx(nominal[0])  # phi = 0 up to the first training
-    assert max(trained[1:]) < 0.8 * min(nominal[1:])
-    assert max(trained[1:]) > 1.0  # not ours under this name
 
 
 @pytest.mark.slow

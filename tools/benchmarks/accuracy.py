@@ -51,21 +51,16 @@ class Results(Found[CaseScore]):
 def run_accuracy(plan: Plan) -> Results:
     """Score the cases not yet scored by this state of the code.
 
-    The peers' results are kept apart: they stay good while only the package changes. The paper's scheme is the
-    package's, so its are not.
+    The peers' results are kept apart: they stay good while only the package changes.
     """
     runs = plan.campaign
     kept = runs.store("observer", CaseScore, PACKAGE, *MEASURING)
     scores = runs.results("observer", kept, partial(on_case, make_case, score_case), plan.tasks, warm_up)
-    for name, sources, is_run, score in (
-        ("peers", MEASURING, peers.has_peers, peers.score_peers),
-        ("paper", (PACKAGE, *MEASURING), peers.has_paper, peers.score_paper),
-    ):
-        if plan.peers:
-            tasks = [task for task in plan.tasks if is_run(task.class_name)]
-            work = partial(on_case, make_case, score)
-            kept_parts = runs.store(name, peers.PeerScore, *sources)
-            scores = joined(scores, runs.results(name, kept_parts, work, tasks, warm_up))
+    if plan.peers:
+        tasks = [task for task in plan.tasks if peers.has_peers(task.class_name)]
+        work = partial(on_case, make_case, peers.score_peers)
+        kept_parts = runs.store("peers", peers.PeerScore, *MEASURING)
+        scores = joined(scores, runs.results("peers", kept_parts, work, tasks, warm_up))
     return _judged(runs.found(plan.tasks, scores), measure_sample_time(), bars.violations)
 
 

@@ -1,6 +1,6 @@
 """The peers on one case.
 
-On the plant of the nominal structure: joint Kalman filters, the paper's scheme. On the richer
+On the plant of the nominal structure: joint Kalman filters. On the richer
 plant: the joint UKF on the paper's lump, as its maker says, fitted, and fitted with a measured rate. The sac of a few
 mm3 follows without delay: filling it takes a thousandth of the mass.
 """
@@ -8,12 +8,6 @@ mm3 follows without delay: filling it takes a thousandth of the mass.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from observer_rt.config.bench import Bench
-from observer_rt.config.injector import LearningConfig, Training
-from observer_rt.desk.evaluation.evaluate import evaluate
-from tests.observed_plants import bench_at, recording_of
 from tests.plants.arrays import Array
 from tests.plants.plant import Outcome, record
 from tests.plants.wave import new_part
@@ -23,7 +17,7 @@ from tools.benchmarks.cases import CLASSES, Case, Group
 from tools.benchmarks.kalman_peers import Tuning, joint_ekf, joint_ukf
 from tools.benchmarks.lump_fit import fitted_lump
 from tools.benchmarks.peer_equations import Model, PeerInputs, lump_model, peer_inputs
-from tools.benchmarks.score import EKF, PAPER, UKF, EstimatorScore, score_rate
+from tools.benchmarks.score import EKF, UKF, EstimatorScore, score_rate
 
 TUNING = Tuning(wear_walk=1e-5, model_noise=3e4, line_noise=2.0)  # see kalman_peers.py
 
@@ -31,10 +25,7 @@ PEERS: dict[str, Callable[[PeerInputs], Array]] = {
     UKF: lambda inputs: joint_ukf(inputs, TUNING).rate,
     EKF: lambda inputs: joint_ekf(inputs, TUNING).rate,
 }
-"""Rate [m3/s] at every sample of a recording. The nominal model runs beside the observer; the paper's scheme has
-scores of its own, for it is the package's."""
-IDENTIFICATION_GAIN = 1e5  # 1/s
-LEFT_OUT = ("bulk_modulus", "entrained_air")  # line faults; friction and leakage are there
+"""Rate [m3/s] at every sample of a recording. The nominal model runs beside the observer."""
 NOMINAL_LUMP, FITTED_LUMP, RATE_LUMP = "UKF nominal lump", "UKF fitted lump", "UKF lump, rate"
 
 
@@ -63,26 +54,6 @@ def peer_score(case: Case, outcome: Outcome, rates: Mapping[str, Array]) -> Peer
     windows, density = windows_of(outcome, case.bench.sample_rate), case.bench.injector.density
     scores = tuple(score_rate(name, rate, outcome.truth, windows, density) for name, rate in rates.items())
     return PeerScore(case.class_name, case.master_seed, case.number, scores)
-
-
-def has_paper(class_name: str) -> bool:
-    """On the classes that must be estimated well, but for two: the whole bench must end within the hour."""
-    return CLASSES[class_name].group is Group.MAIN and class_name not in LEFT_OUT
-
-
-def paper_bench(sample_rate: float) -> Bench:
-    """The example bench at a sample rate [Hz], with the paper's training."""
-    learning = LearningConfig(training=Training.PAPER, identification_gain=IDENTIFICATION_GAIN)
-    return bench_at(sample_rate).with_sections(learning=learning)
-
-
-def score_paper(case: Case) -> PeerScore:
-    """Record a case and score the paper's scheme; a sample without rate counts with the nominal model's."""
-    outcome = record(case.bench)
-    bench = paper_bench(case.bench.sample_rate)
-    trace = evaluate(bench, [recording_of(outcome)]).evaluations[0].trace
-    rate = np.where(np.isnan(trace.injection_rate), trace.nominal_rate, trace.injection_rate)
-    return peer_score(case, outcome, {PAPER: rate})
 
 
 def lumps_of(healthy: Sequence[Outcome]) -> Mapping[str, Model]:

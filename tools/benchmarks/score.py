@@ -18,7 +18,7 @@ SCORED = slice(FROM, None)
 WRONG_MASS = 3.0  # %, beyond which a valid injection is wrong
 WRONG_RATE = 3.0  # mm3/ms
 OBSERVER, NOMINAL = "observer", "nominal"
-UKF, EKF, PAPER = "joint UKF", "joint EKF", "paper"
+UKF, EKF = "joint UKF", "joint EKF"
 Z_95 = 1.96  # sigmas
 
 

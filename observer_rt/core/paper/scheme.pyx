@@ -1,16 +1,14 @@
-"""The paper's scheme: three free rows phi = unit (W tanh(V z) + b), its pair over an event, cost and gradient."""
+"""The paper's pair over an event, its phi three free rows unit (W tanh(V z) + b)."""
 
-from libc.math cimport INFINITY, fabs, isfinite
+from libc.math cimport fabs
 from libc.stdint cimport int64_t
-from libc.string cimport memcpy, memset
 
-from numpy import array, zeros
+from numpy import array
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, nozzle_law
 from observer_rt.core.model.model cimport Model, Weights, empty_sac, rates_at
 from observer_rt.core.model.network cimport fast_tanh
-from observer_rt.core.model.records cimport SAC, Coefficients, Inputs, Interval, Knot, Network
-from observer_rt.core.stream.stepper cimport CarriedPhi
+from observer_rt.core.model.records cimport SAC, Coefficients, Inputs, Network
 
 cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
 
@@ -18,10 +16,6 @@ cdef enum:
     NEURONS = 5
     ARGUMENTS = 6
     ROWS = 3  # one output for every state
-    HIDDEN_END = 30  # of theta: V, then W, then b
-    OUTPUT_END = 45
-    WEIGHTS = 48
-    LANES = 8  # samples reckoned together
 
 cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 
@@ -119,67 +113,8 @@ cdef inline Inputs _between(Inputs start, Inputs end, double share) noexcept nog
     return u
 
 
-# The free rows as x^ carries them, and arrays in which others are posted, of one slot after another.
-cdef struct Free:
-    FreeWeights weights
-    double* hidden
-    double* output
-    double* bias
-    double* unit
-    const double* posted_hidden
-    const double* posted_output
-    const double* posted_bias
-    const double* posted_unit
-
-
-cdef class FreePhi(CarriedPhi):
-    """The free rows as what x^ carries: arrays of a `learner.FreePhi`, and those in which others are posted."""
-
-    cdef Free free
-    cdef tuple lent
-
-    def __init__(self, phi, posted) -> None:
-        cdef double[:, ::1] hidden = phi.hidden, output = phi.output
-        cdef double[::1] bias = phi.bias, unit = phi.unit
-        cdef const double[:, :, ::1] posted_hidden = posted.hidden, posted_output = posted.output
-        cdef const double[:, ::1] posted_bias = posted.bias, posted_unit = posted.unit
-        fits = hidden.shape[0] == NEURONS and hidden.shape[1] == ARGUMENTS and output.shape[0] == ROWS
-        if not fits or output.shape[1] != NEURONS or bias.shape[0] != ROWS or unit.shape[0] != 1:
-            raise ValueError("arrays of the free network do not fit each other")
-        self.lent = (phi, posted)
-        f = &self.free
-        f.hidden, f.output, f.bias, f.unit = &hidden[0, 0], &output[0, 0], &bias[0], &unit[0]
-        f.posted_hidden, f.posted_output = &posted_hidden[0, 0, 0], &posted_output[0, 0, 0]
-        f.posted_bias, f.posted_unit = &posted_bias[0, 0], &posted_unit[0, 0]
-        f.weights.hidden, f.weights.output, f.weights.bias, f.weights.unit = f.hidden, f.output, f.bias, f.unit[0]
-        self.advance, self.read, self.put, self.phi = _advance_free, _read_free, _put_free, f
-
-
-cdef void _advance_free(
-    void* phi, double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network
-) noexcept nogil:
-    cdef System s
-    s.coefficients, s.nominal, s.phi, s.gain = c, network, &(<Free*> phi).weights, 0.0
-    _integrate(x, interval.start, interval.end, 0.0, 0.0, interval.length, interval.substeps, &s)
-
-
-cdef double _read_free(
-    void* phi, const double* x, Inputs u, const Coefficients* c, const Network* network, double* rows
-) noexcept nogil:
-    free_fault(x, u, &(<Free*> phi).weights, rows)
-    return balanced_rate(x[SAC], u.area, rows[0], c)
-
-
-cdef void _put_free(void* phi, int64_t slot) noexcept nogil:
-    f = <Free*> phi
-    memcpy(f.hidden, f.posted_hidden + slot * NEURONS * ARGUMENTS, NEURONS * ARGUMENTS * sizeof(double))
-    memcpy(f.output, f.posted_output + slot * ROWS * NEURONS, ROWS * NEURONS * sizeof(double))
-    memcpy(f.bias, f.posted_bias + slot * ROWS, ROWS * sizeof(double))
-    f.unit[0] = f.weights.unit = f.posted_unit[slot]
-
-
 cdef class _Lent:
-    """A `network.FreeNetwork`, lent."""
+    """A `scheme.FreeNetwork`, lent."""
 
     cdef FreeWeights weights
     cdef tuple arrays
@@ -194,26 +129,8 @@ cdef class _Lent:
         self.arrays = (network.hidden, network.output, network.bias)
 
 
-def fault_of(x, u, network) -> tuple[float, float, float]:
-    """phi(z) of (7) with z = [x u 1], its three rows [1/s]; x (3,), u (2,), a `FreeNetwork`."""
-    cdef _Lent lent = _Lent(network)
-    cdef double[3] state
-    cdef double[3] rows
-    cdef Inputs inputs
-    state[0], state[1], state[2] = x[0], x[1], x[2]
-    inputs.rail, inputs.area = u
-    free_fault(state, inputs, &lent.weights, rows)
-    return rows[0], rows[1], rows[2]
-
-
-def rate_by_balance(double x_3, double u_2, double phi_1, coefficients) -> float:
-    """Q_H^ [m3/s] by the nozzle balance."""
-    cdef Model model = Model(coefficients)
-    return balanced_rate(x_3, u_2, phi_1, &model.coefficients)
-
-
 def sweep(window, setting, network, result) -> None:
-    """One pass over an event with fixed weights (10) into `result`, a `systems.EventPass`.
+    """One pass over an event with fixed weights (10) into `result`, a `scheme.EventPass`.
 
     x~ starts from the window's state. x^ is x~ up to the opening and, with an empty sac, once the needle has long
     been shut again; in between it runs open loop on phi.
@@ -265,141 +182,3 @@ def sweep(window, setting, network, result) -> None:
                 of_x[k, i], of_phi[k, i] = x[i], phi[i]
             error[k] = output[k] - x_tilde[0]
             of_driven[k] = driven
-
-
-# Loops run along the samples, and sums go by lanes of eight: the compiler makes vectors of the innermost loops.
-
-cdef void _add_weighted(double* sums, const double* values, double weight, int64_t n) noexcept nogil:
-    cdef int64_t k
-    for k in range(n):
-        sums[k] = sums[k] + weight * values[k]
-
-
-cdef void _tanh_of(double* values, int64_t n) noexcept nogil:
-    cdef int64_t k
-    for k in range(n):
-        values[k] = fast_tanh(values[k])
-
-
-cdef void _add_products(double* total, const double* one, const double* other, int64_t n) noexcept nogil:
-    """Adds products to the lanes of `total` (8,)."""
-    cdef double[LANES] sums
-    cdef int64_t first, lane
-    memcpy(sums, total, sizeof(sums))
-    for first in range(0, n, 8):
-        for lane in range(<int64_t> LANES):
-            sums[lane] = sums[lane] + one[first + lane] * other[first + lane]
-    memcpy(total, sums, sizeof(sums))
-
-
-cdef double _of_lanes(const double* total) noexcept nogil:
-    cdef double result = total[0]
-    cdef int64_t lane
-    for lane in range(1, <int64_t> LANES):
-        result = result + total[lane]
-    return result
-
-
-cdef class FaultCost:
-    """The cost (10) of a training as the minimiser wants it: the sum of eps'eps/2, eps = target - phi in its unit.
-
-    n samples and as many more as fill vectors, all along the rows. z: (6, n) columns [x^ u 1]; target: (3, n) of phi, in
-    units of the network; counts: (n,) 1, or 0 where there is no sample.
-    """
-
-    cdef const double[:, ::1] z, target
-    cdef const double[::1] counts
-    cdef double[:, ::1] sigmas, errors  # of the theta whose value was asked for last
-    cdef double[::1] backs  # errors propagated back through a neuron
-    cdef int64_t n
-
-    def __init__(self, z, target, counts) -> None:
-        self.z, self.target, self.counts = z, target, counts
-        self.n = self.counts.shape[0]
-        if self.n % LANES or z.shape != (ARGUMENTS, self.n) or target.shape != (ROWS, self.n):
-            raise ValueError("samples do not fit each other, or vectors")
-        self.sigmas, self.errors, self.backs = zeros((NEURONS, self.n)), zeros((ROWS, self.n)), zeros(self.n)
-
-    def value(self, const double[::1] theta) -> float:
-        """J at theta (48,); inf where it is not finite."""
-        cdef double[LANES] total
-        cdef double* here
-        cdef double weight, result
-        cdef int64_t k, neuron, row, j
-        _require(theta)
-        with nogil:
-            memset(total, 0, sizeof(total))
-            for neuron in range(<int64_t> NEURONS):
-                here, weight = &self.sigmas[neuron, 0], theta[neuron * ARGUMENTS]
-                for k in range(self.n):
-                    here[k] = weight * self.z[0, k]
-                for j in range(1, <int64_t> ARGUMENTS):
-                    _add_weighted(here, &self.z[j, 0], theta[neuron * ARGUMENTS + j], self.n)
-                _tanh_of(here, self.n)
-            for row in range(<int64_t> ROWS):
-                here, weight = &self.errors[row, 0], theta[OUTPUT_END + row]
-                for k in range(self.n):
-                    here[k] = weight
-                for neuron in range(<int64_t> NEURONS):
-                    _add_weighted(here, &self.sigmas[neuron, 0], theta[HIDDEN_END + row * NEURONS + neuron], self.n)
-                for k in range(self.n):
-                    here[k] = self.counts[k] * (self.target[row, k] - here[k])
-            for k in range(0, self.n, 8):
-                for row in range(<int64_t> ROWS):
-                    _add_products(total, &self.errors[row, k], &self.errors[row, k], 8)
-            result = 0.5 * _of_lanes(total)
-        return result if isfinite(result) else INFINITY
-
-    def gradient(self, const double[::1] theta) -> NDArray[np.float64]:
-        """Gradient (48,) of J at the theta whose value was asked for last, in the order of `network.free_network`.
-
-        (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).
-        """
-        found = zeros(WEIGHTS)
-        cdef double[::1] gradient = found
-        cdef double[LANES] total
-        cdef const double* sigma
-        cdef double* back = &self.backs[0]
-        cdef int64_t k, neuron, row, j, place, lane
-        _require(theta)
-        with nogil:
-            for row in range(<int64_t> ROWS):
-                memset(total, 0, sizeof(total))
-                for k in range(0, self.n, 8):
-                    for lane in range(<int64_t> LANES):
-                        total[lane] = total[lane] + self.errors[row, k + lane]
-                gradient[OUTPUT_END + row] = -_of_lanes(total)
-            for neuron in range(<int64_t> NEURONS):
-                sigma = &self.sigmas[neuron, 0]
-                memset(back, 0, self.n * sizeof(double))
-                for row in range(<int64_t> ROWS):
-                    place = HIDDEN_END + row * NEURONS + neuron
-                    _add_weighted(back, &self.errors[row, 0], theta[place], self.n)
-                    memset(total, 0, sizeof(total))
-                    _add_products(total, &self.errors[row, 0], sigma, self.n)
-                    gradient[place] = -_of_lanes(total)
-                for k in range(self.n):
-                    back[k] = back[k] * (1.0 - sigma[k] * sigma[k])
-                for j in range(<int64_t> ARGUMENTS):
-                    memset(total, 0, sizeof(total))
-                    _add_products(total, back, &self.z[j, 0], self.n)
-                    gradient[neuron * ARGUMENTS + j] = -_of_lanes(total)
-        return found
-
-
-cdef int _require(const double[::1] theta) except -1:
-    if theta.shape[0] != WEIGHTS:
-        raise ValueError("theta has other weights")
-    return 0
-
-
-def add_two_products(
-    double[:, ::1] matrix, const double[::1] a, const double[::1] b, const double[::1] c, const double[::1] d
-) -> None:
-    """Adds a b' + c d' of vectors (m,) to `matrix` (m, m), in place."""
-    cdef int64_t i, j, m = matrix.shape[0]
-    if not (matrix.shape[1] == a.shape[0] == b.shape[0] == c.shape[0] == d.shape[0] == m):
-        raise ValueError("matrix and vectors do not fit each other")
-    for i in range(m):
-        for j in range(m):
-            matrix[i, j] = matrix[i, j] + (a[i] * b[j] + c[i] * d[j])

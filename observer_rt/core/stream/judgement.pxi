@@ -120,7 +120,6 @@ cdef void _put_learned_into_force(Observer* observer, int64_t slot, bint is_colo
     has_followed = abs(offset - memory.in_force.learned_offset) < furthest
     if has_followed and not is_coloured:
         pair.offset = offset
-    observer.step(observer.stepper, STEPPING_PUT, slot)
     if verdict.is_adopted:
         memory.judgement.phi_version += 1
 

@@ -51,7 +51,6 @@ cdef enum:  # Stepping
     STEPPING_START = 0
     STEPPING_PREDICT = 1
     STEPPING_CORRECT = 2
-    STEPPING_PUT = 3
 
 
 cdef struct Recorded:

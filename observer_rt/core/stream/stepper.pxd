@@ -1,31 +1,11 @@
-# Stepper of the pair x~ and x^, and the phi of x^.
+# Stepper of the pair x~ and x^.
 
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.model cimport Terms
-from observer_rt.core.model.records cimport Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network
+from observer_rt.core.model.records cimport Coefficients, Forced, Forcing, Network
 from observer_rt.core.stream.state cimport Observer
 from observer_rt.core.stream.stream cimport PairStepper, Stream
-
-# x^ (n,) a sample interval later, in place.
-ctypedef void (*AdvanceXHat)(
-    void* phi, double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network
-) noexcept nogil
-
-# The injection rate [m3/s] at a state not at rest, and the three rows of phi [1/s].
-ctypedef double (*ReadPhi)(
-    void* phi, const double* x, Inputs u, const Coefficients* c, const Network* network, double* rows
-) noexcept nogil
-
-# Replace what x^ carries by a slot of what was posted.
-ctypedef void (*PutPhi)(void* phi, int64_t slot) noexcept nogil
-
-
-cdef class CarriedPhi:
-    cdef AdvanceXHat advance
-    cdef ReadPhi read
-    cdef PutPhi put
-    cdef void* phi
 
 
 cdef struct Stepping:
@@ -38,10 +18,6 @@ cdef struct Stepping:
     Observer* observer
     Forcing* of_tilde
     Forcing* of_hat
-    AdvanceXHat advance
-    ReadPhi read
-    PutPhi put
-    void* phi
 
 
 cdef class Stepper(PairStepper):
@@ -49,4 +25,3 @@ cdef class Stepper(PairStepper):
     cdef Stream stream
     cdef Terms terms_of_tilde
     cdef Terms terms_of_hat
-    cdef CarriedPhi carried

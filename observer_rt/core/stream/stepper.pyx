@@ -10,35 +10,9 @@ from observer_rt.core.model.model cimport (
 )
 from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network
 from observer_rt.core.stream.state cimport (
-    HIDDEN, MASK, STEPPING_CORRECT, STEPPING_PREDICT, STEPPING_START, Sample
+    HIDDEN, MASK, STEPPING_CORRECT, STEPPING_PREDICT, Sample
 )
 from observer_rt.core.stream.stream cimport Stream
-
-
-cdef void _advance_structured(
-    void* phi, double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network
-) noexcept nogil:
-    advance_over(x, interval, knot, c, network, NULL)
-
-
-cdef double _read_structured(
-    void* phi, const double* x, Inputs u, const Coefficients* c, const Network* network, double* rows
-) noexcept nogil:
-    return fault_and_rate(x, u, c, network, rows)
-
-
-cdef void _put_structured(void* phi, int64_t slot) noexcept nogil:
-    """Theta says it."""
-
-
-cdef class CarriedPhi:
-    """What x^ carries as phi: here phi = G(x, u) N of theta, the network that x~ carries as well.
-
-    Another kind puts functions of its own in the place of these three.
-    """
-
-    def __cinit__(self) -> None:
-        self.advance, self.read, self.put, self.phi = _advance_structured, _read_structured, _put_structured, NULL
 
 
 cdef class Stepper(PairStepper):
@@ -47,12 +21,12 @@ cdef class Stepper(PairStepper):
     coefficients, sensor: named tuples of the model; interval [s]; program (n, 2): of the terms in force.
     """
 
-    def __init__(self, Stream stream, coefficients, sensor, double interval, int64_t substeps, program, CarriedPhi phi) -> None:
+    def __init__(self, Stream stream, coefficients, sensor, double interval, int64_t substeps, program) -> None:
         cdef Model model = Model(coefficients)
         s, memory = &self.stepping, stream.observer.memory
         if model.coefficients.states != stream.observer.states:
             raise ValueError(f"a model of {model.coefficients.states} states for {stream.observer.states} of the observer")
-        self.stream, self.carried = stream, phi
+        self.stream = stream
         self.terms_of_tilde, self.terms_of_hat = Terms(program), Terms(program)
         s.coefficients = s.forced.coefficients = model.coefficients
         s.network.neurons, s.network.hidden = HIDDEN, &memory.prior.hidden[0][0]
@@ -62,7 +36,6 @@ cdef class Stepper(PairStepper):
         s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
         s.observer = &stream.observer
         s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
-        s.advance, s.read, s.put, s.phi = phi.advance, phi.read, phi.put, phi.phi
         self.step, self.stepper = step, s
 
     def go_on_from(self, Stepper before) -> None:
@@ -83,10 +56,7 @@ cdef double step(void* stepper, int64_t what, int64_t position) noexcept nogil:
         return _predict(s, position)
     if what == STEPPING_CORRECT:
         return _correct(s, position)
-    if what == STEPPING_START:
-        _start(s, position)
-    else:
-        s.put(s.phi, position)
+    _start(s, position)
     return 0.0
 
 
@@ -170,7 +140,9 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
     else:
         memcpy(x_hat, _x_hat(s, position - 1), states * sizeof(double))
         _force(s, s.observer.ring, position, x_hat, s.of_hat)
-        s.advance(s.phi, x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network)
+        advance_over(
+            x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL
+        )
         _read(s, position, &s.forced.coefficients, &s.forced.network)
     for i in range(states):
         total += x_hat[i] + x_tilde[i]
@@ -185,4 +157,4 @@ cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Netw
     row.injection_rate = 0.0
     if not row.resting or x_hat[SAC] != 0.0:  # a term may hold the needle open
         u.rail, u.area = row.rail_pressure, max(row.seat_area, 0.0)
-        row.injection_rate = s.read(s.phi, x_hat, u, c, network, row.phi)
+        row.injection_rate = fault_and_rate(x_hat, u, c, network, row.phi)

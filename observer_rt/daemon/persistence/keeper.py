@@ -16,7 +16,6 @@ from observer_rt.daemon.persistence.journal import JournalWriter, is_at, require
 from observer_rt.daemon.persistence.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
-from observer_rt.engine.service.learners import refuse_state
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.file_kinds import JOURNAL, LEARNED_STATE
 from observer_rt.foundation.outputs import check_folder, check_own_file
@@ -264,8 +263,6 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
         taken[path.resolve()] = option
         check_own_file(option, path, kind)
         check_folder(option, path.absolute().parent)
-    if files.state is not None:
-        refuse_state(fitted, options[0])
     if files.journal is not None:
         require_journal(files.journal)
     return files

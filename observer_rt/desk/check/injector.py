@@ -26,11 +26,9 @@ from observer_rt.config.signals import OPTIONAL_SIGNALS, Role
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
 from observer_rt.engine.estimation.gain import gain_schedule
-from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.paper_scheme.systems import doubts_about_gain
 from observer_rt.engine.service.constants import bench_constants, configured_noise, rail_every
-from observer_rt.engine.service.learners import doubt_about_fit, make_learner
+from observer_rt.engine.service.learners import doubt_about_fit
 from observer_rt.engine.stream.front_end import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (
@@ -346,7 +344,6 @@ def _observer(fitted: BenchInjector) -> list[Finding]:
         ),
         graded("look-ahead", True, f"{lookahead} samples, {lookahead / rate / MICROSECOND:.4g} us"),
         *_event_timing(fitted),
-        *_paper_training(fitted),
     ]
 
 
@@ -360,16 +357,3 @@ def _event_timing(fitted: BenchInjector) -> Iterator[Said]:
         f"up to {longest:.0f} ms, gap included"
     )
     yield longest >= 2 * learning.event_gap_ms, text, "shorten learning.event_gap_ms or sample slower"
-
-
-@ruled("training")
-def _paper_training(fitted: BenchInjector) -> Iterator[Said]:
-    """Findings about `training = "paper"`; none where it is not used."""
-    gain = fitted.config.learning.identification_gain
-    if gain is None:
-        return
-    c, noise = effective_model(fitted.parameters).coefficients, configured_noise(fitted)
-    make_learner(fitted, bench_constants(fitted), no_knowledge(noise, c.pressure_scale))
-    yield False, "paper: for comparison only, its results never count as valid", ""
-    doubts = doubts_about_gain(gain, c, noise)
-    yield graded("identification gain", doubts is None, f"{gain:g} 1/s", doubts or "")

@@ -25,7 +25,7 @@ from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.constants import injector_at
-from observer_rt.engine.service.learners import LearnerFactory, refuse_state
+from observer_rt.engine.service.learners import LearnerFactory
 from observer_rt.files.formats import is_log
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import (
@@ -56,8 +56,8 @@ def evaluate_bench(bench: Bench, options: EvaluateOptions, console: Console) -> 
     _refuse_plain(bench, paths)
     options = replace(options, recordings=tuple(paths))
     parts = [(each, _named(options, each.injector.name)) for each in bench.each]
-    for each, own in parts:
-        _refuse_early(each, paths, own)
+    for _, own in parts:
+        _refuse_early(paths, own)
     failures: dict[str, UserError] = {}
     if options.json:
         print('{"injectors": {')
@@ -84,7 +84,7 @@ def evaluate_bench(bench: Bench, options: EvaluateOptions, console: Console) -> 
 def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
     paths = without_truths(options.recordings, console)
-    _refuse_early(bench, paths, options)
+    _refuse_early(paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     stated = bench.injector.parameters
     bench = _with_fuel(bench, sources, options)
@@ -133,7 +133,7 @@ def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
     return replace(options, output=output, plot=plot, state=state, save_state=save_state)
 
 
-def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions) -> None:
+def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
     if _asked_for(options) and options.plot is None:
         raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
@@ -152,9 +152,6 @@ def _refuse_early(bench: Bench, paths: Sequence[Path], options: EvaluateOptions)
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
         )
-    for option, path in (("--state", options.state), ("--save-state", options.save_state)):
-        if path is not None:
-            refuse_state(bench.injector, option)
     refuse_missing_state("--state", options.state)
     _check_destinations(paths, options)
 

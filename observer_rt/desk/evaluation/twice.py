@@ -42,7 +42,6 @@ from observer_rt.engine.learning.smoothing import TaughtEvent, smoothed
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.constants import EVENTS_REQUIRED
 from observer_rt.engine.service.learners import make_learner
-from observer_rt.engine.stream.phi import Phi
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason, State
 from observer_rt.foundation.errors import UserError
@@ -183,11 +182,6 @@ class _Listened:
     def schedule(self) -> GainSchedule:
         """Gains of the live x~."""
         return self._learner.schedule
-
-    @property
-    def phi(self) -> Phi:
-        """Correction that x^ carries at the start."""
-        return self._learner.phi
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None

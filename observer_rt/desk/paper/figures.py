@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 
 from observer_rt.desk.paper.study import NOZZLE_WEAR, TRAININGS
 from observer_rt.desk.paper.table import Estimator, Study, WearCase, markdown
+from observer_rt.desk.paper.training import BETA, EPOCHS, GAMMA
 from observer_rt.desk.simulation.schedule import FIRST_EVENT
-from observer_rt.engine.paper_scheme.training import BETA, EPOCHS, GAMMA
 from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
 

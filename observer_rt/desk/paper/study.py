@@ -10,26 +10,22 @@ from observer_rt.config.bench import Bench
 from observer_rt.core.model.laws import normalised_area, root
 from observer_rt.core.model.model import fault_with_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.paper.scheme import FreeNetwork, check_gain, swept
 from observer_rt.desk.paper.table import Estimator, EstimatorCurves, GainCase, Study, WearCase
+from observer_rt.desk.paper.training import (
+    Weights,
+    first_weights,
+    network_of,
+    output_error,
+    paper_setting,
+    train,
+)
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.desk.simulation.simulate import Simulation, simulate
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import PARAMETERS
-from observer_rt.engine.learning.knowledge import Adoption, no_knowledge
 from observer_rt.engine.observer import LEARNING_LEAD, SETTLE, WINDOW_LEAD, WINDOW_TAIL, Durations
-from observer_rt.engine.paper_scheme.learner import PaperLearner
-from observer_rt.engine.paper_scheme.network import FreeNetwork
-from observer_rt.engine.paper_scheme.systems import check_gain, swept
-from observer_rt.engine.paper_scheme.training import (
-    Weights,
-    first_weights,
-    network_of,
-    paper_setting,
-    train,
-)
-from observer_rt.engine.service.constants import bench_constants, configured_noise
-from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.service.constants import bench_constants
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
 from observer_rt.model.effective import Coefficients
@@ -129,7 +125,7 @@ def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
     """
     c = effective_model(bench.injector.parameters).coefficients
     gain = min(LARGEST_GAIN, sample_rate)
-    check_gain("--sample-rate", gain, c, sample_rate)
+    check_gain("--sample-rate", gain, c)
     healthy = []
     for pressure in RAIL_PRESSURES:
         schedule = make_schedule([pressure], 1, PERIOD, [ENERGIZING_TIME])
@@ -204,11 +200,9 @@ class _Scheme:
     """The paper's scheme on one noise-free injection: trained on it, and looked at while it runs over it."""
 
     def __init__(self, bench: Bench, simulation: Simulation, injection: InjectionWindow, gain: float) -> None:
-        self._bench = bench_for(bench, simulation.recording)
-        self._gain = gain
-        self._constants = bench_constants(self._bench.injector)
-        c, interval = self._constants.coefficients, self._constants.interval
-        self._setting = paper_setting(c, interval, self._constants.substeps, gain)
+        constants = bench_constants(bench_for(bench, simulation.recording).injector)
+        c = constants.coefficients
+        self._setting = paper_setting(c, constants.interval, constants.substeps, gain)
         self._window, start = learning_window(
             simulation.truth, injection, c, simulation.recording.sample_rate
         )
@@ -224,15 +218,14 @@ class _Scheme:
 
     def tested(self, trainings: int) -> tuple[FreeNetwork, int]:
         """The network in force after so many trainings behind the adoption test, and how many it refused."""
-        knowledge = no_knowledge(
-            configured_noise(self._bench.injector), self._constants.coefficients.pressure_scale
-        )
-        learner = PaperLearner(self._constants, knowledge, self._gain)
-        rejected = 0
+        weights, refused = first_weights(), 0
         for _ in range(trainings):
-            outcome = learner.learn(self._window, Standstill(0, 0.0, None), np.zeros(PARAMETERS))
-            rejected += outcome.adoption is not Adoption.ADOPTED
-        return learner.network, rejected
+            new = train(self._window, self._setting, weights).weights
+            errors = [output_error(self._window, self._setting, each) for each in (new, weights.in_force)]
+            is_better = errors[0] < errors[1]
+            refused += not is_better
+            weights = Weights(in_force=new if is_better else weights.in_force, trained=new)
+        return network_of(weights.in_force, self._setting), refused
 
     def estimate(self, network: FreeNetwork) -> EstimatorCurves:
         """The observer with this network over the injection."""

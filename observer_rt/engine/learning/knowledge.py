@@ -15,7 +15,6 @@ from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.interval import Resimulated
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.state import LearningState, no_state
-from observer_rt.engine.stream.phi import Phi, StructuredPhi
 from observer_rt.engine.stream.standstill import RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants
 
@@ -55,7 +54,7 @@ class Outcome:
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
-    estimate, None where nothing usable was learned from it. phi: what x^ is to carry.
+    estimate, None where nothing usable was learned from it.
     outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
     square of its innovations where it is loudest over that at rest, by what is known of its noise. known:
     where the flow is known well enough by what is to be carried. prior: belief before the event, drift included.
@@ -68,7 +67,6 @@ class Outcome:
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64] | None
     resimulated: Resimulated | None = None
-    phi: Phi = field(default_factory=StructuredPhi)
     outliers: int = 0
     loudest: float = 1.0
     known: KnownFlow = EVERYWHERE
@@ -76,15 +74,11 @@ class Outcome:
 
 
 class EventLearner(Protocol):
-    """Learner between events, whichever training it uses."""
+    """Learner between events: ours, or one that looks on."""
 
     @property
     def schedule(self) -> GainSchedule:
         """Gains of the live x~."""
-
-    @property
-    def phi(self) -> Phi:
-        """Correction that x^ carries at the start, in arrays of its own."""
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None

@@ -41,7 +41,6 @@ from observer_rt.engine.learning.learned_range import (
 from observer_rt.engine.learning.lift_lag import LiftLag, lift_lag_of
 from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
 from observer_rt.engine.learning.state import LearnedInjector, LearningState, no_state
-from observer_rt.engine.stream.phi import StructuredPhi
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.units import MEGAPASCAL
@@ -124,11 +123,6 @@ class Learner:
         """Gains at the start."""
         self.state = knowledge.state.begun(knowledge.in_force, constants.interval, healthy.overdispersion)
         """State after the last event."""
-
-    @property
-    def phi(self) -> StructuredPhi:
-        """x^ carries the network of theta, as x~ does."""
-        return StructuredPhi()
 
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None

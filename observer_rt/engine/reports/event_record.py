@@ -6,7 +6,6 @@ import numpy as np
 
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
-from observer_rt.engine.stream.phi import Phi
 from observer_rt.engine.stream.state import Constants
 
 
@@ -23,12 +22,11 @@ class EventRecord:
     """An event, `stream.state.EVENT`, that was judged.
 
     objections: what speaks against it; outcome: what was learned from it, None when nothing was; known: what the
-    observer carries now, phi: what its x^ carries; fuel: during the event.
+    observer carries now; fuel: during the event.
     """
 
     event: np.void
     objections: tuple[Objection, ...]
     outcome: Outcome | None
     known: Knowledge
-    phi: Phi
     fuel: Fuel

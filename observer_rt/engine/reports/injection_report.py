@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
-from observer_rt.engine.learning.indicators import Estimate, Indicators, indicators_of
+from observer_rt.engine.learning.indicators import Indicators, indicators_of
 from observer_rt.engine.learning.interval import is_revised, rate_sigma, volume_interval
 from observer_rt.engine.reports.event_record import EventRecord
 from observer_rt.engine.stream.state import Reason, State
@@ -120,9 +120,6 @@ def report_of(
     middle = injection["middle_x"], injection["middle_u"]
     estimate = (judged.known.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
     indicators = indicators_of(*estimate, *middle)
-    wear = judged.phi.nozzle_wear(*middle, c)
-    if wear is not None:
-        indicators = {**indicators, NOZZLE: Estimate(wear)}
     volume = float(injection["volume"])
     interval, sigma, revised = None, None, False
     belongs = injection["event"] == event["number"]

@@ -293,7 +293,7 @@ class Judging:
             self.late += 1
             if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
-        return EventRecord(event, objections, outcome, self.known, self._compiled.observer.phi, closed.fuel)
+        return EventRecord(event, objections, outcome, self.known, closed.fuel)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
         """Puts knowledge into force from the judgement of an event, `stream.state.EVENT`, on."""

@@ -1,4 +1,4 @@
-"""Choice of an injector's training, what it asks of the bench, and the noise it reckons with."""
+"""An injector's learner, what it asks of the bench, and the noise it reckons with."""
 
 import cmath
 import math
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.injector import Training
 from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.gain import NoiseLevels
@@ -18,14 +17,9 @@ from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise
 from observer_rt.engine.learning.healthy import Healthy, healthy_of, holds_at, with_remainder
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.paper_scheme.learner import PaperLearner
-from observer_rt.engine.paper_scheme.systems import check_gain
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.foundation.continuity import Doubt
-from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.model.effects import effective_model
-from observer_rt.model.parameters import LineOutflow
 
 LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]
 """Factory of a `Core`'s learner: `make_learner`, or another where learners are compared."""
@@ -38,31 +32,8 @@ SIGNALS = {  # short name, unit, its size
 
 
 def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
-    """The learner of an injector. Raises `UserError` when its training does not fit its sample rate or injector."""
-    learning = fitted.config.learning
-    if learning.training is Training.PREDICTION_ERROR or learning.identification_gain is None:
-        return Learner(constants, knowledge, healthy=healthy_injector(fitted))
-    line_outflow = effective_model(fitted.parameters).injector.line_outflow
-    if line_outflow is not LineOutflow.NOZZLE:
-        raise UserError(
-            fitted.place("learning.training"),
-            f"'paper' rests on a line drained by the nozzle flow (25), but {fitted.parameters_path} says "
-            f"line_outflow = '{line_outflow}'",
-            "use training = 'prediction_error'",
-        )
-    if fitted.parameters.terms:
-        raise UserError(
-            fitted.place("learning.training"),
-            f"'paper' knows no [[terms]], but {fitted.parameters_path} has {len(fitted.parameters.terms)}",
-            "use training = 'prediction_error'",
-        )
-    check_gain(
-        fitted.place("learning.identification_gain"),
-        learning.identification_gain,
-        constants.coefficients,
-        1.0 / constants.interval,
-    )
-    return PaperLearner(constants, knowledge, learning.identification_gain)
+    """The learner of an injector."""
+    return Learner(constants, knowledge, healthy=healthy_injector(fitted))
 
 
 def healthy_injector(fitted: BenchInjector) -> Healthy:
@@ -103,16 +74,6 @@ def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
             f"fit it to recordings at {rate:g} Hz",
         )
     return None
-
-
-def refuse_state(fitted: BenchInjector, option: str) -> None:
-    """Raise `UserError` naming an option that keeps what was learned where the training keeps nothing."""
-    if fitted.config.learning.training is Training.PAPER:
-        raise UserError(
-            option,
-            "training = 'paper' starts anew every time and keeps nothing",
-            f"leave {option} out, or use training = 'prediction_error'",
-        )
 
 
 def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:

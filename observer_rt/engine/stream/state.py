@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import RECORDS, Stream
-from observer_rt.engine.stream.phi import Phi
 from observer_rt.engine.stream.verdict import Verdicts
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.foundation.records import dtype_of
@@ -52,7 +51,7 @@ class Reason(IntEnum):
     NOT_LEARNED = 12  # the event could not be learned from
     SUDDEN_CHANGE = 13  # the event contradicts what was learned before it
     AMBIGUOUS_SCALE = 14  # line stiffness and nozzle flow changed as if the line's inertance had
-    UNTESTED = 15  # the training in use (the paper's) has no test of its result
+    UNTESTED = 15  # given up to 0.2, by the paper's training: a code in users' databases
     TIME_BASE = 16  # when samples were taken is in doubt, or the line pressure seems recorded late
     REVISED = 17  # what was learned from the injection changes its mass
     INPUT_STALE = 18  # one of the inputs stays away while others come
@@ -138,7 +137,6 @@ class Observer(NamedTuple):
     injections: NDArray[np.void]  # (INJECTIONS,) `INJECTION`
     channels: NDArray[np.void]  # (3,) `CHANNEL`
     theta: NDArray[np.float64]  # (m,) in force
-    phi: Phi  # of x^
     verdicts: Verdicts
     stream: Stream
     stepper: Stepper  # of the pair

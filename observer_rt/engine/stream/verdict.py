@@ -5,14 +5,13 @@ its number is written last.
 """
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import RECORDS, SLOTS
 from observer_rt.engine.estimation.gain import GainSchedule
-from observer_rt.engine.stream.phi import Phi
 from observer_rt.foundation.records import dtype_of
 
 _VERDICT = dtype_of(RECORDS["Verdict"])
@@ -33,15 +32,12 @@ class Verdicts(NamedTuple):
     slots: NDArray[np.void]
     gains: NDArray[np.float64]  # (2 SLOTS, n, states) gain schedules
     theta: NDArray[np.float64]  # (2 SLOTS, m)
-    phi: Phi  # arrays as of what x^ carries, with a first dimension 2 SLOTS
 
 
-def no_verdicts(parameters: int, schedule: GainSchedule, phi: Phi) -> Verdicts:
-    """Slots for an observer that carries so many parameters, such a schedule and such a phi."""
-    held: Any = phi
+def no_verdicts(parameters: int, schedule: GainSchedule) -> Verdicts:
+    """Slots for an observer that carries so many parameters and such a schedule."""
     return Verdicts(
         np.zeros(2 * SLOTS, _VERDICT),
         np.zeros((2 * SLOTS, *schedule.gains.shape)),
         np.zeros((2 * SLOTS, parameters)),
-        type(held)(*(np.zeros((2 * SLOTS, *array.shape)) for array in held)),
     )

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.config.injector import LearningConfig, StateConfig, Training
+from observer_rt.config.injector import StateConfig
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of
 from observer_rt.daemon.persistence.state_file import load_knowledge
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import RunError
 from tests.daemon.participants import until
 from tests.daemon.samples import some_knowledge
 
@@ -166,9 +166,3 @@ def test_nothing_is_kept_unasked(bench: Bench, tmp_path: Path, monkeypatch: pyte
     with keeper_of(bench, None, None, print) as keeper, keeper.keeping(some_knowledge):
         time.sleep(2 * INTERVAL)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_training_that_keeps_nothing_refuses(bench: Bench, tmp_path: Path) -> None:
-    paper = bench.with_sections(learning=LearningConfig(training=Training.PAPER, identification_gain=1e5))
-    with pytest.raises(UserError, match="keeps nothing"):
-        keeper_of(paper, tmp_path / "state.json", None, print).__enter__()

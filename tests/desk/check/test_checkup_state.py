@@ -63,17 +63,6 @@ def test_a_state_that_run_would_refuse(tmp_path: Path, place: str) -> None:
     assert of_state(tmp_path / place).level is Level.ERROR
 
 
-def test_a_training_that_keeps_no_state(tmp_path: Path) -> None:
-    bench = tmp_path / "bench.toml"
-    text = EXAMPLE_BENCH.read_text().replace(
-        'training = "prediction_error"', 'training = "paper"\nidentification_gain = 1e5'
-    )
-    bench.write_text(text)
-    finding = of_state(tmp_path / "state.json", bench)
-    assert finding.level is Level.ERROR
-    assert "keeps nothing" in finding.text
-
-
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
 @given(data=st.data())
 def test_check_foretells_what_becomes_of_a_damaged_state_and_leaves_it(

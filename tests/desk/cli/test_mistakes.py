@@ -45,7 +45,6 @@ END = ""
 """Where what is added has no place of its own."""
 FUEL = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = '
 RECORDING = '[recording]\nrail_pressure = { column = "p" }\nneedle_lift = { column = "x" }\nline_pressure = '
-PAPER = 'training = "paper"\nidentification_gain = '
 TWO = "[injectors.left.outputs]\nstatus_period_ms = 100\n[injectors.right.outputs]\nstatus_period_ms = 100\n"
 
 # what stands there, what stands there instead, and words that are said of it
@@ -140,12 +139,6 @@ MISTAKES = {
     "status too often": ("period_ms = 100", "period_ms = 0.1", "outputs.status_period_ms", "10 to 10000 ms"),
     "gap too long": ("event_gap_ms = 10", "event_gap_ms = 100", "learning.event_gap_ms", "2 to 50 ms"),
     "a choice that is none": ('"instant"', '"average"', "sampling.meaning", '"instant"', '"mean"'),
-    "training that is none": ("enabled = true", 'training = "papers"',
-        "learning.training", '"prediction_error"', '"paper"'),
-    "training without its gain": ("enabled = true", 'training = "paper"', "needs 'identification_gain'"),
-    "no gain": ("enabled = true", f"{PAPER}0", "learning.identification_gain", "a number above 0"),
-    "gain without its training": ("enabled = true", "identification_gain = 1e5",
-        "no effect with training = 'prediction_error'"),
     # results
     "unknown rates": ('"InjectionRate"', '"Rates"', "outputs.injection_rate", "InjectionRate"),
     "unknown summary": ("injector_id = 1", 'injection_summary = "X"', "outputs.injection_summary", "message X"),

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.scalars import NOZZLE
-from observer_rt.foundation.errors import UserError
 
 TERMS = """
 [[terms]]
@@ -85,12 +84,3 @@ def test_what_a_term_says_is_not_learned_again(injector: Path) -> None:
     )
     assert abs(with_terms) < 0.01
     assert without < -0.5 * SHARE_MISSING
-
-
-def test_the_papers_training_knows_no_terms(injector: Path, tmp_path: Path) -> None:
-    bench = tmp_path / "bench.toml"
-    ours, papers = 'training = "prediction_error"', 'training = "paper"\nidentification_gain = 1e5\n'
-    bench.write_text(EXAMPLE_BENCH.read_text().replace(ours, papers))
-    made = simulate(load_injector(), make_schedule([140e6], 1, 0.06, [1.1e-3]), 100e3)
-    with pytest.raises(UserError, match="knows no \\[\\[terms\\]\\]"):
-        evaluate(load_bench(bench, model=injector), [made.recording])

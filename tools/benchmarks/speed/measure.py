@@ -52,7 +52,6 @@ from tools.benchmarks.speed.sustained import (
     soak_table,
 )
 from tools.benchmarks.speed.traffic import SAMPLES, make_traffic
-from tools.benchmarks.speed.training import USUAL, TrainingTimes, measure_training
 
 SECONDS, QUICK_SECONDS = 600.0, 10.0
 ROUNDTRIP_SECONDS, QUICK_ROUNDTRIP_SECONDS = 50.0, 5.0
@@ -72,7 +71,6 @@ class Part(StrEnum):
     ROUNDTRIP = "roundtrip"
     SAMPLE = "sample"
     EVALUATE = "evaluate"
-    TRAINING = "training"
     STARTUP = "startup"
     SCALING = "scaling"
     INJECTORS = "injectors"
@@ -102,7 +100,6 @@ class Speed:
     roundtrip: RoundTrips | None = None
     sample: SampleTimes | None = None
     evaluate: EvaluateTimes | None = None
-    training: TrainingTimes | None = None
     startup: Startup | None = None
     scaling: tuple[ScalingRow, ...] = ()
     injectors: tuple[InjectorsRow, ...] = ()
@@ -121,7 +118,6 @@ def measure_speed(plan: SpeedPlan) -> Speed:
             Part.ROUNDTRIP: lambda: measure_roundtrips(folder, plan.roundtrip_seconds),
             Part.SAMPLE: lambda: measure_sample(folder),
             Part.EVALUATE: lambda: measure_evaluate(folder),
-            Part.TRAINING: lambda: measure_training(traffic),
             Part.STARTUP: lambda: measure_startup(folder),
             Part.SCALING: lambda: tuple(measure_scaling()),
             Part.INJECTORS: lambda: measure_injectors(folder, traffic, plan.injectors_seconds),
@@ -163,9 +159,6 @@ def figures(speed: Speed) -> list[Figure]:
     for source, bar in EVALUATE_BARS.items():
         name = f"evaluate_{source.replace(' ', '_')}_vs_core"
         add(name, speed.evaluate, lambda f, source=source: f.share(source), alone, at_least=bar)  # type: ignore[misc]
-    training, gradient = speed.training, "scipy BFGS, same gradient"
-    add("training_speedup_vs_scipy", training, lambda f: f.ratio, gradient, at_least=3.0)
-    add("training_exponent", training, lambda f: f.exponent, "1: linear in samples", at_most=1.1)
     add("ready_s", speed.startup, lambda f: f.ready_s, at_most=1.2)
     add("memory_mib", speed.startup, lambda f: f.memory_mib, at_most=180.0)
     add("samples_exponent", speed.scaling, exponent, "1: linear", at_most=1.1)
@@ -198,8 +191,6 @@ def shown(speed: Speed) -> Iterator[Shown]:
         yield f"{text}; the same rates to {times.largest_difference:.1e}"
     if speed.evaluate:
         yield _evaluate_table(speed.evaluate)
-    if speed.training:
-        yield from _training_shown(speed.training)
     if speed.startup:
         started = speed.startup
         yield f"start-up: {started.imports_s:.1f} s until its first word, {started.cpu_s:.1f} s of processor time"
@@ -229,7 +220,6 @@ def speed_document(speed: Speed) -> dict[str, Any]:
             "sustained": speed.sustained and speed.sustained.document(),
             "sample": speed.sample and asdict(speed.sample),
             "evaluate": speed.evaluate and asdict(speed.evaluate),
-            "training": speed.training and asdict(speed.training),
             "startup": speed.startup and asdict(speed.startup),
             "scaling": [asdict(row) for row in speed.scaling],
             "injectors": [asdict(row) for row in speed.injectors],
@@ -263,18 +253,6 @@ def _evaluate_table(times: EvaluateTimes) -> Table:
     columns = {"clock": "{[0].wall:.2f}", "of the core's speed": "{[1]!p:.0f} %"}
     columns |= {"processor": "{[0].processor:.2f}", "of the core's": "{[2]!p:.0f} %"}
     return table_of(title, "", rows, columns)
-
-
-def _training_shown(times: TrainingTimes) -> Iterator[Shown]:
-    rows = {str(samples): (ms, times.scipy[samples]) for samples, ms in times.ours.items()}
-    yield table_of("30 epochs, ms", "samples", rows, {"ours": "{[0]:.2f}", "scipy": "{[1]:.2f}"})
-    ours, theirs = times.costs
-    (values, gradients), (_, at_once) = times.evaluations
-    yield (
-        f"J of {USUAL} samples falls to {ours:.1e} and {theirs:.1e} of what it was, ours by {values} values and "
-        f"{gradients} gradients, scipy by {at_once} of both; an event of the default training takes "
-        f"{times.default_ms:.1f} ms"
-    )
 
 
 def save_histograms(speed: Speed, folder: Path) -> Path | None:
@@ -318,7 +296,7 @@ def _panel(axis: Axes, title: str, found: Mapping[str, Array]) -> None:
 
 
 @app.command(
-    epilog="Examples: tools/bench speed --figures build/speed; tools/bench speed --quick --only sample,training"
+    epilog="Examples: tools/bench speed --figures build/speed; tools/bench speed --quick --only sample,startup"
 )
 def speed(
     only: Annotated[str, typer.Option(help=f"Of {', '.join(Part)}, by commas (default: all).")] = "",
@@ -327,7 +305,7 @@ def speed(
     figures: Annotated[Path | None, typer.Option(help="Folder for the histogram of latencies.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """How fast, each beside a named peer: round trip, rate, a sample, training, start, scaling."""
+    """How fast, each beside a named peer: round trip, rate, a sample, start, scaling."""
     plan = SpeedPlan(
         tuple(map(Part, chosen_names(only, "--only", list(Part), list(Part)))),
         seconds or (QUICK_SECONDS if quick else SECONDS),

@@ -4,26 +4,27 @@ The paper's minimiser: BFGS on the inverse Hessian with an Armijo line search (1
 
 (17) is printed as the update of the Hessian but is, for the printed d and v, the DFP update of its inverse,
 while (16) divides by H. Here the BFGS update of the inverse is used.
-
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.paper.scheme import add_two_products
-from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.paper_scheme.network import (
+from observer_rt.desk.paper.scheme import (
     WEIGHTS,
+    EventPass,
+    FaultCost,
     FreeNetwork,
-    fault_cost,
+    PaperSetting,
+    design_vector,
     free_network,
     no_fault,
     scaled_identity,
+    swept,
 )
-from observer_rt.engine.paper_scheme.systems import EventPass, PaperSetting, design_vector, swept
+from observer_rt.engine.estimation.predictor import Window
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.network import constant_network
 
@@ -44,26 +45,21 @@ class Objective(Protocol):
         """Gradient (m,) of J at the theta whose value was asked for last."""
 
 
-@dataclass(frozen=True)
-class BfgsMinimum:
-    """Where the search ended. `decrement` is g' H^-1 g there: about twice what J could still fall."""
+class Minimum(NamedTuple):
+    """Where a search ended, after so many iterations."""
 
     theta: NDArray[np.float64]
     value: float
-    gradient: NDArray[np.float64]
     iterations: int
-    decrement: float
-    converged: bool
 
 
 def minimise(
     objective: Objective,
     start: NDArray[np.float64],
     inverse_hessian: NDArray[np.float64],
-    tolerance: float,
     max_iterations: int,
-) -> BfgsMinimum:
-    """Minimise from `start` (m,) with a first inverse Hessian (m, m), until the decrement is below `tolerance`.
+) -> Minimum:
+    """Minimise from `start` (m,) with a first inverse Hessian (m, m).
 
     The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
     lead downhill.
@@ -78,19 +74,15 @@ def minimise(
             inverse = inverse_hessian.copy()
             direction = -(inverse @ gradient)
             slope = float(gradient @ direction)
-        if 0.0 <= -slope <= tolerance:
-            return BfgsMinimum(theta, value, gradient, iteration, -slope, True)
         step = 0.0
         if slope < 0.0:  # or no number
             step, value = _armijo(objective, theta, value, direction, slope)
         if step == 0.0:
-            return BfgsMinimum(theta, value, gradient, iteration, -slope, False)
+            return Minimum(theta, value, iteration)
         before, theta = gradient, theta + step * direction
         gradient = objective.gradient(theta)
-        change = gradient - before
-        _update(inverse, step * direction, change)
-    decrement = float(gradient @ (inverse @ gradient))
-    return BfgsMinimum(theta, value, gradient, max_iterations, decrement, False)
+        _update(inverse, step * direction, gradient - before)
+    return Minimum(theta, value, max_iterations)
 
 
 def _armijo(
@@ -120,7 +112,7 @@ def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.
         return
     inverse_d = inverse @ d
     share = (1.0 + (d @ inverse_d) / curvature) / curvature
-    add_two_products(inverse, share * v - inverse_d / curvature, v, -v / curvature, inverse_d)
+    inverse += np.outer(share * v - inverse_d / curvature, v) + np.outer(-v / curvature, inverse_d)
 
 
 @dataclass(frozen=True)
@@ -165,8 +157,8 @@ def train(window: Window, setting: PaperSetting, weights: Weights) -> Trained:
     z is taken along x^, the target L l e~ from x~; both stay fixed while J is minimised (10).
     """
     seen = swept(window, setting, network_of(weights.in_force, setting))
-    cost = fault_cost(*training_data(window, seen, setting), setting.gain)
-    found = minimise(cost, weights.trained, np.eye(WEIGHTS) / GAMMA, tolerance=0.0, max_iterations=EPOCHS)
+    cost = FaultCost(*training_data(window, seen, setting), setting.gain)
+    found = minimise(cost, weights.trained, np.eye(WEIGHTS) / GAMMA, EPOCHS)
     return Trained(found.theta, cost.value(weights.trained), found.value, found.iterations)
 
 

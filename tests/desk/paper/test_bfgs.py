@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
 
-from observer_rt.engine.paper_scheme.training import BfgsMinimum, minimise
+from observer_rt.desk.paper.training import Minimum, minimise
 
 Vector = NDArray[np.float64]
 
@@ -32,8 +32,8 @@ class Function:
         return np.asarray(self._gradient(theta), np.float64)
 
 
-def found(function: Function, start: list[float], iterations: int = 500, first: float = 1.0) -> BfgsMinimum:
-    return minimise(function, np.array(start), first * np.eye(len(start)), 1e-14, iterations)
+def found(function: Function, start: list[float], iterations: int = 500, first: float = 1.0) -> Minimum:
+    return minimise(function, np.array(start), first * np.eye(len(start)), iterations)
 
 
 def quadratic(hessian: Vector, centre: Vector) -> Function:
@@ -79,40 +79,14 @@ def test_same_minimum_as_scipy(name: str) -> None:
         method="BFGS",
         options={"gtol": 1e-9},
     )
-    assert minimum.converged
     np.testing.assert_allclose(minimum.theta, reference.x, atol=2e-5)
     assert minimum.value == pytest.approx(reference.fun, abs=1e-10)
     assert minimum.value == function.value(minimum.theta)
 
 
-def test_started_from_the_inverse_hessian_a_quadratic_takes_one_step() -> None:
-    curvatures = [1e-3, 1.0, 10.0, 1e3]
-    hessian, inverse = rotated(curvatures), rotated([1 / c for c in curvatures])
-    centre = np.array([1.0, -2.0, 3.0, 0.5])
-    minimum = minimise(quadratic(hessian, centre), np.zeros(4), inverse, 1e-14, 10)
-    assert minimum.iterations == 1
-    np.testing.assert_allclose(minimum.theta, centre, rtol=1e-6)
-
-
 def test_at_the_minimum_nothing_moves() -> None:
     minimum = found(quadratic(np.eye(2), np.array([1.0, 2.0])), [1.0, 2.0])
-    assert minimum.converged
     assert minimum.iterations == 0
-    assert minimum.decrement == 0.0
-
-
-def test_decrement_foretells_what_is_left_to_gain() -> None:
-    """g' H^-1 g / 2 is the distance of a quadratic from its minimum."""
-    hessian = np.diag([2.0, 8.0])
-    minimum = minimise(quadratic(hessian, np.array([0.1, 0.1])), np.zeros(2), np.diag([0.5, 0.125]), 1.0, 10)
-    assert minimum.iterations == 0  # the tolerance is larger than the gain
-    assert minimum.decrement / 2 == pytest.approx(minimum.value)
-
-
-def test_too_few_iterations_are_not_convergence() -> None:
-    minimum = found(Function(rosen, rosen_der), [-1.2, 1.0], iterations=5)
-    assert not minimum.converged
-    assert minimum.iterations == 5
 
 
 def test_update_is_skipped_where_the_curvature_is_negative() -> None:
@@ -129,8 +103,7 @@ def test_update_is_skipped_where_the_curvature_is_negative() -> None:
 def test_inverse_that_leads_uphill_moves_nothing() -> None:
     """An inverse Hessian that is not positive definite, to which a reset does not help either."""
     function = quadratic(np.eye(2), np.zeros(2))
-    minimum = minimise(function, np.array([1.0, 1.0]), -np.eye(2), 1e-14, 100)
-    assert not minimum.converged
+    minimum = minimise(function, np.array([1.0, 1.0]), -np.eye(2), 100)
     np.testing.assert_array_equal(minimum.theta, [1.0, 1.0])
 
 
@@ -147,7 +120,6 @@ def test_gradient_that_is_no_number_for_once_is_survived() -> None:
 
     function = Function(exact.value, gradient)
     minimum = found(function, [1.0, 1.0])
-    assert not minimum.converged
     assert minimum.iterations == 2
     assert minimum.value == function.value(function.visited[2]) < function.value(function.visited[1])
 
@@ -155,7 +127,6 @@ def test_gradient_that_is_no_number_for_once_is_survived() -> None:
 def test_gradient_that_is_no_number_is_not_convergence() -> None:
     function = Function(lambda t: float(t @ t), lambda t: np.full(2, np.nan))
     minimum = found(function, [1.0, 1.0])
-    assert not minimum.converged
     np.testing.assert_array_equal(minimum.theta, [1.0, 1.0])
 
 
@@ -168,7 +139,6 @@ def test_search_stays_where_the_cost_is_finite() -> None:
     function = Function(cost, lambda t: 2 * (t - 3.0))
     minimum = found(function, [0.0], first=0.5)
     assert all(abs(theta[0]) <= 1.0 for theta in function.visited)
-    assert not minimum.converged
     assert 0.99 < minimum.theta[0] <= 1.0
     assert math.isfinite(minimum.value)
 
@@ -186,4 +156,4 @@ def test_every_step_goes_down(seed: int, first: float) -> None:
     minimum = found(function, list(random.normal(size=3)), iterations=300, first=first)
     values = [function.value(theta) for theta in function.visited]
     assert all(after < before for before, after in pairwise(values))
-    assert np.abs(minimum.gradient).max() < 1e-4
+    assert np.abs(4 * root.T @ (root @ minimum.theta) ** 3 + 2 * minimum.theta + linear).max() < 1e-4

@@ -10,12 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import rates_of_change
-from observer_rt.engine.paper_scheme.network import fault_cost, free_network, no_fault, scaled_identity
-from observer_rt.engine.paper_scheme.systems import swept
-from observer_rt.engine.paper_scheme.training import network_of
+from observer_rt.desk.paper.scheme import FaultCost, free_network, no_fault, scaled_identity, swept
+from observer_rt.desk.paper.training import network_of
 from observer_rt.model.network import constant_network
+from tests.desk.paper.conftest import GAIN, SAMPLE_RATE, Injection
 from tests.differences import differences
-from tests.engine.paper_scheme.conftest import GAIN, SAMPLE_RATE, Injection
 
 Vector = NDArray[np.float64]
 
@@ -108,7 +107,7 @@ def test_gradient_orders_w_by_rows(worn: Injection) -> None:
     z, target = random.normal(size=(40, 6)), random.normal(size=(40, 3))
     z[:, 5] = 1.0  # z = [x u 1]
     unit = 2.0
-    cost = fault_cost(z, target * unit, unit)
+    cost = FaultCost(z, target * unit, unit)
     p = scaled_identity(0.3) + 0.2 * random.normal(size=48)
 
     def printed_13(p: Vector) -> Vector:

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
+from observer_rt.desk.paper.scheme import PaperSetting
 from observer_rt.desk.paper.study import (
     injection_windows,
     inputs,
@@ -14,11 +15,10 @@ from observer_rt.desk.paper.study import (
     true_fault,
     true_states,
 )
+from observer_rt.desk.paper.training import paper_setting
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.paper_scheme.systems import PaperSetting
-from observer_rt.engine.paper_scheme.training import paper_setting
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import sized
 from observer_rt.model.stability import substeps_needed

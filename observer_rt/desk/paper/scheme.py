@@ -1,0 +1,190 @@
+"""The paper's scheme: three free rows phi = unit (W tanh(V z) + b), cost (10), gradient (13), its pair over an event.
+
+The pair is the identification system (5) and the observer (26).
+
+Erratum: (5) is printed with a minus, which with y - C x~ is positive feedback. Here
+
+    x~' = f(x~, u) + l C^T (y - C x~)        x^' = f(x^, u) + phi(x^, u)
+
+Erratum: (6) as printed uses x~' where Talebi's form has the derivative of the output error e = y - C x^, and so adds
+a pressure rate to a difference of model rates that it does not belong to. Exactly, and without a derivative,
+
+    eps = L (e~' + l e~ - C phi) ~ L l e~ - phi,    e~ = y - C x~,
+
+for which the gradient (13) is exact. L = [1 0 a6/a2]^T, the paper's [1 0 12]^T for the nominal injector: what the
+nozzle flow lacks is missed by line and sac in this ratio (27).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.model.laws import take_tanh
+from observer_rt.core.paper.scheme import sweep
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.effective import Coefficients
+from observer_rt.model.network import ARGUMENTS, HIDDEN, Network
+
+WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
+ROWS = 3  # m, one output for every state
+LANES = 8  # samples reckoned together
+WEIGHTS = HIDDEN * ARGUMENTS + ROWS * HIDDEN + ROWS
+
+_HIDDEN_END = HIDDEN * ARGUMENTS
+_OUTPUT_END = _HIDDEN_END + ROWS * HIDDEN
+
+
+class FreeNetwork(NamedTuple):
+    """Weights of (7)-(8): `hidden` V (5, 6), `output` W (3, 5), `bias` b (3,); `unit` [1/s] of the outputs.
+
+    The paper prints numbers without its unit of time. Here it is 1/l, in which the gain of (5) is 1 as printed, so
+    `unit` is the identification gain l.
+    """
+
+    hidden: NDArray[np.float64]
+    output: NDArray[np.float64]
+    bias: NDArray[np.float64]
+    unit: float
+
+
+def free_network(p: NDArray[np.float64], unit: float) -> FreeNetwork:
+    """The network of a parameter vector p = [v_1 .. v_q, row 1 of W .. row m of W, b] (48,).
+
+    (12) orders W by columns while the gradient (13) orders it by rows; rows are used here.
+    """
+    return FreeNetwork(
+        p[:_HIDDEN_END].reshape(HIDDEN, ARGUMENTS),
+        p[_HIDDEN_END:_OUTPUT_END].reshape(ROWS, HIDDEN),
+        p[_OUTPUT_END:],
+        unit,
+    )
+
+
+def scaled_identity(beta: float) -> NDArray[np.float64]:
+    """The start of Algorithm 1, V = W = b = beta I, as a vector p (48,).
+
+    None of the three is square: V and W get beta on their main diagonals and 0 elsewhere, so that hidden neuron i
+    sees argument z_i and output i sees neuron i; b gets beta in every row.
+    """
+    return np.concatenate(
+        [
+            beta * np.eye(HIDDEN, ARGUMENTS).ravel(),
+            beta * np.eye(ROWS, HIDDEN).ravel(),
+            np.full(ROWS, beta),
+        ]
+    )
+
+
+def no_fault() -> NDArray[np.float64]:
+    """The vector p (48,) of a network that says phi = 0."""
+    return np.zeros(WEIGHTS)
+
+
+class FaultCost:
+    """The cost (10) of a training as the minimiser wants it: the sum of eps'eps/2, eps = target - phi in its unit.
+
+    Sums go by lanes of eight samples: their order decides what thirty epochs come to.
+    """
+
+    def __init__(self, z: NDArray[np.float64], target: NDArray[np.float64], unit: float) -> None:
+        """Samples z: (n, 6) rows [x^ u 1]; target of phi: (n, 3) [1/s]; unit of the outputs [1/s]."""
+        spare = ((0, -len(z) % LANES), (0, 0))
+        self._z = np.ascontiguousarray(np.pad(z, spare).T)
+        self._target = np.ascontiguousarray(np.pad(target / unit, spare).T)
+        self._counts = np.arange(self._z.shape[1]) < len(z)
+
+    def value(self, p: NDArray[np.float64]) -> float:
+        """J at p (48,); inf where it is not finite."""
+        network = free_network(p, 1.0)
+        sigmas = network.hidden[:, :1] * self._z[0]
+        for j in range(1, ARGUMENTS):
+            sigmas += network.hidden[:, j : j + 1] * self._z[j]
+        take_tanh(sigmas)
+        phi = np.repeat(network.bias[:, np.newaxis], sigmas.shape[1], axis=1)
+        for neuron, sigma in enumerate(sigmas):
+            phi += network.output[:, neuron : neuron + 1] * sigma
+        self._sigmas, self._errors = sigmas, self._counts * (self._target - phi)
+        squares = (self._errors**2).reshape(ROWS, -1, LANES).swapaxes(0, 1)
+        total = 0.5 * float(_sums(squares.reshape(1, -1))[0])
+        return total if np.isfinite(total) else np.inf
+
+    def gradient(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Gradient (48,) of J at the p whose value was asked for last, in the order of `free_network`.
+
+        (13) prints the slope of sigma_i as (sigma_i + 1)^2 / exp(2 v_i z), which is 1 - sigma_i^2 of tanh (9).
+        """
+        network, sigmas, errors = free_network(p, 1.0), self._sigmas, self._errors
+        back = network.output[0][:, np.newaxis] * errors[0]
+        for row in range(1, ROWS):
+            back += network.output[row][:, np.newaxis] * errors[row]
+        back *= 1.0 - sigmas**2
+        by_hidden = _sums((back[:, np.newaxis] * self._z).reshape(HIDDEN * ARGUMENTS, -1))
+        by_output = _sums((errors[:, np.newaxis] * sigmas).reshape(ROWS * HIDDEN, -1))
+        return -np.concatenate([by_hidden, by_output, _sums(errors)])
+
+
+def _sums(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum (m,) over the samples of each row (m, n)."""
+    lanes = np.add.reduce(values.reshape(len(values), -1, LANES), axis=1)
+    return np.asarray(np.cumsum(lanes, axis=1)[:, -1])
+
+
+class PaperSetting(NamedTuple):
+    """Constants from event to event: sample interval [s], RK4 steps in it, model, gain l [1/s].
+
+    nominal: a network that says phi = 0, for f(x, u) itself.
+    """
+
+    interval: float
+    substeps: int
+    coefficients: Coefficients
+    nominal: Network
+    gain: float
+
+
+class EventPass(NamedTuple):
+    """One event swept once, n samples: x^ (n, 3), phi (n, 3) [1/s], Q_H^ (n,) [m3/s], e~ (n,) in units of p_0.
+
+    `driven` (n,): the samples at which x^ runs on phi; before the opening and with the needle long shut it is x~.
+    """
+
+    x: NDArray[np.float64]
+    phi: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    error: NDArray[np.float64]
+    driven: NDArray[np.bool_]
+
+
+def design_vector(c: Coefficients) -> NDArray[np.float64]:
+    """L = [1 0 a6/a2]^T (3,), which gives line and sac their share of the measured error."""
+    return np.array([1.0, 0.0, c.sac.a6 / c.line.a2_nozzle])
+
+
+def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventPass:
+    """One pass over an event (n samples) with fixed weights, into new memory."""
+    samples = window.output.shape[0]
+    result = EventPass(
+        x=np.zeros((samples, 3)),
+        phi=np.zeros((samples, 3)),
+        rate=np.zeros(samples),
+        error=np.zeros(samples),
+        driven=np.zeros(samples, np.bool_),
+    )
+    sweep(window, setting, network, result)
+    return result
+
+
+def check_gain(place: str, gain: float, c: Coefficients) -> None:
+    """Refuse a gain l [1/s] that cannot identify anything.
+
+    L l e~ is the fault through l s / (s^2 + l s + w^2), w the line mode: a high pass that only a gain well above w
+    moves out of the way. Raises `UserError` naming `place`.
+    """
+    if gain <= c.line.mode:
+        raise UserError(
+            place,
+            f"{gain:g} 1/s is not above the line's own {c.line.mode:.0f} rad/s: x~ would follow the fault",
+            f"sample at {WELL_ABOVE * c.line.mode:.2g} Hz or more",
+        )

@@ -1,1 +1,0 @@
-"""The paper's own scheme: free three-row phi, one-pass training; chosen at start."""

@@ -1,17 +1,18 @@
 """Opening of an injector's links, each as soon as its interface is there."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
+from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.bus.links.listening import first_heard
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.input_monitoring.arrivals import message_text
+from observer_rt.daemon.input_monitoring.arrivals import message_text, twins_of
 from observer_rt.daemon.input_monitoring.input_watch import REMEDY
 from observer_rt.engine.reports.news import Listener, Notice
 from observer_rt.engine.words import Topic
@@ -59,7 +60,9 @@ class LinkOpening:
         with ExitStack() as stack, suppress(LinkDownError):  # which the daemon waits for
             links = {}
             for number in {layout.bus for layout in self.bus.sent}:
-                links[number] = stack.enter_context(self._when_there(number, _own(self.bus, number), False))
+                links[number] = stack.enter_context(
+                    self._when_there(number, _on(number, self.bus.sent), False)
+                )
             if heard := first_heard(links, self.stop):
                 on, frame = heard
                 name = next(
@@ -97,9 +100,9 @@ def buses_of(bus: BusMap) -> frozenset[int]:
 
 
 def _wanted_on(bus: BusMap, number: int) -> list[tuple[int, bool]]:
-    """(identifier, is extended) to be read from a bus: the inputs, and what nobody else should send."""
-    return list(dict.fromkeys([*bus.received_on(number), *_own(bus, number)]))
+    """(identifier, is extended) to be read from a bus: the inputs, also mistaken ones, and what nobody else sends."""
+    return list(dict.fromkeys([*bus.received_on(number), *_on(number, (*bus.sent, *twins_of(bus)))]))
 
 
-def _own(bus: BusMap, number: int) -> list[tuple[int, bool]]:
-    return [(layout.frame_id, layout.is_extended) for layout in bus.sent if layout.bus == number]
+def _on(number: int, layouts: Iterable[MessageLayout]) -> list[tuple[int, bool]]:
+    return [(layout.frame_id, layout.is_extended) for layout in layouts if layout.bus == number]

@@ -5,27 +5,10 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
-from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.parameters import InjectorParameters, Unit
 
 _OF_A_FINDING = frozenset({"effects", "terms", "remainder"})
 _OF_A_FIT = "baseline"
-_UNITS = {
-    "kg/m3": ("density_line", "density_nozzle"),
-    "Pa": ("bulk_modulus_line", "bulk_modulus_sac", "vapour_pressure", "pressure"),
-    "K": ("reference_temperature",),
-    "1/K": ("thermal_expansion",),
-    "Pa/K": ("bulk_modulus_slope",),
-    "m": ("length", "diameter", "max_lift", "hole_diameter"),
-    "m2": ("area",),
-    "m3": ("volume", "end_volume", "sac_volume"),
-    "m2/s": ("damping", "wall_viscosity"),
-    "m3/s": ("flow",),
-    "deg": ("cone_angle",),
-    "s": ("opening_delay", "closing_delay"),
-    "m/s": ("opening_speed", "closing_speed"),
-}
-UNIT_OF = {key: unit for unit, keys in _UNITS.items() for key in keys}
-"""Unit of a number in an injector file by its key; others have none."""
 
 
 def other_changes(before: InjectorParameters, after: InjectorParameters) -> tuple[str, ...]:
@@ -39,7 +22,7 @@ def parameter_changes(before: InjectorParameters, after: InjectorParameters) -> 
 
 
 def _in_section(prefix: str, before: BaseModel, after: BaseModel) -> Iterator[str]:
-    for key in type(before).model_fields:
+    for key, field in type(before).model_fields.items():
         old, new = getattr(before, key), getattr(after, key)
         if old == new or key in _OF_A_FINDING:
             continue
@@ -48,16 +31,16 @@ def _in_section(prefix: str, before: BaseModel, after: BaseModel) -> Iterator[st
         elif isinstance(old, BaseModel):
             yield from _in_section(f"{prefix}{key}.", old, new)
         else:
-            yield f"{prefix}{key} {_shown(key, old)} -> {_shown(key, new)}"
+            unit = next((each for each in field.metadata if isinstance(each, Unit)), "")
+            yield f"{prefix}{key} {_shown(old, unit)} -> {_shown(new, unit)}"
 
 
-def _shown(key: str, value: object) -> str:
+def _shown(value: object, unit: str) -> str:
     if value is None:
         return "(left out)"
     if not isinstance(value, float):
         return str(value)
-    unit = UNIT_OF.get(key)
-    return f"{value:.12g} {unit}" if unit else f"{value:.12g}"
+    return f"{value:.12g} {unit}".rstrip()
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,10 @@ HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
 SMALLEST_FACTOR = 0.3  # of density or bulk modulus: beyond it the law no longer describes a fuel
 
 
+class Unit(str):
+    """Unit of a parameter, among the annotations of its field."""
+
+
 class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -49,30 +53,30 @@ class LineOutflow(StrEnum):
 
 
 class Fluid(_Section):
-    density_line: Positive  # rho_L, kg/m3
-    density_nozzle: Positive  # rho_C, kg/m3
-    bulk_modulus_line: Positive  # K_L, Pa
-    bulk_modulus_sac: Positive  # K_C, Pa
-    vapour_pressure: NonNegative  # p_v, Pa
+    density_line: Annotated[Positive, Unit("kg/m3")]  # rho_L
+    density_nozzle: Annotated[Positive, Unit("kg/m3")]  # rho_C
+    bulk_modulus_line: Annotated[Positive, Unit("Pa")]  # K_L
+    bulk_modulus_sac: Annotated[Positive, Unit("Pa")]  # K_C
+    vapour_pressure: Annotated[NonNegative, Unit("Pa")]  # p_v
     # of a bench that measures the fuel's temperature; laws in `model.fuel`
-    reference_temperature: Temperature | None = None  # T_0 at which the values above hold, K
-    thermal_expansion: Annotated[float, Field(ge=0, le=2e-3)] = 7e-4  # alpha, 1/K
-    bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0)] = -7e6  # dK/dT, Pa/K
+    reference_temperature: Annotated[Temperature | None, Unit("K")] = None  # T_0 of the values above
+    thermal_expansion: Annotated[float, Field(ge=0, le=2e-3), Unit("1/K")] = 7e-4  # alpha
+    bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0), Unit("Pa/K")] = -7e6  # dK/dT
 
 
 class LineParameters(_Section):
-    length: Positive  # L_L, m
-    diameter: Positive  # m
-    volume: Positive  # V_L, m3
+    length: Annotated[Positive, Unit("m")]  # L_L
+    diameter: Annotated[Positive, Unit("m")]
+    volume: Annotated[Positive, Unit("m3")]  # V_L
     loss_factor: NonNegative  # xi, -
     model: Annotated[str, AfterValidator(known_line)] = "lump"  # a name of `model.line`
     # of a line in which pressure travels, see `line.wave`
     cells: Annotated[int, Field(ge=FEWEST_CELLS, le=MOST_CELLS)] | None = (
         None  # by sound speed where left out
     )
-    damping: NonNegative | None = None  # nu, m2/s
-    end_volume: NonNegative | None = None  # of the injector's body, beyond the pipe's end, m3
-    wall_viscosity: NonNegative | None = None  # nu_w of the friction that remembers, m2/s
+    damping: Annotated[NonNegative | None, Unit("m2/s")] = None  # nu
+    end_volume: Annotated[NonNegative | None, Unit("m3")] = None  # of the injector's body
+    wall_viscosity: Annotated[NonNegative | None, Unit("m2/s")] = None  # nu_w of the friction that remembers
     inlet_loss_factor: NonNegative | None = None  # xi_I of a throttle between rail and line, -
     impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's part over the rail's
     impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = (
@@ -87,16 +91,16 @@ class LineParameters(_Section):
 
 class SeatParameters(_Section):
     flow_coefficient: Positive  # alpha_S, -
-    diameter: Positive  # d_S, m
-    cone_angle: Annotated[float, Field(gt=0, lt=180)]  # full angle, deg
-    max_lift: Positive  # m
+    diameter: Annotated[Positive, Unit("m")]  # d_S
+    cone_angle: Annotated[float, Field(gt=0, lt=180), Unit("deg")]  # full angle
+    max_lift: Annotated[Positive, Unit("m")]
 
 
 class NozzleParameters(_Section):
     flow_coefficient: Positive  # alpha_H, -
     holes: Annotated[int, Field(ge=1)]
-    hole_diameter: Positive  # m
-    sac_volume: Positive  # V_S, m3
+    hole_diameter: Annotated[Positive, Unit("m")]
+    sac_volume: Annotated[Positive, Unit("m3")]  # V_S
 
     @property
     def area(self) -> float:
@@ -105,22 +109,22 @@ class NozzleParameters(_Section):
 
 
 class Chamber(_Section):
-    pressure: NonNegative  # p_C, Pa
+    pressure: Annotated[NonNegative, Unit("Pa")]  # p_C
 
 
 class Scaling(_Section):
-    pressure: Positive = 1.0e8  # p_0, Pa
-    flow: Positive = 6.0e-5  # Q_0, m3/s
-    area: Positive = 7.0e-7  # A_0, m2
+    pressure: Annotated[Positive, Unit("Pa")] = 1.0e8  # p_0
+    flow: Annotated[Positive, Unit("m3/s")] = 6.0e-5  # Q_0
+    area: Annotated[Positive, Unit("m2")] = 7.0e-7  # A_0
 
 
 class Needle(_Section):
     """Energizing time -> lift, for simulation only."""
 
-    opening_delay: NonNegative  # s
-    opening_speed: Positive  # m/s at 100 MPa, ~ rail pressure ^ 0.4
-    closing_delay: NonNegative  # s
-    closing_speed: Positive  # m/s at 100 MPa, ~ rail pressure ^ 0.3
+    opening_delay: Annotated[NonNegative, Unit("s")]
+    opening_speed: Annotated[Positive, Unit("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.4
+    closing_delay: Annotated[NonNegative, Unit("s")]
+    closing_speed: Annotated[Positive, Unit("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.3
 
 
 class EffectValue(_Section):

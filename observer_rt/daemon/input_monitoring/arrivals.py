@@ -1,8 +1,9 @@
 """Arrivals of frames, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
@@ -40,7 +41,9 @@ class Arrivals:
 
     def __init__(self, bus: BusMap) -> None:
         self.sources = sources_of(bus)
-        self._heard = {_key(layout): Heard(0, 0) for layout in (*bus.received, *bus.sent)}
+        self.watched = (*bus.received, *bus.sent, *twins_of(bus))
+        """Messages whose frames are counted."""
+        self._heard = {_key(layout): Heard(0, 0) for layout in self.watched}
         inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` reports
         self._own = tuple(
             (layout, self._heard[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs
@@ -71,6 +74,11 @@ class Arrivals:
     def heard_of(self, source: WatchedMessage) -> Heard:
         """Arrivals of an input message."""
         return self._heard[_key(source.layout)]
+
+    def has_twin(self, source: WatchedMessage) -> bool:
+        """Whether frames came with its number only as an identifier of the other size, 11 bits or 29."""
+        twin = self._heard.get(_key(_twin(source.layout)))
+        return twin is not None and twin.frames > self.heard_of(source).frames == 0
 
     @property
     def frames(self) -> int:
@@ -160,6 +168,17 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
         )
         for layout, roles in carried.items()
     )
+
+
+def twins_of(bus: BusMap) -> list[MessageLayout]:
+    """The inputs as messages with identifiers of the other size, 11 bits or 29, unless these are known as such."""
+    known = {_key(layout) for layout in (*bus.received, *bus.sent)}
+    twins = (_twin(layout) for layout in bus.received if layout.frame_id <= STANDARD_MASK)
+    return [twin for twin in twins if _key(twin) not in known]
+
+
+def _twin(layout: MessageLayout) -> MessageLayout:
+    return replace(layout, is_extended=not layout.is_extended)
 
 
 def message_text(bus: BusMap, layout: MessageLayout) -> str:

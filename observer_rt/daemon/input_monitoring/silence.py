@@ -73,6 +73,14 @@ class SilenceWatch:
             self._back_at = 0
         for source in new:
             self._silent[source] = arrivals.heard_of(source).last
+        for source in filter(arrivals.has_twin, new):
+            wrong, right = (11, 29) if source.layout.is_extended else (29, 11)
+            yield (
+                f"{source.text}: its frames come with an identifier of {wrong} bits, the database says {right}\n"
+                "  remedy: correct the identifier in the database, or in the device that sends it",
+                False,
+            )
+        new = [source for source in new if not arrivals.has_twin(source)]
         sampled = [source for source in arrivals.sources if source.streams]
         if new and all(source in self._silent for source in sampled):
             self._together = {source for source in sampled if source in new}

@@ -190,9 +190,8 @@ class FramePump:
         self._arrivals = arrivals
         self._on_unsent = on_unsent
         self._on_thread = on_thread
-        self._layouts = (*bus.received, *bus.sent)
         self._rate = bus.rate.layout if bus.rate else None
-        self._pump = make_pump(len(links), self._layouts, self._rate)
+        self._pump = make_pump(len(links), arrivals.watched, self._rate)
         self._compiled = PumpLoop(*self._pump)
         self._errors_read = [0] * len(links)
         self._unsent = 0
@@ -343,7 +342,7 @@ class FramePump:
     def _note_what_came(self) -> None:
         """Takes over arrivals, error frames, lost frames and results given up, as the loop has counted them."""
         pump = self._pump
-        for layout, arrival in zip(self._layouts, pump.arrivals, strict=True):
+        for layout, arrival in zip(self._arrivals.watched, pump.arrivals, strict=True):
             self._arrivals.set(layout, int(arrival["frames"]), int(arrival["last"]))
         for number, link in self._ends.items():
             state = pump.buses[number]

@@ -104,6 +104,14 @@ def test_a_message_that_never_comes(watched: Watched) -> None:
     assert told.startswith(f"{LIFT}: no frame since the start 2.0 s ago\n  remedy: ")
 
 
+def test_a_message_that_comes_with_an_identifier_of_the_other_size(watched: Watched) -> None:
+    frames = [frame._replace(is_extended=frame.frame_id == LIFT_ID) for frame in watched.frames]
+    (told,) = watched.tells(frames)
+    assert told.startswith(
+        f"{LIFT}: its frames come with an identifier of 29 bits, the database says 11\n  remedy: "
+    )
+
+
 def test_a_message_that_stays_away_for_a_while(watched: Watched) -> None:
     def is_heard(frame: TimedFrame) -> bool:
         return frame.frame_id != LIFT_ID or not 1e9 < frame.stamp_ns < 3.5e9

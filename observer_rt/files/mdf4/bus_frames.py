@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, EXTENDED_MASK, STANDARD_MASK, length_of
 from observer_rt.files.canlog.can_log import NANOSECONDS
 from observer_rt.files.mdf4.can_log import CHANNEL_NAME, DATA, MAX_LENGTH, RECORD
-from observer_rt.files.mdf4.opening import opened, refuse_outside
+from observer_rt.files.mdf4.opening import opened, record_size, refuse_outside, stored_bytes, stored_records
 
 ERROR, REMOTE = "CAN_ErrorFrame", "CAN_RemoteFrame"
 EXTENDED_BIT = 31  # of identifiers, where a logger stores no IDE
 LOCAL_TIME = 0x1  # of the flags of the start
 RECORDS_AT_ONCE = 50_000
-_ANY_SIZE = 1 << 62  # bytes
 _LARGEST_NUMBER = 0xFFFF_FFFF
 _LARGEST_TIME = np.iinfo(np.int64).max
 _LENGTH_OF_CODE = np.array([length_of(code) for code in range(16)])
@@ -99,10 +98,7 @@ def _contradictions(file: MDF, groups: list["_Frames"]) -> Iterator[str]:
     uncounted = missing = 0
     for each in groups:
         group = file.groups[each.number]
-        if not group.data_group.record_id_len:
-            there = _stored(file, group.data_group.data_block_addr) // _record_size(group)
-        else:
-            there = sum(block.original_size for block in group.data_blocks) // _record_size(group)
+        there = stored_records(file, group)
         uncounted += max(0, there - each.stamps.size)
         missing += max(0, int(group.channel_group.cycles_nr) - there)
     if uncounted:
@@ -112,34 +108,16 @@ def _contradictions(file: MDF, groups: list["_Frames"]) -> Iterator[str]:
     mixed = {group.data_group.data_block_addr for group in file.groups if group.data_group.record_id_len}
     for address in mixed - {0}:
         members = [group for group in file.groups if group.data_group.data_block_addr == address]
-        lost = _stored(file, address) - sum(map(_sorted, members))
+        lost = stored_bytes(file, address) - sum(map(_sorted, members))
         if lost:
             yield f"{lost} of its bytes are not of whole records: its end is missing, or it is damaged"
-
-
-def _record_size(group: Any) -> int:
-    invalidation = 0 if group.uses_ld else group.channel_group.invalidation_bytes_nr
-    return max(1, int(group.channel_group.samples_byte_nr + invalidation))
-
-
-def _stored(file: MDF, address: int) -> int:
-    """Bytes of data at an address, unpacked."""
-    mdf = file._mdf
-    blocks = mdf._get_data_blocks_info(
-        address=address,
-        stream=mdf._file,
-        mapped=mdf._mapped,
-        total_size=_ANY_SIZE,
-        inval_total_size=_ANY_SIZE,
-    )
-    return sum(block.original_size for block in blocks)
 
 
 def _sorted(group: Any) -> int:
     """Bytes that asammdf took for a group from data of several groups, ids and data of variable length included."""
     id_size = int(group.data_group.record_id_len)
     size = sum(block.original_size for block in group.data_blocks)
-    records = size // _record_size(group)
+    records = size // record_size(group)
     variable = [sum(block.original_size for block in blocks) for blocks in group.signal_data if blocks]
     return int(size + id_size * records + sum(variable) + id_size * records * len(variable))
 

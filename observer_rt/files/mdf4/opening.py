@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from asammdf import MDF
 from asammdf.blocks.utils import MdfException
@@ -31,6 +32,7 @@ DAMAGE = (  # the ways in which asammdf fails on a damaged file
     AttributeError,
 )
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
+_ANY_SIZE = 1 << 62  # bytes
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
@@ -82,3 +84,33 @@ def refuse_outside(file: MDF, group: int) -> None:
         end = channel.byte_offset + (channel.bit_offset + channel.bit_count + 7) // 8
         if end > record:
             raise ValueError(f"{channel.name} reaches to byte {end} of records of {record}")
+
+
+def record_size(group: Any) -> int:
+    """Bytes of a record, at least 1."""
+    invalidation = 0 if group.uses_ld else group.channel_group.invalidation_bytes_nr
+    return max(1, int(group.channel_group.samples_byte_nr + invalidation))
+
+
+def stored_records(file: MDF, group: Any) -> int:
+    """Number of records that the data of a group hold, stated or not; as stated where nothing is stored of them."""
+    if not group.channel_group.samples_byte_nr:
+        return int(group.channel_group.cycles_nr)
+    if group.data_group.record_id_len:
+        size = sum(block.original_size for block in group.get_data_blocks())
+    else:
+        size = stored_bytes(file, group.data_group.data_block_addr)
+    return int(size // record_size(group))
+
+
+def stored_bytes(file: MDF, address: int) -> int:
+    """Bytes of data at an address, unpacked; asammdf passes over what is behind the records stated."""
+    mdf = file._mdf
+    blocks = mdf._get_data_blocks_info(
+        address=address,
+        stream=mdf._file,
+        mapped=mdf._mapped,
+        total_size=_ANY_SIZE,
+        inval_total_size=_ANY_SIZE,
+    )
+    return sum(block.original_size for block in blocks)

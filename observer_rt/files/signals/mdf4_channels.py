@@ -12,11 +12,11 @@ import numpy as np
 from asammdf import MDF, Signal
 from numpy.typing import NDArray
 
-from observer_rt.files.mdf4.opening import damage_told, opened, refuse_outside
+from observer_rt.files.mdf4.opening import damage_told, opened, refuse_outside, stored_records
+from observer_rt.files.mdf4.reader_process import MAGICS
 
 _HEAD = struct.Struct("<4s4xQQ")  # of a block: its kind, length, number of links
 _CYCLES = struct.Struct("<8xQ")  # of a group's heading, behind its links
-_FINALISED = b"MDF     "
 
 
 def channels(path: Path) -> Iterator[list[Any]]:
@@ -25,7 +25,8 @@ def channels(path: Path) -> Iterator[list[Any]]:
     """
     with opened(path) as file, damage_told(path):
         surplus = {
-            group: _stored(file, group) - _stated(path, file, group) for group in range(len(file.groups))
+            number: stored_records(file, group) - _stated(path, group)
+            for number, group in enumerate(file.groups)
         }
         for name, places in file.channels_db.items():
             for group, index in places:
@@ -43,7 +44,7 @@ def parts(
     """
     with opened(path) as file, damage_told(path):
         refuse_outside(file, group)
-        samples = min(file.groups[group].channel_group.cycles_nr, _stored(file, group))
+        samples = min(file.groups[group].channel_group.cycles_nr, stored_records(file, file.groups[group]))
         for first in range(0, samples, at_once):
             count = min(at_once, samples - first)
             found = {
@@ -60,25 +61,11 @@ def parts(
             yield {"time": next(iter(found.values())).timestamps.astype(np.float64), **columns}
 
 
-def _stored(file: MDF, group: int) -> int:
-    """Number of samples that the data of a group hold."""
-    heading = file.groups[group].channel_group
-    size = heading.samples_byte_nr + heading.invalidation_bytes_nr
-    stored = sum(block.original_size for block in file.groups[group].get_data_blocks())
-    data = file.groups[group].data_group
-    if data.data_block_addr and not data.record_id_len:
-        with Path(file.name).open("rb") as raw:  # asammdf passes over what is behind the samples stated
-            raw.seek(data.data_block_addr)
-            kind, length, _ = _HEAD.unpack(raw.read(_HEAD.size))
-        stored = max(stored, length - _HEAD.size) if kind == b"##DT" else stored
-    return int(stored // size) if size else int(heading.cycles_nr)
-
-
-def _stated(path: Path, file: MDF, group: int) -> int:
+def _stated(path: Path, group: Any) -> int:
     """Number of samples by the heading in the file; of one that is not finalised, or without, that of asammdf."""
-    heading = file.groups[group].channel_group
+    heading = group.channel_group
     with path.open("rb") as raw:
-        if raw.read(len(_FINALISED)) != _FINALISED or not heading.address:
+        if raw.read(len(MAGICS[0])) != MAGICS[0] or not heading.address:
             return int(heading.cycles_nr)
         raw.seek(heading.address)
         _, _, links = _HEAD.unpack(raw.read(_HEAD.size))

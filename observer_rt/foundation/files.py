@@ -1,5 +1,6 @@
-"""Files: failures as those a user can meet, hashes, HTML pages from templates."""
+"""Files: failures as those a user can meet, hashes, encodings, HTML pages from templates."""
 
+import codecs
 import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -45,3 +46,14 @@ def templates_of(package: str) -> "Environment":
     )
     templates.globals["version"] = __version__
     return templates
+
+
+def encoding_of(begin: bytes) -> str:
+    """Encoding of a text by its beginning: its byte order mark, else UTF-8 where it is that, else cp1252."""
+    if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8-sig")().decode(begin)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"

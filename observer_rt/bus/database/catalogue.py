@@ -3,7 +3,6 @@
 Files are read here: what cantools refuses is refused with file, line and reason, or read leniently.
 """
 
-import codecs
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
 from observer_rt.bus.database.lookup import SEVERAL_SCALES, find_message
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import encoding_of
 
 _KEPT = 16  # databases
 _LENIENT = "or read it all the same: lenient = true in its [[dbc]], or --lenient"
@@ -33,7 +33,6 @@ _MESSAGE = re.compile(r"message (\w+)\W*$")
 _OF_SIGNAL = re.compile(r"unused \w+ entries in DBC: (\w+ \d+ \w+)")
 _NOT_READ = ("expected database format", "Only SYM version 6.0")
 _DBC, _ARXML = ".dbc", ".arxml"
-_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads DBF, XLS, older SYM and some FIBEX"
 
 _EXTENDED = 1 << 31  # of an identifier in a DBC file
@@ -117,13 +116,9 @@ def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Data
 
 
 def _text_of(path: Path) -> str:
-    """The text of a database, which may not state its encoding: UTF-8 or UTF-16 where it is that, else cp1252."""
+    """The text of a database, which may not state its encoding."""
     content = path.read_bytes()
-    try:
-        text = content.decode("utf-16" if content.startswith(_UTF_16) else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("cp1252", errors="replace")
-    return re.sub("\r\n?", "\n", text)
+    return re.sub("\r\n?", "\n", content.decode(encoding_of(content), errors="replace"))
 
 
 def _readable(scaling: re.Match[str]) -> str:

@@ -125,6 +125,11 @@ def grid_samples(bus: BusMap, number: int) -> int:
     return int(bus.inputs.messages[number]["samples"]) * int(message_timing(bus, number)["steps"])
 
 
+def block_samples(bus: BusMap) -> int:
+    """Number of samples that fill frames of every input message."""
+    return math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+
+
 class Framer:
     """Turns recordings into frames; its counters and sample index go on from one recording to the next."""
 
@@ -140,7 +145,7 @@ class Framer:
         The index then begins a frame of every message, so that no frame sent before reaches into it.
         """
         before = self.next_index
-        block = math.lcm(*(grid_samples(self._bus, n) for n in range(len(self._bus.input_layouts))))
+        block = block_samples(self._bus)
         self.next_index = -(-(before + samples) // block) * block
         for number in range(len(self._counters)):
             if (

@@ -15,6 +15,7 @@ from observer_rt.files.replay.framing import (
     Framer,
     Span,
     TimedFrame,
+    block_samples,
     grid_samples,
     whole,
     windows_of,
@@ -56,7 +57,7 @@ class RecordingPart:
         """
         self._stream, self._bus = stream, bus
         self._first, self._last = _between(stream, start, stop)
-        self._block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+        self._block = block_samples(bus)
         self._spans = [Span(0, self.samples)]
         if windowed:
             self._spans = _of_whole_frames(windows_of(self._chunks()), self._block, self.samples)
@@ -201,7 +202,7 @@ class Device:
 
     def __init__(self, bus: BusMap) -> None:
         self._framer = Framer(bus)
-        self.block = math.lcm(*(grid_samples(bus, number) for number in range(len(bus.input_layouts))))
+        self.block = block_samples(bus)
         """Number of samples that fill frames of every message."""
         self._layouts = bus.input_layouts
         # of the input messages

@@ -12,7 +12,7 @@ from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.calendar import Calendar, calendar_of
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
 from observer_rt.files.signals.table import OPTIONAL, TIME, Heading
-from observer_rt.files.signals.text_file import encoding_of, opened_text
+from observer_rt.files.signals.text_file import encoding_of_file, opened_text
 from observer_rt.foundation.errors import UserError, hint
 
 _MARKS = "|nan|-nan|na|n/a|<na>|#n/a|#na|null|none|-|--|---|1.#ind|-1.#ind|1.#qnan|-1.#qnan"
@@ -88,7 +88,7 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
 
     is_own: the mapping is of our own layout. Raises `UserError` where no line has the names, or numbers there.
     """
-    encoding = encoding_of(path)
+    encoding = encoding_of_file(path)
     with opened_text(path, encoding) as file:
         lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
     if not any(line.strip() for line in lines):

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from observer_rt.files.signals.recording import roundest
 from observer_rt.files.signals.table import Values
 
 AGREES = 0.01  # relative, of the rate stated and that by the rounded stamps
 GAP = 1.5  # periods and steps of rounding from stamp to stamp, beyond which rows are missing
 _UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
-_MOST_DIGITS = 10
 _REPEATED = 0.1  # of the steps, beyond which stamps are rounded
 _BACK, _GAPS = 0.01, 0.1  # of the steps, that may step back, and be gaps
 
@@ -57,13 +57,7 @@ class Stamps:
 
     def rate(self, unit: float) -> float:
         """Rate [Hz] in a unit [s]: the roundest that the stamps allow, or the one of the roundest period."""
-        found = 1.0 / (self.period * unit)
-        tolerance = (_UNSEEN + self.rounding / self.period) / self.rows
-        for digits in range(1, _MOST_DIGITS):
-            for candidate in (float(f"{found:.{digits - 1}e}"), 1.0 / float(f"{1.0 / found:.{digits - 1}e}")):
-                if abs(candidate / found - 1.0) <= tolerance:
-                    return candidate
-        return found
+        return roundest(1.0 / (self.period * unit), (_UNSEEN + self.rounding / self.period) / self.rows)
 
 
 def stamps_of(values: Values) -> Stamps | None:

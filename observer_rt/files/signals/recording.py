@@ -100,11 +100,7 @@ class TimeGrid:
         rate = (self.samples - 1) / span
         stamp_error = self._farthest()[1] + 2.0 * float(np.spacing(max(abs(self._begin), abs(self._last))))
         margin = 2.0 * stamp_error / span
-        for digits in range(1, MAX_SIGNIFICANT_DIGITS):
-            for candidate in (_rounded(rate, digits), 1.0 / _rounded(1.0 / rate, digits)):
-                if abs(candidate / rate - 1.0) <= margin:
-                    return candidate
-        return rate
+        return roundest(rate, margin)
 
     def _farthest(self) -> tuple[int, float]:
         """The row that lies farthest from the line through the first and the last stamp, and how far [s]."""
@@ -139,8 +135,13 @@ def _describe_step(before: float, after: float, period: float) -> str:
     return f"{kind}: step of {after - before:.6g} s after {before:.9g} s, elsewhere {period:.6g} s"
 
 
-def _rounded(value: float, significant_digits: int) -> float:
-    return float(f"{value:.{significant_digits - 1}e}")
+def roundest(rate: float, margin: float) -> float:
+    """The rate, or the inverse of a period, of fewest significant digits that is as near as a relative margin."""
+    for digits in range(MAX_SIGNIFICANT_DIGITS - 1):
+        for candidate in (float(f"{rate:.{digits}e}"), 1.0 / float(f"{1.0 / rate:.{digits}e}")):
+            if abs(candidate / rate - 1.0) <= margin:
+                return candidate
+    return rate
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,5 @@
 """Text files of recordings, plain or packed with gzip: encoding, lines, end."""
 
-import codecs
 import gzip
 import zlib
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from typing import BinaryIO, TextIO, cast
 
 from observer_rt.foundation.console import PACKED
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import encoding_of
 
 _HEAD = 1 << 16  # bytes that tell the encoding
 
@@ -38,17 +38,10 @@ def opened_text(path: Path, encoding: str) -> Iterator[TextIO]:
         yield text
 
 
-def encoding_of(path: Path) -> str:
-    """Encoding of a file by its byte order mark, else UTF-8 unless it is none."""
+def encoding_of_file(path: Path) -> str:
+    """Encoding of a file by its beginning."""
     with opened_bytes(path) as file:
-        begin = file.read(_HEAD)
-    if begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    try:
-        codecs.getincrementaldecoder("utf-8-sig")().decode(begin)
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8-sig"
+        return encoding_of(file.read(_HEAD))
 
 
 def tail_of(path: Path, size: int) -> bytes:

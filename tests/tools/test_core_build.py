@@ -181,3 +181,4 @@ def test_a_wheel_observes_in_an_environment_without_compiler(tmp_path: Path) -> 
     assert (tmp_path / "rates.png").exists()
     where = run([str(python), "-c", "import observer_rt.core; print(observer_rt.core.__file__)"], cwd=empty)
     assert where.startswith(str(fresh))
+    assert (Path(where.strip()).parent / "frames" / "frames.pyi").is_file()

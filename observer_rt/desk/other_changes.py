@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
-from observer_rt.model.parameters import InjectorParameters, Unit
+from observer_rt.model.parameters import InjectorParameters, UnitName
 
 _OF_A_FINDING = frozenset({"effects", "terms", "remainder"})
 _OF_A_FIT = "baseline"
@@ -31,7 +31,7 @@ def _in_section(prefix: str, before: BaseModel, after: BaseModel) -> Iterator[st
         elif isinstance(old, BaseModel):
             yield from _in_section(f"{prefix}{key}.", old, new)
         else:
-            unit = next((each for each in field.metadata if isinstance(each, Unit)), "")
+            unit = next((each for each in field.metadata if isinstance(each, UnitName)), "")
             yield f"{prefix}{key} {_shown(old, unit)} -> {_shown(new, unit)}"
 
 

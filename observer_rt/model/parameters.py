@@ -37,7 +37,7 @@ HIGHEST_TEMPERATURE = 423.15  # K, 150 degC: above it no feed line is run
 SMALLEST_FACTOR = 0.3  # of density or bulk modulus: beyond it the law no longer describes a fuel
 
 
-class Unit(str):
+class UnitName(str):
     """Unit of a parameter, among the annotations of its field."""
 
 
@@ -53,30 +53,32 @@ class LineOutflow(StrEnum):
 
 
 class Fluid(_Section):
-    density_line: Annotated[Positive, Unit("kg/m3")]  # rho_L
-    density_nozzle: Annotated[Positive, Unit("kg/m3")]  # rho_C
-    bulk_modulus_line: Annotated[Positive, Unit("Pa")]  # K_L
-    bulk_modulus_sac: Annotated[Positive, Unit("Pa")]  # K_C
-    vapour_pressure: Annotated[NonNegative, Unit("Pa")]  # p_v
+    density_line: Annotated[Positive, UnitName("kg/m3")]  # rho_L
+    density_nozzle: Annotated[Positive, UnitName("kg/m3")]  # rho_C
+    bulk_modulus_line: Annotated[Positive, UnitName("Pa")]  # K_L
+    bulk_modulus_sac: Annotated[Positive, UnitName("Pa")]  # K_C
+    vapour_pressure: Annotated[NonNegative, UnitName("Pa")]  # p_v
     # of a bench that measures the fuel's temperature; laws in `model.fuel`
-    reference_temperature: Annotated[Temperature | None, Unit("K")] = None  # T_0 of the values above
-    thermal_expansion: Annotated[float, Field(ge=0, le=2e-3), Unit("1/K")] = 7e-4  # alpha
-    bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0), Unit("Pa/K")] = -7e6  # dK/dT
+    reference_temperature: Annotated[Temperature | None, UnitName("K")] = None  # T_0 of the values above
+    thermal_expansion: Annotated[float, Field(ge=0, le=2e-3), UnitName("1/K")] = 7e-4  # alpha
+    bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0), UnitName("Pa/K")] = -7e6  # dK/dT
 
 
 class LineParameters(_Section):
-    length: Annotated[Positive, Unit("m")]  # L_L
-    diameter: Annotated[Positive, Unit("m")]
-    volume: Annotated[Positive, Unit("m3")]  # V_L
+    length: Annotated[Positive, UnitName("m")]  # L_L
+    diameter: Annotated[Positive, UnitName("m")]
+    volume: Annotated[Positive, UnitName("m3")]  # V_L
     loss_factor: NonNegative  # xi, -
     model: Annotated[str, AfterValidator(known_line)] = "lump"  # a name of `model.line`
     # of a line in which pressure travels, see `line.wave`
     cells: Annotated[int, Field(ge=FEWEST_CELLS, le=MOST_CELLS)] | None = (
         None  # by sound speed where left out
     )
-    damping: Annotated[NonNegative | None, Unit("m2/s")] = None  # nu
-    end_volume: Annotated[NonNegative | None, Unit("m3")] = None  # of the injector's body
-    wall_viscosity: Annotated[NonNegative | None, Unit("m2/s")] = None  # nu_w of the friction that remembers
+    damping: Annotated[NonNegative | None, UnitName("m2/s")] = None  # nu
+    end_volume: Annotated[NonNegative | None, UnitName("m3")] = None  # of the injector's body
+    wall_viscosity: Annotated[NonNegative | None, UnitName("m2/s")] = (
+        None  # nu_w of the friction that remembers
+    )
     inlet_loss_factor: NonNegative | None = None  # xi_I of a throttle between rail and line, -
     impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's part over the rail's
     impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = (
@@ -91,16 +93,16 @@ class LineParameters(_Section):
 
 class SeatParameters(_Section):
     flow_coefficient: Positive  # alpha_S, -
-    diameter: Annotated[Positive, Unit("m")]  # d_S
-    cone_angle: Annotated[float, Field(gt=0, lt=180), Unit("deg")]  # full angle
-    max_lift: Annotated[Positive, Unit("m")]
+    diameter: Annotated[Positive, UnitName("m")]  # d_S
+    cone_angle: Annotated[float, Field(gt=0, lt=180), UnitName("deg")]  # full angle
+    max_lift: Annotated[Positive, UnitName("m")]
 
 
 class NozzleParameters(_Section):
     flow_coefficient: Positive  # alpha_H, -
     holes: Annotated[int, Field(ge=1)]
-    hole_diameter: Annotated[Positive, Unit("m")]
-    sac_volume: Annotated[Positive, Unit("m3")]  # V_S
+    hole_diameter: Annotated[Positive, UnitName("m")]
+    sac_volume: Annotated[Positive, UnitName("m3")]  # V_S
 
     @property
     def area(self) -> float:
@@ -109,22 +111,22 @@ class NozzleParameters(_Section):
 
 
 class Chamber(_Section):
-    pressure: Annotated[NonNegative, Unit("Pa")]  # p_C
+    pressure: Annotated[NonNegative, UnitName("Pa")]  # p_C
 
 
 class Scaling(_Section):
-    pressure: Annotated[Positive, Unit("Pa")] = 1.0e8  # p_0
-    flow: Annotated[Positive, Unit("m3/s")] = 6.0e-5  # Q_0
-    area: Annotated[Positive, Unit("m2")] = 7.0e-7  # A_0
+    pressure: Annotated[Positive, UnitName("Pa")] = 1.0e8  # p_0
+    flow: Annotated[Positive, UnitName("m3/s")] = 6.0e-5  # Q_0
+    area: Annotated[Positive, UnitName("m2")] = 7.0e-7  # A_0
 
 
 class Needle(_Section):
     """Energizing time -> lift, for simulation only."""
 
-    opening_delay: Annotated[NonNegative, Unit("s")]
-    opening_speed: Annotated[Positive, Unit("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.4
-    closing_delay: Annotated[NonNegative, Unit("s")]
-    closing_speed: Annotated[Positive, Unit("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.3
+    opening_delay: Annotated[NonNegative, UnitName("s")]
+    opening_speed: Annotated[Positive, UnitName("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.4
+    closing_delay: Annotated[NonNegative, UnitName("s")]
+    closing_speed: Annotated[Positive, UnitName("m/s")]  # at 100 MPa, ~ rail pressure ^ 0.3
 
 
 class EffectValue(_Section):

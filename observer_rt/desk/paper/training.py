@@ -45,7 +45,7 @@ class Objective(Protocol):
         """Gradient (m,) of J at the theta whose value was asked for last."""
 
 
-class Minimum(NamedTuple):
+class SearchEnd(NamedTuple):
     """Where a search ended, after so many iterations."""
 
     theta: NDArray[np.float64]
@@ -58,7 +58,7 @@ def minimise(
     start: NDArray[np.float64],
     inverse_hessian: NDArray[np.float64],
     max_iterations: int,
-) -> Minimum:
+) -> SearchEnd:
     """Minimise from `start` (m,) with a first inverse Hessian (m, m).
 
     The update is skipped unless d'v > 0, and the inverse is reset to the first one when its direction does not
@@ -78,11 +78,11 @@ def minimise(
         if slope < 0.0:  # or no number
             step, value = _armijo(objective, theta, value, direction, slope)
         if step == 0.0:
-            return Minimum(theta, value, iteration)
+            return SearchEnd(theta, value, iteration)
         before, theta = gradient, theta + step * direction
         gradient = objective.gradient(theta)
         _update(inverse, step * direction, gradient - before)
-    return Minimum(theta, value, max_iterations)
+    return SearchEnd(theta, value, max_iterations)
 
 
 def _armijo(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
 
-from observer_rt.desk.paper.training import Minimum, minimise
+from observer_rt.desk.paper.training import SearchEnd, minimise
 
 Vector = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class Function:
         return np.asarray(self._gradient(theta), np.float64)
 
 
-def found(function: Function, start: list[float], iterations: int = 500, first: float = 1.0) -> Minimum:
+def found(function: Function, start: list[float], iterations: int = 500, first: float = 1.0) -> SearchEnd:
     return minimise(function, np.array(start), first * np.eye(len(start)), iterations)
 
 

@@ -76,9 +76,7 @@ class LineParameters(_Section):
     )
     damping: Annotated[NonNegative | None, UnitName("m2/s")] = None  # nu
     end_volume: Annotated[NonNegative | None, UnitName("m3")] = None  # of the injector's body
-    wall_viscosity: Annotated[NonNegative | None, UnitName("m2/s")] = (
-        None  # nu_w of the friction that remembers
-    )
+    wall_viscosity: Annotated[NonNegative | None, UnitName("m2/s")] = None  # nu_w, of friction that remembers
     inlet_loss_factor: NonNegative | None = None  # xi_I of a throttle between rail and line, -
     impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's part over the rail's
     impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = (

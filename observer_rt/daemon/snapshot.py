@@ -24,7 +24,7 @@ _LINE = 1 << 20  # bytes of an answer's line
 _FLOAT = np.dtype("<f4")
 
 
-class Level(StrEnum):
+class StatusLevel(StrEnum):
     """Whether a state is well: results can be valid; it may become so; something is wrong."""
 
     GOOD = "good"
@@ -67,7 +67,7 @@ class StatusLine:
     """A line that says more of a daemon."""
 
     text: str
-    level: Level = Level.GOOD
+    level: StatusLevel = StatusLevel.GOOD
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Status:
     state: str
     reasons: tuple[str, ...]
     words: str
-    level: Level
+    level: StatusLevel
     model: str
     lost: int = 0
     faults: tuple[Fault, ...] = ()

@@ -25,10 +25,10 @@ from observer_rt.daemon.snapshot import (
     WITH_CURVES,
     BusStatus,
     Fault,
-    Level,
     ShownInjection,
     Snapshot,
     Status,
+    StatusLevel,
     StatusLine,
 )
 from observer_rt.daemon.status_lines import StatusLines, inputs_of, lateness
@@ -178,7 +178,7 @@ class SnapshotKeeper:
         daemon = self._daemon
         if daemon is None:
             notices = () if self._notice is None else (self._notice,)
-            lines = tuple(StatusLine(each.what, Level.BAD) for each in notices)
+            lines = tuple(StatusLine(each.what, StatusLevel.BAD) for each in notices)
             return replace(self._of_state(time.time_ns(), State.STARTING, (), notices), lines=lines)
         now = time.monotonic_ns()
         ahead = time.time_ns() - now  # of the computer's clock before the monotonic one
@@ -198,11 +198,11 @@ class SnapshotKeeper:
     def _of_state(
         self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]
     ) -> Status:
-        level = Level.BAD
+        level = StatusLevel.BAD
         if state in (State.STARTING, State.WAITING_FOR_DATA):  # a fault once it lasts
-            level = Level.WAITING
+            level = StatusLevel.WAITING
         elif is_good(state):
-            level = Level.GOOD if not reasons or reasons[0] is Reason.JUMPED else Level.WAITING
+            level = StatusLevel.GOOD if not reasons or reasons[0] is Reason.JUMPED else StatusLevel.WAITING
         words = named(reasons[0]) if reasons else STATES[state].what
         names = tuple(reason.name for reason in reasons)
         return Status(self._run, moment, state.name, names, words, level, self._model, faults=faults)

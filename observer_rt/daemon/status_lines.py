@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from observer_rt.bus.alignment.timekeeping import LARGEST_DRIFT, MessageTiming
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.snapshot import InputStatus, Level, StatusLine
+from observer_rt.daemon.snapshot import InputStatus, StatusLevel, StatusLine
 from observer_rt.engine.service.learners import noise_text
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND, ZERO_CELSIUS
 
@@ -55,7 +55,7 @@ class StatusLines:
         """Its lines at a monotonic time [ns]."""
         if daemon.arrivals.is_contested(now):
             text = f"another node sends our results: {daemon.arrivals.foreign_frames} frames"
-            yield StatusLine(text, Level.BAD)
+            yield StatusLine(text, StatusLevel.BAD)
         yield from _links(daemon)
         yield from _figures(daemon)
         white = daemon.core.standstill.noise
@@ -73,7 +73,7 @@ def _links(daemon: Daemon) -> Iterator[StatusLine]:
             yield StatusLine(
                 f"{port.label} {condition}, stamps by {port.link.stamp_source}; lost here {port.link.dropped}, "
                 f"unsent {port.unsent}, outages {port.troubles}",
-                Level.BAD if port.is_in_trouble else Level.GOOD,
+                StatusLevel.BAD if port.is_in_trouble else StatusLevel.GOOD,
             )
 
 
@@ -100,7 +100,9 @@ def _figures(daemon: Daemon) -> Iterator[StatusLine]:
     yield StatusLine(learned)
     if core.optional.energizing is not None:
         is_odd = core.optional.energizing.missing > 0 or core.optional.energizing.uncommanded > 0
-        yield StatusLine(core.optional.energizing.as_text(), Level.WAITING if is_odd else Level.GOOD)
+        yield StatusLine(
+            core.optional.energizing.as_text(), StatusLevel.WAITING if is_odd else StatusLevel.GOOD
+        )
     if daemon.failed_writes:
         text = f"{daemon.failed_writes} failed writes of learned state, journal or log, which says why"
-        yield StatusLine(text, Level.BAD)
+        yield StatusLine(text, StatusLevel.BAD)

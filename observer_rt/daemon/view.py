@@ -13,7 +13,7 @@ from rich.text import Text
 
 from observer_rt.daemon.input_monitoring.arrivals import age_text
 from observer_rt.daemon.shown_injections import HEADING, LOWEST, curves, injections
-from observer_rt.daemon.snapshot import Level, Snapshot, Status
+from observer_rt.daemon.snapshot import Snapshot, Status, StatusLevel
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import STATES, is_good, named
 
@@ -23,7 +23,7 @@ BORDER = 3  # lines of the panel's border, and one to spare
 TABLE_SHARE = 0.3  # of the lines that curves and table have
 FEW_LINES = 30  # of a terminal, below which inputs that are well share a line
 FRAMES_PER_SECOND = 8
-_STYLES = {Level.GOOD: "dim", Level.WAITING: "yellow", Level.BAD: "bold red"}
+_STYLES = {StatusLevel.GOOD: "dim", StatusLevel.WAITING: "yellow", StatusLevel.BAD: "bold red"}
 
 
 class View:
@@ -68,7 +68,7 @@ def _heading(status: Status, width: int) -> Table:
     return grid
 
 
-def _line(text: str, level: Level = Level.GOOD) -> Text:
+def _line(text: str, level: StatusLevel = StatusLevel.GOOD) -> Text:
     return Text(text, _STYLES[level], no_wrap=True, overflow="ellipsis")
 
 
@@ -79,8 +79,8 @@ def _inputs(status: Status, height: int) -> list[Text]:
         return [_line(f" all inputs come, the oldest {age_text(max(ages))}{status.lateness}")]
     lines = []
     for each in inputs:
-        style = _STYLES[Level.BAD] if each.is_stale else ""
-        text = _line(f" {each.text} ", Level.BAD if each.is_stale else Level.GOOD)
+        style = _STYLES[StatusLevel.BAD] if each.is_stale else ""
+        text = _line(f" {each.text} ", StatusLevel.BAD if each.is_stale else StatusLevel.GOOD)
         text.append(age_text(math.nan if each.age is None else each.age), style)
         lines.append(text.append(each.lateness, "dim"))
     return lines

@@ -11,7 +11,7 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.control_socket import connected, control_socket, line_of, socket_places
-from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Level, Snapshot, read_snapshot
+from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Snapshot, StatusLevel, read_snapshot
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.news import MeasuredMass, Notice
@@ -125,13 +125,13 @@ def test_curves_are_kept_of_the_last_injections_only(path: Path) -> None:
 
 def test_a_silent_input_is_a_fault_of_its_message_with_its_remedy(path: Path) -> None:
     with observing(path, ScriptedLink(frames_of(path, worn_recording()))):
-        assert asked(path).status.level is Level.GOOD
+        assert asked(path).status.level is StatusLevel.GOOD
         until(lambda: "SampleBlock 0x100 (rail" in str(asked(path).status.faults))
         status = asked(path).status
     (fault,) = status.faults
     assert 1.0 < (time.time_ns() - fault.since) * 1e-9 < 60.0
     assert "cable" in fault.remedy
-    assert (status.state, status.level) == ("WAITING_FOR_DATA", Level.WAITING)
+    assert (status.state, status.level) == ("WAITING_FOR_DATA", StatusLevel.WAITING)
 
 
 def test_a_bus_that_is_down_says_why(path: Path) -> None:
@@ -152,7 +152,7 @@ def test_before_the_interface_is_there(path: Path) -> None:
     snapshots = SnapshotKeeper(bench, map_bus(bench))
     snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
     status = snapshots.snapshot().status
-    assert (status.state, status.level) == ("STARTING", Level.WAITING)
+    assert (status.state, status.level) == ("STARTING", StatusLevel.WAITING)
     assert [(each.what, each.remedy) for each in status.faults] == [
         ("waiting for the interface: can5 is away", "plug it in")
     ]

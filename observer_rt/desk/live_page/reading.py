@@ -16,9 +16,9 @@ from observer_rt.daemon.snapshot import (
     SNAPSHOT,
     BusStatus,
     Fault,
-    Level,
     ShownInjection,
     Status,
+    StatusLevel,
     read_snapshot,
 )
 from observer_rt.foundation.errors import ObserverError
@@ -39,7 +39,7 @@ class Seen:
     name: str
     state: str
     words: str
-    level: Level
+    level: StatusLevel
     faults: tuple[Fault, ...] = ()
     silent: bool = False
     lost: int = 0
@@ -103,12 +103,12 @@ class DaemonReader:
             return Seen(self.name, status.state, status.words, status.level, status.faults, lost=status.lost)
         since = self._begin if status is None else status.moment
         if status is None and not self._is_old(since):
-            return Seen(self.name, "no status yet", "nothing was heard of the observer", Level.WAITING)
+            return Seen(self.name, "no status yet", "nothing was heard of the observer", StatusLevel.WAITING)
         what, _, remedy = self._failure.partition("\n  remedy: ")
         silence = Fault(what or "the observer does not answer", since, remedy or self._start)
         lost = 0 if status is None else status.lost
         words = "all below is old"
-        return Seen(self.name, "OBSERVER SILENT", words, Level.BAD, (silence,), silent=True, lost=lost)
+        return Seen(self.name, "OBSERVER SILENT", words, StatusLevel.BAD, (silence,), silent=True, lost=lost)
 
     @staticmethod
     def _is_old(moment: int) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.control_socket import Message, control_socket, socket_places
-from observer_rt.daemon.snapshot import SNAPSHOT, BusStatus, Level, ShownInjection, Snapshot, Status
+from observer_rt.daemon.snapshot import SNAPSHOT, BusStatus, ShownInjection, Snapshot, Status, StatusLevel
 from observer_rt.desk.live_page.reading import Seen, Watching
 from tests.daemon.participants import bench_file, until
 from tests.desk.live_page.daemons import daemons_of
@@ -39,7 +39,7 @@ def said(
 
     def answer(_: Message) -> Iterator[bytes]:
         moment = time.time_ns() - round(age * 1e9)
-        status = Status(7, moment, "ADAPTED", (), "well", Level.GOOD, "injector.toml")
+        status = Status(7, moment, "ADAPTED", (), "well", StatusLevel.GOOD, "injector.toml")
         return Snapshot(Status(**{**vars(status), "buses": (BusStatus("can0", loads),)}), injections).pieces()
 
     return answer
@@ -57,7 +57,7 @@ def test_injections_of_a_daemon_that_is_started_anew_come_after_those_before(tmp
         for times in (1, 2):
             with daemons_of(path, frames):
                 until(lambda times=times: view.readers[0].count == 4 * times)  # type: ignore[misc]
-                until(lambda: first(view).level is Level.GOOD)
+                until(lambda: first(view).level is StatusLevel.GOOD)
             until(lambda: first(view).silent)
         (fault,) = first(view).faults
         assert f"start `observer-rt run --bench {path}`" in fault.remedy

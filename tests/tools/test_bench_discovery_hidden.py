@@ -1,7 +1,6 @@
 """What the discovery benchmark hides, and its oracle: blind, reproducible, true to the vocabulary, white."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,9 +8,19 @@ import pytest
 from observer_rt.model.effects import VOCABULARY
 from tests.plants.parameters import Faults
 from tests.plants.plant import record
-from tools.benchmarks.discovery.cases import GIVEN, benches, make_case, make_cases, measured_rate
-from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN, same_effect
+from tools.benchmarks.discovery.cases import HEALTHY, HiddenCase, nominal_benches, nominal_cases
+from tools.benchmarks.discovery.kinds import same_effect
 from tools.benchmarks.discovery.oracle import best_statistic, record_all, residuals, statistic
+from tools.benchmarks.discovery.rigs import GIVEN, measured_rate
+from tools.benchmarks.discovery.scoring import faults_of
+from tools.benchmarks.discovery.vocabulary import HIDDEN
+
+
+def drawn(name: str, with_rate: bool, count: int) -> list[HiddenCase]:
+    """Cases of one effect, or healthy ones."""
+    cases = nominal_cases([] if name == HEALTHY else [name], count, [with_rate], 1)
+    return [case for case in cases if case.name == name]
+
 
 NOTHING_TO_SEE = {"rail_pressure_skew"}  # where the rail is at rest
 
@@ -30,7 +39,7 @@ def test_every_effect_of_the_vocabulary_is_hidden_within_its_bounds() -> None:
 @pytest.mark.parametrize("name", [name for name, effect in HIDDEN.items() if effect.parameters])
 def test_sizes_are_log_uniform_with_both_signs_where_allowed(name: str) -> None:
     drawn = HIDDEN[name].parameters[0]
-    sizes = np.array([make_case(name, False, 1, n).values[0] for n in range(200)])
+    sizes = np.array([case.parts[0][1][0] for case in drawn(name, False, 200)])
     positive = sizes[sizes > 0.0]
     expected = np.sqrt(drawn.lowest * drawn.highest)
     spread = np.log(drawn.highest / drawn.lowest) / np.sqrt(12.0 * positive.size)
@@ -39,24 +48,22 @@ def test_sizes_are_log_uniform_with_both_signs_where_allowed(name: str) -> None:
     assert 0.35 < np.mean(sizes < 0.0) < 0.65 if drawn.most_negative else np.all(sizes > 0.0)
 
 
-def test_cases_are_even_reproducible_and_in_an_order_that_tells_nothing() -> None:
-    effects = tuple(HIDDEN)
-    few, many = (make_cases(effects, n, n, (False, True), 3) for n in (2 * len(effects), 80))
+def test_cases_are_even_and_reproducible() -> None:
+    effects, rates = tuple(HIDDEN), (False, True)
+    few, many = (nominal_cases(effects, n, rates, 3) for n in (2 * len(effects), 80))
     assert {c.label for c in few} < {c.label for c in many}
-    assert many == make_cases(effects, 80, 80, (False, True), 3)
-    assert not {c.label for c in many} & {c.label for c in make_cases(effects, 80, 80, (False, True), 4)}
-    assert [
-        sum(c.effect == e and c.with_rate is rate for c in few) for e in effects for rate in (False, True)
-    ] == [1] * 2 * len(effects)
-    assert sum(c.effect == HEALTHY and c.with_rate for c in few) == len(effects)
-    hidden = [c.effect == HEALTHY for c in many]
-    assert 50 < sum(a != b for a, b in pairwise(hidden)) < 110  # 80 of 160 at random
+    assert many == nominal_cases(effects, 80, rates, 3)
+    assert not {c.label for c in many} & {c.label for c in nominal_cases(effects, 80, rates, 4)}
+    assert [sum(c.name == e and c.with_rate is rate for c in few) for e in effects for rate in rates] == [
+        1
+    ] * 2 * len(effects)
+    assert sum(c.name == HEALTHY and c.with_rate for c in few) == len(effects)
 
 
 def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
     gains, noise = [], []
-    for number in range(12):
-        for bench in benches(make_case(HEALTHY, True, 1, number), GIVEN[1:2]):
+    for case in drawn(HEALTHY, True, 12):
+        for bench in nominal_benches(case, GIVEN[1:2]):
             outcome = record(bench)
             truth = outcome.truth.injection_rate
             measured = measured_rate(bench, outcome)
@@ -73,15 +80,15 @@ def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
     [HEALTHY, "lift_offset", "bulk_modulus", "line_pressure_sensor_lag", "channel_skew", "fuel_density"],
 )
 def test_oracle_is_white_with_the_true_effect(name: str, with_rate: bool) -> None:
-    case = make_case(name, with_rate, 1, 1)
-    recordings = [r for r, _ in record_all(benches(case, GIVEN), with_rate)]
-    values = residuals(recordings, case.faults)
+    case = drawn(name, with_rate, 2)[1]
+    recordings = [r for r, _ in record_all(nominal_benches(case, GIVEN), with_rate)]
+    values = residuals(recordings, faults_of(case))
     assert np.mean(values**2) == pytest.approx(1.0, abs=4.5 * np.sqrt(2.0 / values.size))
     assert abs(np.mean(values[1:] * values[:-1])) < 4.5 / np.sqrt(values.size)
 
 
 def test_oracle_gains_by_the_square_of_a_small_effect() -> None:
-    healthy = benches(make_case(HEALTHY, False, 1, 0), GIVEN)
+    healthy = nominal_benches(drawn(HEALTHY, False, 1)[0], GIVEN)
 
     def gain(size: float) -> float:
         faults = Faults(orifice_area=size)
@@ -93,11 +100,11 @@ def test_oracle_gains_by_the_square_of_a_small_effect() -> None:
 
 
 def test_rivals_of_an_exact_class_explain_alike_and_others_do_not() -> None:
-    case = next(c for n in range(20) if abs((c := make_case("bulk_modulus", False, 1, n)).values[0]) > 0.01)
-    recordings = [r for r, _ in record_all(benches(case, GIVEN[3:4]), with_rate=False)]
+    case = next(c for c in drawn("bulk_modulus", False, 20) if abs(c.parts[0][1][0]) > 0.01)
+    recordings = [r for r, _ in record_all(nominal_benches(case, GIVEN[3:4]), with_rate=False)]
     true, same, other = (best_statistic(recordings, e) for e in ("bulk_modulus", "line_volume", "seat_area"))
     assert same_effect("bulk_modulus", "line_volume")
     assert not same_effect("bulk_modulus", "entrained_air")
     assert abs(true - same) < 0.1
     assert other - true > 50.0
-    assert true <= statistic(recordings, case.faults)
+    assert true <= statistic(recordings, faults_of(case))

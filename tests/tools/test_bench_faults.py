@@ -14,14 +14,14 @@ from observer_rt.files.replay.framing import Framer, whole
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import SIGNALS, Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.campaign import Found, Task
+from tools.benchmarks.campaign import Row, frame_of, judged, table
 from tools.benchmarks.faults import frames as frame_faults
+from tools.benchmarks.faults.command import BARS, COLUMNS
 from tools.benchmarks.faults.fault import Placed, Sent, Where
 from tools.benchmarks.faults.frames import with_frame_fault
 from tools.benchmarks.faults.player import Published, Summary
-from tools.benchmarks.faults.run import faults_document
-from tools.benchmarks.faults.scenario import Scenario, drawn, entries, tasks
-from tools.benchmarks.faults.score import FaultScore, score
+from tools.benchmarks.faults.scenario import Scenario, Task, drawn, entries, tasks
+from tools.benchmarks.faults.score import facts_of
 from tools.benchmarks.faults.table import TABLE
 
 BEGIN, END = 0.30, 0.40  # s
@@ -79,7 +79,7 @@ def test_every_reason_that_may_be_true_is_one_of_the_observer() -> None:
     assert {name for row in TABLE.values() for name in row.reasons} <= set(Reason.__members__)
 
 
-def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: float = 0.0) -> FaultScore:
+def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: float = 0.0) -> Row:
     """Of a publisher that is `factor` times right from the fault on."""
     time, truth = outcome.measured.time, outcome.truth.injection_rate
     rate = np.where(time >= BEGIN, factor, 1.0) * truth
@@ -91,27 +91,28 @@ def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: float =
         window = slice(opening[0], opening[1] + 50)
         mass = float(np.trapezoid(rate[window])) * 1e-5 * Injector().density
         published.summaries.append(Summary(int(opening[0]), bool(published.valid[opening[0]]), mass, "NONE"))
-    return score(scenario, outcome, published, Injector().density)
+    return facts_of(scenario, outcome, published)
 
 
 def test_right_is_right(outcome: Outcome) -> None:
     found = scored(outcome, 1.01)
-    assert (found.wrong, found.found_after) == (0, None)
-    assert (found.recovered_after, found.free_valid) == (1, found.free)
+    assert (found["wrong"], found["found_ms"], found["recovered_after"]) == (False, None, 1)
+    assert all(found["free_valid"])
 
 
 def test_wrong_while_valid_is_found_but_for_the_stated_time(outcome: Outcome) -> None:
     all_of_it, later = scored(outcome, 1.05), scored(outcome, 1.05, late=20e-3)
-    assert all_of_it.wrong_samples > later.wrong_samples > 0
-    assert later.late_samples == all_of_it.wrong_samples - later.wrong_samples
-    assert later.wrong_summaries == all_of_it.wrong_summaries > 0
+    assert all_of_it["wrong_samples"] > later["wrong_samples"] > 0
+    assert later["late_samples"] == all_of_it["wrong_samples"] - later["wrong_samples"]
+    assert later["wrong_summaries"] == all_of_it["wrong_summaries"] > 0
 
 
 def test_figures_are_of_all_scenarios(outcome: Outcome) -> None:
     refused = scored(outcome, 1.5, is_valid=False)
-    assert (refused.wrong, refused.recovered_after, refused.found_after) == (0, None, 0.0)
-    document = faults_document(Found((scored(outcome, 1.01), scored(outcome, 1.05), refused), ()))
-    figures = document["figures"]
-    assert (figures["scenarios"], figures["crashes"], figures["recovery_injections_max"]) == (3, 0, 1)
-    assert figures["wrong_valid_samples"] == scored(outcome, 1.05).wrong_samples
-    assert list(document["details"]["faults"]) == ["drift_line", "all"]
+    assert (refused["wrong"], refused["recovered_after"], refused["found_ms"]) == (False, None, 0.0)
+    frame = frame_of([scored(outcome, 1.01), scored(outcome, 1.05), refused])
+    verdict = judged(frame, BARS)
+    assert verdict.loc["wrong_valid_samples", "value"] == scored(outcome, 1.05)["wrong_samples"]
+    assert verdict.loc["recovery_injections_max", "value"] == 1
+    assert {"wrong_valid_samples", "wrong_summaries"} <= set(verdict.index[verdict["met"].eq(False)])
+    assert table(frame, "fault", COLUMNS).index.tolist() == ["drift_line", "all"]

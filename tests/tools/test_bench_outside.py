@@ -1,44 +1,37 @@
-"""What the benchmark outside the vocabulary makes of answers: its definitions by hand-made cases, and a run."""
+"""What the benchmark outside the vocabulary makes of answers: its definitions by hand-made cases, and a case run."""
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
-from observer_rt.config.bench import load_injector
+from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.files.formats import read_recording
 from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.search.search import representatives
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from tests.tools.discovery_stub import printed
-from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.cases import write_all
-from tools.benchmarks.discovery.outside.answers import (
+from tools.benchmarks.campaign import Row, frame_of, judged
+from tools.benchmarks.discovery.cases import Asked, HiddenCase, outside_benches, outside_cases
+from tools.benchmarks.discovery.discrepancies import Discrepancy
+from tools.benchmarks.discovery.outside import bars, facts_of, score_outside
+from tools.benchmarks.discovery.outside_answers import (
     Misfit,
     OutsideAnswer,
     Proposed,
-    ProposedTerm,
     misfit,
     taken,
     vocabulary_without,
 )
-from tools.benchmarks.discovery.outside.cases import Asked, OutsideCase, OutsidePlan, further_benches
-from tools.benchmarks.discovery.outside.result import OutsideResult, figures
-from tools.benchmarks.discovery.outside.run import run_outside, shown
-from tools.benchmarks.discovery.outside.tables import case_lines, json_document
-from tools.benchmarks.report import finite
+from tools.benchmarks.discovery.rigs import FURTHER, write_all
 
-LEAK = ProposedTerm("line_pressure", "sqrt(line_pressure - chamber_pressure)*closed", 2.0)
-GOOD = Proposed((LEAK,), (), True, Misfit(0.1, 0.2), "after")
-CASE = OutsideCase("0", Asked.OUTSIDE, "root_leakage", (2e-10,), True, None, 1)
+GOOD = Proposed(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2), "after")
+SEAT = replace(GOOD, equations=("needle_lift",))
 ANSWER = OutsideAnswer(
-    "0",
     "unknown",
     0.98,
     (),
@@ -52,144 +45,130 @@ ANSWER = OutsideAnswer(
     7.0,
     1.8,
 )
-RIGHT = OutsideResult(CASE, ANSWER)
 
 
-def proposing(result: OutsideResult, *proposals: Proposed) -> OutsideResult:
-    return replace(result, answer=replace(result.answer, proposals=proposals))
+def facts(
+    *proposals: Proposed,
+    asked: Asked = Asked.OUTSIDE,
+    name: str = "root_leakage",
+    with_rate: bool = True,
+    **changes: Any,
+) -> Row:
+    """Of a case, right unless told otherwise, with an answer."""
+    parts = () if asked is Asked.HEALTHY else ((name, (0.1,)),)
+    case = HiddenCase("0", asked, parts, with_rate, None, 1)
+    return facts_of(case, replace(ANSWER, proposals=proposals, **changes))
 
 
-def asked(
-    which: Asked, name: str, *proposals: Proposed, verdict: str, claims: tuple[str, ...]
-) -> OutsideResult:
-    return OutsideResult(
-        replace(CASE, asked=which, name=name),
-        replace(
-            ANSWER,
-            verdict=verdict,
-            claims=claims,
-            by_vocabulary=claims,
-            proposals=proposals,
-            named=Misfit(0.1, 0.1),
-        ),
-    )
-
-
-SEAT = replace(GOOD, terms=(replace(LEAK, equation="needle_lift"),))
-NAMED = asked(Asked.NAMED, "seat_area", verdict="named", claims=("seat_area",))
-LEFT_OUT = asked(Asked.LEFT_OUT, "seat_area", SEAT, verdict="unknown", claims=())
-HEALTHY = asked(Asked.HEALTHY, "healthy", verdict="none", claims=())
+def named(*names: str, asked: Asked = Asked.SINGLE, name: str = "seat_area", **changes: Any) -> Row:
+    """Of a case whose answer is a name."""
+    proposals = changes.pop("proposals", ())
+    said = {"verdict": "named", "claims": names, "by_vocabulary": names, "named": Misfit(0.1, 0.1), **changes}
+    return facts(*proposals, asked=asked, name=name, **said)
 
 
 def test_a_phase_is_right_where_the_law_acts() -> None:
-    elsewhere = proposing(RIGHT, replace(GOOD, phase="open"))
-    everywhere = replace(RIGHT, case=replace(CASE, name="laminar_friction"))
-    assert [one.right_phase for one in (RIGHT, elsewhere, everywhere, proposing(RIGHT))] == [
-        True,
-        False,
-        None,
-        None,
-    ]
+    assert facts(GOOD)["right_phase"] is True
+    assert facts(replace(GOOD, phase="open"))["right_phase"] is False
+    assert facts(GOOD, name="laminar_friction")["right_phase"] is None
+    assert facts()["right_phase"] is None
 
 
-def test_a_proposal_is_right_where_the_true_law_is_or_cannot_be_told_from_it() -> None:
-    assert RIGHT.right_equation
-    assert RIGHT.exact_equation
-    shut = proposing(RIGHT, SEAT)
-    assert not shut.right_equation  # a measured rate tells a leak from a needle that is not shut
-    assert replace(shut, case=replace(CASE, with_rate=False)).right_equation
-    assert not shut.exact_equation
-    both = proposing(RIGHT, replace(GOOD, terms=(LEAK, *SEAT.terms)))
-    assert (both.right_equation, both.exact_equation) == (False, True)
-    assert not proposing(RIGHT).right_equation
-    assert proposing(RIGHT, GOOD, SEAT).right_equation  # the first leads
-    beside = proposing(RIGHT, replace(GOOD, effects=("guide_leakage",)))
-    assert beside.right_equation
-    assert not proposing(RIGHT, replace(GOOD, effects=("seat_area",))).right_equation
+@pytest.mark.parametrize(
+    ("row", "right", "own"),
+    [
+        (facts(GOOD), True, True),
+        (facts(SEAT), False, False),  # a measured rate tells a leak from a needle that is not shut
+        (facts(SEAT, with_rate=False), True, False),
+        (facts(replace(GOOD, equations=("line_pressure", "needle_lift"))), False, True),
+        (facts(), False, False),
+        (facts(GOOD, SEAT), True, True),  # the first leads
+        (facts(replace(GOOD, effects=("guide_leakage",))), True, True),
+        (facts(replace(GOOD, effects=("seat_area",))), False, True),
+    ],
+)
+def test_a_proposal_is_right_where_the_true_law_is_or_cannot_be_told_from_it(
+    row: Row, right: bool, own: bool
+) -> None:
+    assert (row["right_equation"], row["own_equation"]) == (right, own)
 
 
-def test_gaps_are_halved_or_not_and_only_where_they_matter() -> None:
-    def with_gap(before: Misfit, after: Misfit) -> OutsideResult:
-        answer = replace(ANSWER, before=before, proposals=(replace(GOOD, misfit=after),))
-        return OutsideResult(CASE, answer)
-
-    assert (RIGHT.pressure_halved, RIGHT.mass_halved, RIGHT.accepted_worse) == (True, True, False)
-    assert with_gap(Misfit(1.0, 0.3), Misfit(0.51, 9.0)).mass_halved is None
-    assert not with_gap(Misfit(1.0, 0.3), Misfit(0.51, 9.0)).pressure_halved
-    assert with_gap(Misfit(1.0, 0.4), Misfit(0.5, 0.21)).mass_halved is False
-    fitted = with_gap(Misfit(1.0, 1.4), Misfit(0.5, 1.19))  # to a line that is 1 mg off by itself
-    assert fitted.mass_halved is False
-    assert replace(fitted, answer=replace(fitted.answer, own=Misfit(0.2, 1.0))).mass_halved
-    assert not with_gap(Misfit(1.0, 0.3), Misfit(0.5, 0.39)).accepted_worse
-    assert not with_gap(Misfit(1.0, 1.0), Misfit(0.5, 1.15)).accepted_worse
-    worse = with_gap(Misfit(1.0, 1.0), Misfit(0.5, 1.21))
-    assert worse.accepted_worse
-    refused = replace(worse.answer.proposals[0], may_enter=False)
-    assert not proposing(worse, refused).accepted_worse
-    assert with_gap(Misfit(1.0, 1.0), Misfit(math.inf, math.inf)).accepted_worse
-    by_name = asked(Asked.OUTSIDE, "root_leakage", verdict="named", claims=("guide_leakage",))
-    assert by_name.pressure_halved  # what is named is believed
-
-
-def test_names_are_wrong_when_sure_of_what_is_not_there() -> None:
-    assert not NAMED.wrong_and_sure
-    assert NAMED.rightly_named
-    assert not asked(Asked.NAMED, "seat_area", verdict="named", claims=("line_friction",)).rightly_named
-    assert replace(NAMED, answer=replace(NAMED.answer, verdict="unknown", claims=())).rightly_named
-    wrong = asked(Asked.OUTSIDE, "root_leakage", verdict="named", claims=("guide_leakage",))
-    assert wrong.wrong_and_sure
-    assert not replace(wrong, answer=replace(wrong.answer, confidence=0.89)).wrong_and_sure
-    assert not asked(Asked.NAMED, "seat_area", verdict="named", claims=("lift_gain",)).wrong_and_sure
-    assert asked(Asked.HEALTHY, "healthy", verdict="named", claims=("seat_area",)).wrong_and_sure
-    assert not asked(Asked.NAMED, "seat_area", verdict="ambiguous", claims=("line_friction",)).wrong_and_sure
+@pytest.mark.parametrize(
+    ("before", "after", "own_mg", "halved", "worse"),
+    [
+        ((1.0, 2.0), (0.1, 0.2), 0.0, (True, True), False),
+        ((1.0, 0.3), (0.51, 9.0), 0.0, (False, None), True),
+        ((1.0, 0.4), (0.5, 0.21), 0.0, (True, False), False),
+        ((1.0, 1.4), (0.5, 1.19), 0.0, (True, False), False),
+        ((1.0, 1.4), (0.5, 1.19), 1.0, (True, True), False),  # of a line that is 1 mg off by itself
+        ((1.0, 0.3), (0.5, 0.39), 0.0, (True, None), False),
+        ((1.0, 1.0), (0.5, 1.15), 0.0, (True, False), False),
+        ((1.0, 1.0), (0.5, 1.21), 0.0, (True, False), True),
+        ((1.0, 1.0), (math.inf, math.inf), 0.0, (False, False), True),
+    ],
+)
+def test_gaps_are_halved_or_not_and_only_where_they_matter(
+    before: tuple[float, float],
+    after: tuple[float, float],
+    own_mg: float,
+    halved: tuple[bool, bool | None],
+    worse: bool,
+) -> None:
+    proposal = replace(GOOD, misfit=Misfit(*after))
+    row = facts(proposal, before=Misfit(*before), own=Misfit(0.2, own_mg))
+    assert (row["pressure_halved"], row["mass_halved"], row["accepted_worse"]) == (*halved, worse)
+    refused = facts(replace(proposal, may_enter=False), before=Misfit(*before))
+    assert not refused["accepted_worse"]
 
 
-def test_what_has_lost_its_name_is_found_by_a_term_or_a_near_tie() -> None:
-    assert LEFT_OUT.as_good
-    assert not proposing(LEFT_OUT, GOOD).as_good
-    assert not proposing(LEFT_OUT, replace(SEAT, misfit=Misfit(0.6, 0.1))).as_good
-    assert asked(Asked.LEFT_OUT, "seat_area", verdict="named", claims=("lift_gain",)).as_good
-    assert not asked(Asked.LEFT_OUT, "seat_area", verdict="named", claims=("guide_leakage",)).as_good
-    assert not asked(Asked.LEFT_OUT, "seat_area", verdict="unknown", claims=()).as_good
+@pytest.mark.parametrize(
+    ("row", "wrong"),
+    [
+        (named("seat_area"), False),
+        (named("lift_gain"), False),  # a near tie
+        (named("guide_leakage", asked=Asked.OUTSIDE, name="root_leakage"), True),
+        (named("guide_leakage", asked=Asked.OUTSIDE, name="root_leakage", confidence=0.89), False),
+        (named("seat_area", asked=Asked.HEALTHY), True),
+        (named("line_friction", verdict="ambiguous"), False),
+    ],
+)
+def test_names_are_wrong_when_sure_of_what_is_not_there(row: Row, wrong: bool) -> None:
+    assert row["wrong_and_sure"] is wrong
+
+
+@pytest.mark.parametrize(
+    ("row", "good"),
+    [
+        (facts(SEAT, asked=Asked.LEFT_OUT, name="seat_area"), True),
+        (facts(GOOD, asked=Asked.LEFT_OUT, name="seat_area"), False),
+        (facts(replace(SEAT, misfit=Misfit(0.6, 0.1)), asked=Asked.LEFT_OUT, name="seat_area"), False),
+        (named("lift_gain", asked=Asked.LEFT_OUT), True),
+        (named("guide_leakage", asked=Asked.LEFT_OUT), False),
+        (facts(asked=Asked.LEFT_OUT, name="seat_area"), False),
+    ],
+)
+def test_what_has_lost_its_name_is_found_by_a_term_or_a_near_tie(row: Row, good: bool) -> None:
+    assert row["as_good"] is good
 
 
 def test_every_figure_has_a_bar_that_can_be_missed() -> None:
-    outside_library = replace(RIGHT, case=replace(CASE, name="relief_leakage"))
-    good = [RIGHT, outside_library, NAMED, LEFT_OUT, HEALTHY]
-    assert all(figure.is_met for figure in figures(good, "A"))
-    wrong = proposing(
-        RIGHT, replace(GOOD, terms=(ProposedTerm("stiffness", "1", 1.0),), misfit=Misfit(2.0, 3.0))
-    )
-    bad = [
-        wrong,
-        replace(wrong, case=outside_library.case),
-        proposing(NAMED, GOOD),
-        proposing(HEALTHY, GOOD),
-        proposing(LEFT_OUT),
-        asked(Asked.OUTSIDE, "root_leakage", verdict="named", claims=("guide_leakage",)),
-        replace(RIGHT, answer=replace(ANSWER, added_core_seconds=17.1)),
+    good = [
+        facts(GOOD),
+        facts(GOOD, name="relief_leakage"),
+        named("seat_area"),
+        named(asked=Asked.HEALTHY, verdict="none"),
     ]
-    found = figures([*good, *bad], "A")
-    assert not any(figure.is_met for figure in found)
-    assert figures([*good, *bad], "B")[-1].is_met
-    assert found[0].value == pytest.approx(2 / 4)
-    lines = case_lines([*good, *bad])
-    assert len(lines) == len(bad) - 1
-    assert lines[0].startswith(
-        "0 with rate outside: root_leakage 2e-10: unknown (line_pressure) (0.98), proposed stiffness: 1 1; "
-        "p_L 1.00 to 2.00 MPa, mass 2.00 to 3.00 mg; MASS WORSE"
-    )
-
-
-def test_json_has_every_figure_and_no_number_that_json_does_not_know() -> None:
-    lost = proposing(RIGHT, replace(GOOD, misfit=Misfit(math.inf, math.inf)))
-    document = json_document([RIGHT, lost, NAMED, HEALTHY], "A", ["x: failed"])
-    told = json.loads(json.dumps(finite(document), allow_nan=False))["figures"]
-    assert {figure.name for figure in figures([], "A")} <= set(told)
-    assert (told["cases"], told["pressure_halved_in_library"], told["left_out_as_good"]) == (4, 0.5, None)
-    assert "pressure_halved_in_library" in document["details"]["missed"]
-    assert document["details"]["kinds"]["outside"]["root_leakage"]["right_equation"] == 1.0
-    assert document["details"]["crashes"] == ["x: failed"]
+    good.append(facts(SEAT, asked=Asked.LEFT_OUT, name="seat_area"))
+    wrong = replace(GOOD, equations=("stiffness",), misfit=Misfit(2.0, 3.0))
+    bad = [facts(wrong), facts(wrong, name="relief_leakage"), facts(GOOD, asked=Asked.HEALTHY)]
+    bad.append(named("seat_area", proposals=(GOOD,)))
+    bad.append(facts(asked=Asked.LEFT_OUT, name="seat_area"))
+    bad.append(named("guide_leakage", asked=Asked.OUTSIDE, name="root_leakage", added_core_seconds=17.1))
+    assert judged(frame_of(good), bars("A"))["met"].isin([True, None]).all()
+    found = judged(frame_of([*good, *bad]), bars("A"))
+    assert not found["met"].any()
+    assert judged(frame_of([*good, *bad]), bars("B")).loc["added_core_seconds_max", "met"]
+    assert [bool(row["marks"]) for row in (*good, *bad)] == [False] * len(good) + [True] * len(bad)
 
 
 def test_a_vocabulary_without_a_name_has_it_again_afterwards() -> None:
@@ -201,8 +180,8 @@ def test_a_vocabulary_without_a_name_has_it_again_afterwards() -> None:
 
 
 def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_path: Path) -> None:
-    case = OutsideCase("0", Asked.NAMED, "orifice_area", (0.1,), False, None, 1)
-    files = write_all(further_benches(case)[:1], True, tmp_path)
+    case = HiddenCase("0", Asked.SINGLE, (("orifice_area", (0.1,)),), False, None, 1)
+    files = write_all(outside_benches(case, FURTHER, 0.0)[:1], True, tmp_path)
     further = measurements([read_recording(path) for path in files])
     nominal = effective_model(load_injector())
 
@@ -216,8 +195,11 @@ def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_p
             return effective_model(load_injector(), (sized("orifice_area", v_H=0.1),))
 
     (proposed,) = taken([cast(Proposal, Offered())], nominal, further)
-    assert proposed.terms == (ProposedTerm("nozzle_flow", "1", 0.1),)
-    assert (proposed.effects, proposed.phase) == (("line_friction",), "open")
+    assert (proposed.equations, proposed.effects, proposed.phase) == (
+        ("nozzle_flow",),
+        ("line_friction",),
+        "open",
+    )
     assert proposed.misfit.pressure_mpa < 0.05
     assert proposed.misfit.mass_mg < 0.1
     before = misfit(nominal, further)
@@ -225,22 +207,9 @@ def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_p
     assert before.mass_mg > 3.0
 
 
-@pytest.mark.slow
-def test_a_run_asks_once_and_tells_what_came_of_it(tmp_path: Path) -> None:
-    asking = Asking(OutsidePlan("A", 0, (False,), 1, names=("healthy", "stop_loss")), 1, tmp_path)
-    found = run_outside(asking)
-    assert found.crashes == ()
-    stop, healthy = sorted(found.results, key=lambda r: r.case.asked, reverse=True)
-    assert (healthy.case.asked, healthy.answer.verdict) == (Asked.HEALTHY, "none")
-    assert healthy.answer.before.pressure_mpa < 0.05
-    assert stop.case.name == "stop_loss"
-    assert stop.answer.before.mass_mg > 0.3
-    assert 0.0 < stop.added_seconds < stop.answer.seconds
-    assert stop.answer.added_core_seconds > 0.0
-    assert not [path for path in asking.hidden.iterdir() if path.is_dir()]
-    answers = (tmp_path / "answers.jsonl").read_text()
-    assert run_outside(asking) == found
-    assert (tmp_path / "answers.jsonl").read_text() == answers
-    told = printed(shown(found, "A"))
-    assert "stop_loss" in told
-    assert "right_equation_in_library" in told
+def test_a_law_without_a_name_is_recorded_asked_about_and_judged() -> None:
+    (case,) = outside_cases("A", 0, (False,), tuple(Discrepancy), 1, ("stop_loss",))
+    row = score_outside(case, NOMINAL_INJECTOR)
+    assert row["mass_before"] > 0.3
+    assert row["proposed"]
+    assert 0.0 < row["added_seconds"] < row["seconds"]

@@ -25,24 +25,18 @@ from tests.plants.plant import (
 )
 from tests.plants.wave import LINES, Variant, WaveLine, new_part
 from tests.tools.test_bench_real_line_plants import short
-from tools.benchmarks.discovery.cases import FURTHER, GIVEN
-from tools.benchmarks.discovery.hidden import HiddenKind, TermEquation
-from tools.benchmarks.discovery.outside.cases import (
-    INJECTIONS,
+from tools.benchmarks.discovery.cases import (
+    OUTSIDE_INJECTIONS,
     Asked,
-    OutsideCase,
-    OutsidePlan,
-    further_benches,
-    given_benches,
-    make_cases,
+    HiddenCase,
+    outside_benches,
+    outside_cases,
 )
-from tools.benchmarks.discovery.outside.kinds import (
-    KINDS,
-    NOT_IN,
-    VOCABULARY_KINDS,
-)
-from tools.benchmarks.discovery.real_line.cases import Rig
-from tools.benchmarks.discovery.real_line.hidden import OUTSIDE
+from tools.benchmarks.discovery.discrepancies import Discrepancy
+from tools.benchmarks.discovery.kinds import HiddenKind, TermEquation
+from tools.benchmarks.discovery.laws import KINDS, NOT_IN, VOCABULARY_KINDS
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig
+from tools.benchmarks.discovery.vocabulary import OUTSIDE
 
 PLANTS: dict[str, tuple[Injector, WaveLine | None]] = {
     "A": (Injector(), None),
@@ -134,8 +128,8 @@ def test_a_needle_that_is_not_shut_lets_through_what_the_seat_does(plant: str) -
     ("name", "shares"), [("coking_nozzle", [0.0, 1.0, 2.0, 3.0]), ("plugged_hole", [0.0, 1.0, 1.0, 1.0])]
 )
 def test_what_goes_by_the_number_of_an_injection_closes_the_nozzle(name: str, shares: list[float]) -> None:
-    case = OutsideCase("x", Asked.OUTSIDE, name, (0.1,), False, None, 5)
-    areas = [event.faults.orifice_area for event in given_benches(case)[0].events]
+    case = HiddenCase("x", Asked.OUTSIDE, ((name, (0.1,)),), False, None, 5)
+    areas = [event.faults.orifice_area for event in outside_benches(case, GIVEN)[0].events]
     assert areas == pytest.approx([-0.1 * share for share in shares])
 
 
@@ -150,31 +144,31 @@ def test_names_of_the_vocabulary_are_all_there_and_no_kind_has_one() -> None:
 
 
 def test_one_case_of_everything_or_so_many_in_their_shares() -> None:
-    all_kinds = make_cases(OutsidePlan("A", 0, (False, True), 3))
+    every, rates = tuple(Discrepancy), (False, True)
+    all_kinds = outside_cases("A", 0, rates, every, 3)
     counts = Counter((case.asked, case.name) for case in all_kinds)
     assert set(counts.values()) == {2}
     assert len(counts) == len(KINDS) + 2 * (len(VOCABULARY_KINDS) - len(NOT_IN["A"])) + 1
-    many = make_cases(OutsidePlan("B", 200, (False, True), 3))
+    many, few = (outside_cases("B", n, rates, every, 3) for n in (200, 100))
     assert Counter(case.asked for case in many) == {
-        Asked.OUTSIDE: 100, Asked.LEFT_OUT: 40, Asked.NAMED: 40, Asked.HEALTHY: 20,
+        Asked.OUTSIDE: 100, Asked.LEFT_OUT: 40, Asked.SINGLE: 40, Asked.HEALTHY: 20,
     }  # fmt: skip
-    assert many == make_cases(OutsidePlan("B", 200, (False, True), 3))
-    few = make_cases(OutsidePlan("B", 100, (False, True), 3))
+    assert many == outside_cases("B", 200, rates, every, 3)
     assert {case.label for case in few} < {case.label for case in many}
-    sizes = [case.values for case in many if case.name == "laminar_friction"]
+    sizes = [case.parts for case in many if case.name == "laminar_friction"]
     assert len(set(sizes)) == len(sizes) > 2
     assert len({case.rig for case in many}) == 14
-    (alone,) = make_cases(OutsidePlan("A", 0, (True,), 3, names=("stop_loss",)))
+    (alone,) = outside_cases("A", 0, (True,), every, 3, names=("stop_loss",))
     assert (alone.name, alone.with_rate, alone.rig) == ("stop_loss", True, None)
 
 
-@pytest.mark.parametrize("rig", [None, Rig(2, False, 1)])
+@pytest.mark.parametrize("rig", [None, Rig(Discrepancy.TAPER, False, 1)])
 def test_given_and_further_recordings_share_the_plant_and_its_law(rig: Rig | None) -> None:
     values = tuple(p.highest for p in KINDS["slow_friction"].parameters)
-    case = OutsideCase("x", Asked.OUTSIDE, "slow_friction", values, False, rig, 5)
-    given, further = given_benches(case), further_benches(case)
+    case = HiddenCase("x", Asked.OUTSIDE, (("slow_friction", values),), False, rig, 5)
+    given, further = outside_benches(case, GIVEN), outside_benches(case, FURTHER, 0.0)
     assert [len(given), len(further)] == [len(GIVEN), len(FURTHER)]
-    assert {len(bench.events) for bench in (*given, *further)} == {INJECTIONS}
+    assert {len(bench.events) for bench in (*given, *further)} == {OUTSIDE_INJECTIONS}
     assert {bench.laws for bench in (*given, *further)} == {KINDS["slow_friction"].laws(values)}
     assert len({(b.injector, b.needle, b.line) for b in (*given, *further)}) == 1
     assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}

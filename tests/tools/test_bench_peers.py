@@ -1,15 +1,23 @@
-"""The benchmark's peers: filters equal to filterpy's."""
+"""The benchmark's peer: a joint filter equal to filterpy's."""
 
 import numpy as np
 import pytest
-from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, record
-from tools.benchmarks.kalman_peers import UNSCENTED_SHAPE, joint_ekf, joint_ukf, start_of
-from tools.benchmarks.peer_equations import PeerInputs, Stream, joint_jacobian, joint_step, peer_inputs, rest
-from tools.benchmarks.peers import TUNING
+from tools.benchmarks.joint_ukf import (
+    UNSCENTED_SHAPE,
+    Stream,
+    advance,
+    lump_model,
+    rest,
+    start_of,
+    stream_of,
+    ukf_rate,
+    unscented,
+)
 
 
 def recorded(faults: Faults, events: int) -> Outcome:
@@ -18,28 +26,24 @@ def recorded(faults: Faults, events: int) -> Outcome:
     return record(Bench(Injector(), Needle(), planned, seed=3))
 
 
-@pytest.fixture(scope="module")
-def one_injection() -> PeerInputs:
+def test_joint_ukf_is_filterpys() -> None:
     """From shortly before an injection to shortly after the sac is at rest again."""
-    whole = peer_inputs(recorded(Faults(orifice_area=0.3), 1).measured)
-    cut = slice(14_900, 15_700)
-    inputs, output, resting, interval, substeps = whole.stream
+    cut, model = slice(14_900, 15_700), lump_model(Injector())
+    inputs, output, resting, interval, substeps = stream_of(
+        recorded(Faults(orifice_area=0.3), 1).measured, Injector()
+    )
     stream = Stream(inputs[cut], output[cut], resting[cut], interval, substeps)
     assert stream.resting[-1]
     assert not stream.resting.all()
-    return PeerInputs(whole.model, stream, whole.events)
-
-
-def test_joint_ukf_is_filterpys(one_injection: PeerInputs) -> None:
-    stream, model = one_injection.stream, one_injection.model
     sample = 0
 
     def transition(x: NDArray[np.float64], _: float) -> NDArray[np.float64]:
-        return np.asarray(joint_step(np.ascontiguousarray(x), sample, stream, model), np.float64)
+        return np.array([*advance(x[0], x[1], x[2], sample, stream, x[3], model), x[3]])
 
     points = MerweScaledSigmaPoints(4, *UNSCENTED_SHAPE)
     ukf = UnscentedKalmanFilter(4, 1, stream.interval, lambda x: x[:1], transition, points)
-    ukf.x, ukf.P, ukf.Q, measurement = start_of(one_injection, TUNING)
+    start = start_of(stream, model)
+    ukf.x, ukf.P, ukf.Q, measurement = (np.array(each) for each in start)
     ukf.R = np.eye(1) * measurement
     expected = [ukf.x.copy()]
     for sample in range(stream.output.size - 1):
@@ -48,34 +52,16 @@ def test_joint_ukf_is_filterpys(one_injection: PeerInputs) -> None:
         if stream.resting[sample + 1]:
             rest(ukf.x, ukf.P)
         expected.append(ukf.x.copy())
-    ours = joint_ukf(one_injection, TUNING)
-    assert ours.survived
-    assert np.ptp(ours.states[:, 3]) > 0.1
-    np.testing.assert_allclose(ours.states, np.array(expected), rtol=0.0, atol=1e-9)
+    states = np.full((stream.output.size, 4), np.nan)
+    assert unscented(stream, model, start, UNSCENTED_SHAPE, states)
+    assert np.ptp(states[:, 3]) > 0.1
+    np.testing.assert_allclose(states, np.array(expected), rtol=0.0, atol=1e-9)
 
 
-def test_joint_ekf_is_filterpys(one_injection: PeerInputs) -> None:
-    stream, model = one_injection.stream, one_injection.model
-
-    ekf = ExtendedKalmanFilter(4, 1)
-    ekf.predict_x = lambda u: None  # the model is not linear: below
-    ekf.x, ekf.P, ekf.Q, measurement = start_of(one_injection, TUNING)
-    ekf.R = np.eye(1) * measurement
-    expected = [ekf.x.copy()]
-    for sample in range(stream.output.size - 1):
-        ekf.F = joint_jacobian(ekf.x, sample, stream, model)
-        ekf.x = joint_step(ekf.x, sample, stream, model)
-        ekf.predict()
-        ekf.update(stream.output[sample + 1 : sample + 2], lambda _: np.eye(1, 4), lambda x: x[:1])
-        if stream.resting[sample + 1]:
-            rest(ekf.x, ekf.P)
-        expected.append(ekf.x.copy())
-    ours = joint_ekf(one_injection, TUNING)
-    assert ours.survived
-    np.testing.assert_allclose(ours.states, np.array(expected), rtol=0.0, atol=1e-9)
-
-
-def test_joint_filters_find_nozzle_wear() -> None:
-    inputs = peer_inputs(recorded(Faults(orifice_area=0.3), 4).measured)
-    for run in (joint_ukf, joint_ekf):
-        assert run(inputs, TUNING).states[-1, 3] == pytest.approx(0.3, abs=0.02)
+def test_the_filter_finds_nozzle_wear() -> None:
+    outcome = recorded(Faults(orifice_area=0.3), 4)
+    last = slice(*outcome.openings[-1])
+    true, found = (
+        float(np.sum(rate[last])) for rate in (outcome.truth.injection_rate, ukf_rate(outcome.measured))
+    )
+    assert found == pytest.approx(true, rel=0.02)

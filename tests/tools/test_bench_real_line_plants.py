@@ -10,31 +10,10 @@ from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Measured, Needle, Outcome, Shot, Surroundings, record
 from tests.plants.wave import LINES, Variant, WaveLine, new_part, real_part
-from tools.benchmarks.discovery.real_line.cases import (
-    Kind,
-    Numbers,
-    Rig,
-    further_benches,
-    given_benches,
-    healthy_benches,
-    make_case,
-    make_cases,
-    shared_out,
-)
-from tools.benchmarks.discovery.real_line.discrepancies import (
-    LONGEST,
-    Discrepancy,
-    drawn_rail,
-    plant_of,
-)
-from tools.benchmarks.discovery.real_line.hidden import (
-    EFFECTS,
-    OUTSIDE,
-    PAIRS,
-    bent_sensor,
-    faults_of,
-    late_rail,
-)
+from tools.benchmarks.discovery.cases import Asked, real_benches, real_case, real_cases
+from tools.benchmarks.discovery.discrepancies import LONGEST, Discrepancy, drawn_rail, plant_of
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches
+from tools.benchmarks.discovery.vocabulary import EFFECTS, OUTSIDE, PAIRS, bent_sensor, faults_of, late_rail
 
 STRUCTURES = {"seat_outflow"}
 SEVERAL_FAULTS = Faults(
@@ -144,26 +123,34 @@ def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:
             assert drawn.most_negative == 0.0 or bounds.lowest < 0.0
 
 
-def test_cases_are_spread_reproducible_and_in_an_order_that_tells_nothing() -> None:
-    every = list(Discrepancy)
-    many, few = (make_cases(shared_out(n), (False, True), every, 3) for n in (300, 100))
-    assert many == make_cases(shared_out(300), (False, True), every, 3)
+def test_cases_are_spread_and_reproducible() -> None:
+    every, rates = list(Discrepancy), (False, True)
+    many, few = (real_cases(n, None, rates, every, 3) for n in (300, 100))
+    assert many == real_cases(300, None, rates, every, 3)
     assert {c.label for c in few} < {c.label for c in many}
-    assert not {c.label for c in many} & {c.label for c in make_cases(shared_out(300), (False,), every, 4)}
-    kinds = [sum(c.kind is kind for c in many) for kind in Kind]
+    assert not {c.label for c in many} & {c.label for c in real_cases(300, None, (False,), every, 4)}
+    kinds = [
+        sum(c.asked is kind for c in many)
+        for kind in (Asked.HEALTHY, Asked.SINGLE, Asked.PAIR, Asked.OUTSIDE)
+    ]
     assert kinds == [60, 150, 45, 45]
     for name in EFFECTS:
-        assert len({c.rig.number for c in many if c.kind is Kind.SINGLE and c.parts[0][0] == name}) >= 5
-    for number in range(len(every)):
-        assert 35 <= sum(c.rig.number == number for c in many) <= 50
-    assert 0.4 < np.mean([c.rig.with_rate for c in many]) < 0.6
-    chosen = make_cases(Numbers(1, 1, 1, 1), (False,), every[:1], 3, ("healthy", "seat_area+line_friction"))
-    assert sorted(c.kind for c in chosen) == ["healthy", "healthy", "pair", "pair"]
+        assert len({c.rig for c in many if c.name == name}) >= 5
+    for discrepancy in every:
+        assert 35 <= sum(c.rig is not None and c.rig.discrepancy is discrepancy for c in many) <= 50
+    assert 0.4 < np.mean([c.with_rate for c in many]) < 0.6
+    chosen = real_cases(4, None, (False,), every[:1], 3, ("healthy", "seat_area+line_friction"))
+    assert sorted(c.asked for c in chosen) == ["healthy", "healthy", "pair", "pair"]
 
 
 def test_given_and_further_recordings_share_plant_and_faults_and_nothing_else() -> None:
-    case = make_case(("seat_area",), Rig(2, False, 1), 0)
-    given, further, healthy = given_benches(case), further_benches(case), healthy_benches(case.rig)
+    rig = Rig(Discrepancy.TAPER, False, 1)
+    case = real_case(("seat_area",), rig, 0)
+    given, further, healthy = (
+        real_benches(case, GIVEN),
+        real_benches(case, FURTHER, 0.0),
+        [*healthy_benches(rig)],
+    )
     assert {b.events[0].faults for b in given + further} == {faults_of(case.parts)}
     assert {b.events[0].faults for b in healthy} == {Faults()}
     assert len({(b.injector, b.needle, b.line) for b in given + further + healthy}) == 1

@@ -1,20 +1,50 @@
 """The definitions of the accuracy figures, on recordings made by hand."""
 
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.plants.plant import Measured, Outcome, Truth
 from tests.plants.windows import Windows, windows_of
-from tests.tools.made_scores import estimator, factors, score
-from tools.benchmarks.bars import recovered, useful_at_third
-from tools.benchmarks.campaign import Store
-from tools.benchmarks.score import NOMINAL, OBSERVER, CaseScore, Injection, covered_samples
+from tools.benchmarks.cases import make_case
+from tools.benchmarks.scoring import FROM, NOMINAL, OBSERVER, Estimate, Injection, Score
 
+EVENTS = 20
 RATE = 100e3
 DENSITY = 830.0
+
+
+def factors(**at: float) -> np.ndarray:
+    """1 for every event but those named event_N (from 1)."""
+    result = np.ones(EVENTS)
+    for name, value in at.items():
+        result[int(name.removeprefix("event_")) - 1] = value
+    return result
+
+
+def score(mass_factor: Any = 1.0, **changes: Any) -> Score:
+    """Events of one injection of 50 mg, scored right unless told otherwise, valid from the third on."""
+    true = np.full(EVENTS, 50.0)
+    valid = changes.setdefault("valid", (False, False, *(True,) * 18))
+    made = Score(
+        case=make_case("orifice_area", 1, 0),
+        of_event=tuple((event,) for event in range(EVENTS)),
+        true_masses=true,
+        window_samples=np.full(EVENTS, 200),
+        injections=tuple(Injection(event, (event,), each) for event, each in enumerate(valid)),
+        valid=valid,
+        reasons=tuple("" if each else "SUDDEN_CHANGE" for each in valid),
+        mass_ci95_mg=((49.0, 51.0),) * EVENTS,
+        rate_judged=np.full(EVENTS, 100),
+        rate_covered=np.full(EVENTS, 95),
+        estimates={
+            OBSERVER: Estimate(true * mass_factor, np.full(EVENTS, 0.01), np.full(EVENTS, 1e-6)),
+            NOMINAL: Estimate(true * 0.8, np.full(EVENTS, 100.0), np.full(EVENTS, 1e-4)),
+        },
+    )
+    return replace(made, **changes)
 
 
 def outcome_of(openings: list[tuple[int, int]], event_of: list[int], samples: int = 2000) -> Outcome:
@@ -69,73 +99,68 @@ def test_rate_errors_count_every_sample_of_the_union_once(two_events: tuple[Outc
 def test_errors_are_of_single_valid_injections_from_the_fifth_event_on() -> None:
     made = score(factors(event_4=2.0, event_5=1.1, event_20=0.9, event_7=3.0))
     made = replace(made, injections=tuple(replace(i, valid=i.event != 6) for i in made.injections))
-    errors = made.errors_pct()
-    assert errors.size == 15
-    assert (errors.min(), errors.max()) == (pytest.approx(-10.0), pytest.approx(10.0))
-    assert made.largest_error_pct() == pytest.approx(10.0)
-    assert made.sum_error_pct() == pytest.approx(0.0)
-    assert made.largest_error_pct(NOMINAL) == pytest.approx(20.0)
-    assert score(valid=(False,) * 20).errors_pct().size == 0
-    assert score(valid=(False,) * 20).sum_error_pct() is None
+    facts = made.facts()
+    errors = facts["observer_errors_pct"]
+    assert len(errors) == 15
+    assert (min(errors), max(errors)) == (pytest.approx(-10.0), pytest.approx(10.0))
+    assert facts["sum_error_pct"] == pytest.approx(0.0)
+    assert max(map(abs, facts["nominal_errors_pct"])) == pytest.approx(20.0)
+    refused = score(valid=(False,) * EVENTS).facts()
+    assert refused["observer_errors_pct"] == []
+    assert "sum_error_pct" not in refused
+    assert refused["refused"] == ["SUDDEN_CHANGE"] * (EVENTS - FROM)
 
 
 def test_openings_of_an_event_do_not_cancel_unless_the_observer_reports_them_as_one() -> None:
     made = score()
+    masses = np.array([*(50.0,) * 19, 45.4, 4.6])
+    estimates = {name: replace(each, masses=masses) for name, each in made.estimates.items()}
     apart = replace(
         made,
-        true_opening_mass_mg=(*(50.0,) * 19, 45.0, 5.0),
-        estimators=(replace(made.estimators[0], opening_mass_mg=(*(50.0,) * 19, 45.4, 4.6)),),
+        of_event=(*made.of_event[:19], (19, 20)),
+        true_masses=np.array([*(50.0,) * 19, 45.0, 5.0]),
+        estimates=estimates,
         injections=(*made.injections, Injection(19, (20,), valid=True)),
     )
-    assert apart.largest_error_pct() == pytest.approx(8.0)
-    assert apart.wrong_valid == 1
     together = replace(apart, injections=(*made.injections[:19], Injection(19, (19, 20), valid=True)))
-    assert together.largest_error_pct() == pytest.approx(0.0, abs=1e-9)
-    assert together.wrong_valid == 0
+    for case, largest, wrong in ((apart, 8.0, 1), (together, 0.0, 0)):
+        facts = case.facts()
+        assert max(map(abs, facts["observer_errors_pct"])) == pytest.approx(largest, abs=1e-9)
+        assert facts["wrong_valid"] == wrong
 
 
-def test_only_valid_events_can_be_wrong_while_valid() -> None:
-    assert score(factors(event_1=1.5, event_2=1.5)).wrong_valid == 0
-    assert score(factors(event_3=1.031)).wrong_valid == 1
-    assert score(factors(event_3=1.029)).wrong_valid == 0
-    rough = estimator(OBSERVER, np.full(20, 50.0), 9.1, 1e-6)
-    assert score(estimators=(rough, score().estimator(NOMINAL))).wrong_valid == 18
+@pytest.mark.parametrize(
+    ("made", "wrong"),
+    [
+        (score(factors(event_1=1.5, event_2=1.5)), 0),  # not valid
+        (score(factors(event_3=1.031)), 1),
+        (score(factors(event_3=1.029)), 0),
+    ],
+)
+def test_only_valid_events_can_be_wrong_while_valid(made: Score, wrong: int) -> None:
+    assert made.facts()["wrong_valid"] == wrong
+    ours = replace(made.estimates[OBSERVER], rate_squares=np.full(EVENTS, 9.1))
+    assert replace(made, estimates=made.estimates | {OBSERVER: ours}).facts()["wrong_valid"] == 18
 
 
-def test_coverage() -> None:
-    assert score().covered(14) is True
-    assert score(mass_ci95_mg=((50.1, 51.0),) * 20).covered(14) is False
-    assert score(mass_ci95_mg=(None,) * 20).covered(14) is None
+def test_intervals_hold_the_true_mass_or_not() -> None:
+    for interval, holds in (((49.0, 51.0), True), ((50.1, 51.0), False), (None, None)):
+        facts = score(mass_ci95_mg=(interval,) * EVENTS).facts()
+        assert facts["covered"] is holds
+        assert facts["held"] == ([] if holds is None else [holds] * (EVENTS - FROM))
+    assert score().facts()["rate_coverage"] == pytest.approx(0.95)
 
 
-def test_interval_of_the_rate_is_judged_while_the_needle_is_open(two_events: tuple[Outcome, Windows]) -> None:
-    outcome, windows = two_events
-    error, sigma = np.zeros(outcome.truth.injection_rate.size), np.full(2000, 0.5)
-    error[[500, 549]] = 0.97, -0.99  # within 1.96 sigma, and beyond
-    error[[499, 550, 1400]] = 5.0  # shut
-    sigma[1500:1510] = np.nan  # not available
-    judged, covered = covered_samples(error, sigma, windows)
-    assert judged == (150, 90)
-    assert covered == (149, 90)
+def test_the_third_event_of_wear_and_the_third_after_a_change_are_in_time() -> None:
+    jumped = replace(make_case("jump_nozzle", 1, 0), change_event=7)
+    assert score(factors(event_2=2.0)).facts()["in_time"]
+    assert not score(factors(event_3=1.011)).facts()["in_time"]
+    assert score(factors(event_8=1.5, event_9=1.5, event_10=1.5), case=jumped).facts()["in_time"]
+    assert not score(factors(event_11=1.5), case=jumped).facts()["in_time"]
+    assert score(case=make_case("healthy", 1, 0)).facts()["in_time"] is None
 
 
-def test_third_event_and_recovery() -> None:
-    assert useful_at_third(score(factors(event_2=2.0)))
-    assert not useful_at_third(score(factors(event_3=1.011)))
-    jumped = score(factors(event_8=1.5, event_9=1.5, event_10=1.5), change_event=7)
-    assert recovered(jumped)
-    assert not recovered(score(factors(event_11=1.5), change_event=7))
-
-
-def test_interrupted_runs_go_on(tmp_path: Path) -> None:
-    path = tmp_path / "results" / "observer.jsonl"
-    store = Store(path, CaseScore, "now")
-    first, second = score(), score(number=1, mass_ci95_mg=(None,) * 20, change_event=3)
-    store.add(first)
-    store.add(second)
-    assert store.load() == [first, second]
-    path.write_text(path.read_text()[:-40])  # killed while writing
-    assert store.load() == [first]
-    store.add(second)
-    assert store.load() == [first, second]
-    assert Store(path, CaseScore, "changed").load() == []
+def test_masses_nearer_to_the_nominal_model_or_beyond_their_interval_are_counted() -> None:
+    for share, nearer, outside in ((0.01, 0, 0), (0.03, 0, EVENTS), (-0.15, EVENTS - FROM, EVENTS)):
+        facts = score(1.0 + share).facts()
+        assert (facts["nearer_to_nominal"], facts["outside_own_interval"]) == (nearer, outside)

@@ -5,18 +5,12 @@ import sys
 from rich.markup import escape
 
 from observer_rt.foundation.errors import ObserverError
-from tools.benchmarks import (  # noqa: F401
-    accuracy,
-    batch,
-    damage,
-    loop,
-    twice,
-    wave_recordings,
-)
-from tools.benchmarks.command_line import app, messages
+from tools.benchmarks import accuracy, batch, damage, loop, twice  # noqa: F401
+from tools.benchmarks.campaign import messages
+from tools.benchmarks.command_line import app
 from tools.benchmarks.discovery import command as discovery  # noqa: F401
-from tools.benchmarks.faults import run as faults  # noqa: F401
-from tools.benchmarks.speed import measure as speed  # noqa: F401
+from tools.benchmarks.faults import command as faults  # noqa: F401
+from tools.benchmarks.speed import command as speed  # noqa: F401
 
 
 @app.callback()

@@ -1,4 +1,4 @@
-"""`tools/bench batch`: what many recordings cost through `observer-rt batch`, beside the compiled core alone."""
+"""`tools/bench batch`: what many recordings cost through `observer-rt batch`, of all processes from start to end."""
 
 import json
 import os
@@ -6,204 +6,112 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import psutil
+import numpy as np
 import typer
 
+from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
+from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.table_writers import write_whole
 from observer_rt.foundation.errors import RunError
-from observer_rt.foundation.units import MICROSECOND
-from tests.observed_plants import bench_at
-from tools.benchmarks.command_line import JsonOption, app, messages
-from tools.benchmarks.report import Figure, Shown, figures_table, put_out
-from tools.benchmarks.speed.core_alone import (
-    INJECTIONS,
-    PARQUET,
-    Watch,
-    core_alone,
-    frames_of,
-    repeated_injections,
-    write_source,
+from observer_rt.foundation.units import MILLISECOND
+from tools.benchmarks import command_line as cli
+from tools.benchmarks.campaign import Bar, Row, conclude, frame_of, messages, table
+from tools.benchmarks.scoring import bench_text, worn_injector
+from tools.benchmarks.speed.traffic import PERIOD, SAMPLE_RATE
+
+INJECTIONS = 50  # 25 a second, of three pressures, that a file repeats
+STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
+ONE = ("--workers", "1")
+COLUMNS = ("work", "files", "injections", "clock", "processor", "peak_mib")
+BARS = (
+    Bar("injections_per_s_per_core", "per_core", "max", of="work == 'many'"),
+    Bar("injections_per_s_per_core_learning", "per_core", "max", of="work == 'learning'"),
+    Bar("efficiency_2_workers", "efficiency", "max", of="work == 'two workers'"),
+    Bar("peak_memory_mib", "peak_mib", "max"),
+    Bar("memory_growth_share", "growth", "max", most=0.05, of="work == 'many'"),
 )
-from tools.benchmarks.speed.traffic import SAMPLE_RATE, Ids, write_bench
-
-_STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
-_LOOK = 0.1  # s to the next one at memory
-_KIBIBYTES = 1024  # in a MiB, as the kernel counts
-_COMMAND = (sys.executable, "-m", "observer_rt", "batch")
-_PASSES = 3
-_CORE_REPEATS = 5
 
 
-@dataclass(frozen=True)
-class Work:
-    """Parquet files for a batch; repeats: of the injections of `core_alone`, in each."""
-
-    files: int
-    repeats: int
-    workers: int = 1
-    learning: bool = False
-
-    @property
-    def injections(self) -> int:
-        """In all files."""
-        return self.files * self.repeats * INJECTIONS
-
-    def written(self, folder: Path) -> Path:
-        """A new folder below another with the files, of which each has a content of its own."""
-        place = Path(tempfile.mkdtemp(dir=folder))
-        for number in range(self.files):
-            write_source(
-                PARQUET, place / f"{number}.parquet", repeated_injections(self.repeats, number * _STEP)
-            )
-        return place
+def write_files(folder: Path, files: int, repeats: int) -> Path:
+    """A folder below another with Parquet files, each with a content of its own."""
+    place = Path(tempfile.mkdtemp(dir=folder))
+    events = tuple(
+        Event((n + 0.5) * PERIOD, (60e6, 100e6, 140e6)[n * 3 // INJECTIONS], (Shot(1.2 * MILLISECOND),))
+        for n in range(INJECTIONS)
+    )
+    once = worn_injector(Schedule(events, INJECTIONS * PERIOD - 1.0 / SAMPLE_RATE), SAMPLE_RATE).recording
+    rail, lift, line = (np.tile(values, repeats) for values in once.signals.values())
+    for number in range(files):
+        recording = Recording(np.arange(rail.size) / SAMPLE_RATE, rail + number * STEP, lift, line)
+        write_whole(place / f"{number}.parquet", recording)
+    return place
 
 
-@dataclass(frozen=True)
-class Taken:
-    """By the clock and of all processors [s], from the command to its end; peak_mib: of its largest process."""
+def run(work: str, sources: Path, files: int, injections: int, bench: Path, *options: str) -> Row:
+    """Seconds by the clock and of all processors, from the command to its end; memory of its largest process.
 
-    work: Work
-    clock: float
-    processor: float
-    peak_mib: float
-
-
-def run(work: Work, folder: Path, bench: Path) -> Taken:
-    """Raises `RunError` for a batch that fails, or finds other injections than are there."""
-    sources = work.written(folder)
-    with tempfile.TemporaryDirectory(prefix="batch-") as name:
-        results = Path(name)
-        options = ["--workers", str(work.workers), *([] if work.learning else ["--no-learning"])]
-        words = [*_COMMAND, sources, "--out", results / "out", "--bench", bench, "--json", *options]
-        with (results / "said").open("w+") as said, (results / "told").open("w+") as told:
-            begin = time.perf_counter()
-            process = subprocess.Popen(list(map(str, words)), stdout=told, stderr=said)
-            peak = 0.0
+    Raises `RunError` for a batch that fails, or finds other injections than are there.
+    """
+    messages.print(f"{work} ...", highlight=False)
+    with tempfile.TemporaryDirectory(prefix="batch-") as results:
+        words = [
+            sys.executable,
+            "-m",
+            "observer_rt",
+            "batch",
+            sources,
+            "--out",
+            f"{results}/out",
+            "--bench",
+            bench,
+        ]
+        begin = time.perf_counter()
+        with (Path(results) / "said").open("w+") as said, (Path(results) / "told").open("w+") as told:
+            process = subprocess.Popen([*map(str, words), "--json", *options], stdout=told, stderr=said)
             # reaped here, for only `wait4` tells what it and all that it waited for took
-            while not (ended := os.wait4(process.pid, os.WNOHANG))[0]:
-                peak = max(peak, _largest_mib(process.pid))
-                time.sleep(_LOOK)
+            _, status, used = os.wait4(process.pid, 0)
             clock = time.perf_counter() - begin
-            process.returncode = os.waitstatus_to_exitcode(ended[1])
+            process.returncode = os.waitstatus_to_exitcode(status)
             said.seek(0)
             told.seek(0)
             if process.returncode != 0:
                 raise RunError(f"batch ended with {process.returncode}: {said.read()}")
             found = json.load(told)
     # the first and the last may be cut off by the ends of a recording
-    if found["done"] != work.files or found["injections"] < work.injections - 2 * work.files:
-        raise RunError(f"batch found {found}, not {work}")
-    return Taken(work, clock, ended[2].ru_utime + ended[2].ru_stime, peak)
+    if found["done"] != files or found["injections"] < injections - 2 * files:
+        raise RunError(f"batch found {found}, not {injections} injections of {files} files")
+    values = (work, work, files, injections, clock, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+    return dict(zip(("label", *COLUMNS), values, strict=True))
 
 
-def _largest_mib(process: int) -> float:
-    """The most that any process of a tree, of those that are still there, has taken so far."""
-    peaks = []
-    with suppress(psutil.NoSuchProcess):
-        for each in (found := psutil.Process(process), *found.children(recursive=True)):
-            with suppress(OSError):
-                lines = Path(f"/proc/{each.pid}/status").read_text().splitlines()
-                peaks += [float(line.split()[1]) for line in lines if line.startswith("VmHWM:")]
-    return max(peaks, default=0.0) / _KIBIBYTES
-
-
-@dataclass(frozen=True)
-class Many:
-    """Batches measured: of few files and of many, the latter also by two workers and learning.
-
-    core_per_s: injections a second through the compiled core alone, on one core; load: of the machine, before, after.
-    """
-
-    load: tuple[float, float]
-    core_per_s: float
-    few: Taken
-    many: Taken
-    two_workers: Taken
-    learning: Taken
-
-    def per_core(self, taken: Taken) -> float:
-        """Injections a second of processor time beyond that of the start, all processes together."""
-        files = self.many.work.files - self.few.work.files
-        start = self.few.processor - self.few.work.files * (self.many.processor - self.few.processor) / files
-        return taken.work.injections / (taken.processor - start)
-
-
-def measure_many(repeats: int, files: int, progress: Callable[[str], None]) -> Many:
-    """Batch after batch; progress: is told what comes next. Raises `RunError`."""
-    load = os.getloadavg()[0]
-    with tempfile.TemporaryDirectory(prefix="batch-files-") as name:
-        folder = Path(name)
-        bench = write_bench(folder / "bench", "virtual", "none", Ids())
-
-        def taken(work: Work) -> Taken:
-            progress(f"{work}")
-            return run(work, folder, bench)
-
-        progress("the core alone")
-        core = _core_per_s()
-        few, many, two_workers, learning = map(
-            taken,
-            (
-                Work(2, repeats),
-                Work(files, repeats),
-                Work(files, repeats, workers=2),
-                Work(files, repeats, learning=True),
-            ),
-        )
-    return Many((load, os.getloadavg()[0]), core, few, many, two_workers, learning)
-
-
-def _core_per_s() -> float:
-    """The best of some passes, by the time of its processor."""
-    bench, recording = bench_at(SAMPLE_RATE), repeated_injections(_CORE_REPEATS)
-    blocks, core, beside = frames_of(bench, recording), Watch(), Watch()
-    for _ in range(1 + _PASSES):
-        core_alone(bench, blocks, core, beside)
-    seconds = core.least(recording.samples).processor * recording.samples * MICROSECOND
-    return INJECTIONS * _CORE_REPEATS / seconds
-
-
-def shown(many: Many) -> Iterator[Shown]:
-    """Figures beside their bars."""
-    yield figures_table(figures(many), "batch", many.load)
-
-
-def many_document(many: Many) -> dict[str, Any]:
-    """`figures` by name, `details` of what was measured."""
-    missed = [figure.name for figure in figures(many) if figure.is_met is False]
-    return {
-        "figures": {figure.name: figure.value for figure in figures(many)},
-        "details": {**asdict(many), "missed": missed},
-    }
-
-
-def figures(many: Many) -> list[Figure]:
-    """All of them."""
-    per_core = many.per_core(many.many)
-    efficiency = many.many.clock / (2.0 * many.two_workers.clock)
-    peak = max(taken.peak_mib for taken in (many.few, many.many, many.two_workers, many.learning))
-    growth = many.many.peak_mib / many.few.peak_mib - 1.0
-    return [
-        Figure("injections_per_s_per_core", per_core, "nothing learned"),
-        Figure("injections_per_s_per_core_learning", many.per_core(many.learning), "learning"),
-        Figure("floor_share", per_core / many.core_per_s, "the compiled core alone", at_least=0.5),
-        Figure("efficiency_2_workers", efficiency, "one worker, twice; whole command"),
-        Figure("peak_memory_mib", peak, "largest process of all"),
-        Figure("memory_growth_share", growth, f"{many.many.work.files} files beside 2", 0.05),
-    ]
-
-
-@app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")
+@cli.app.command(epilog="Examples: tools/bench batch; tools/bench batch --quick --json")
 def batch(
     quick: Annotated[bool, typer.Option("--quick", help="Few and short files: a look, no verdict.")] = False,
-    as_json: JsonOption = False,
+    out: cli.OutOption = None,
+    as_json: cli.JsonOption = False,
 ) -> None:
-    """What many recordings cost through `observer-rt batch`, beside the compiled core alone."""
-    repeats, files = (3, 4) if quick else (8, 8)
-    found = measure_many(repeats, files, lambda text: messages.print(f"{text} ...", highlight=False))
-    put_out(as_json, many_document(found), shown(found), 150)
+    """What many recordings cost through `observer-rt batch`: a core, two workers, learning, memory."""
+    (repeats, files), out = (3, 4) if quick else (8, 8), out or Path("build/batch")
+    out.mkdir(parents=True, exist_ok=True)
+    count = repeats * INJECTIONS
+    with tempfile.TemporaryDirectory(prefix="batch-files-") as name:
+        folder, bench = Path(name), Path(name) / "bench.toml"
+        bench.write_text(bench_text())
+        few, many = write_files(folder, 2, repeats), write_files(folder, files, repeats)
+        rows = [
+            run("few", few, 2, 2 * count, bench, "--no-learning", *ONE),
+            run("many", many, files, files * count, bench, "--no-learning", *ONE),
+            run("two workers", many, files, files * count, bench, "--no-learning", "--workers", "2"),
+            run("learning", many, files, files * count, bench, *ONE),
+        ]
+    frame, (few_row, many_row) = frame_of(rows), rows[:2]
+    a_file = (many_row["processor"] - few_row["processor"]) / (files - 2)
+    start = few_row["processor"] - 2 * a_file  # which is not of any file
+    frame["per_core"] = frame["injections"] / (frame["processor"] - start)
+    frame["efficiency"] = many_row["clock"] / (2.0 * frame["clock"])
+    frame["growth"] = frame["peak_mib"] / few_row["peak_mib"] - 1.0
+    shown = table(frame, "work", {name: (name, "max") for name in COLUMNS[1:]}).drop("all")
+    conclude(frame, BARS, {"batch": shown}, out, as_json)

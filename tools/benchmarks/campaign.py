@@ -1,214 +1,264 @@
-"""The runner of campaigns: cases worked through on a few processes, resumably; results on disk, a JSON line each."""
+"""A campaign: cases worked through on a few processes, a row of facts each; figures of the rows beside their bars.
+
+A row is a dict: facts as columns, of which one may be a list (of single injections, say). Rows are kept as they come,
+so that an interrupted run goes on, and stand at the end in one table beside the figures.
+"""
 
 import hashlib
 import json
+import math
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import typer
+from rich.console import Console
+from scipy.stats import binom
 
 import observer_rt
+from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
 from tests.plants import plant
-from tools.benchmarks.command_line import messages, tracked
 
-BENCHMARKS = Path(__file__).parent
-PLANTS = Path(plant.__file__).parent
-MEASURING = (BENCHMARKS, PLANTS)
-"""What a score depends on beside the package."""
-PACKAGE = Path(observer_rt.__file__).parent
+Row = dict[str, Any]
+How = str | Callable[[pd.Series], Any]
+"""How values are summed up: `p95`, `of`, `spread`, what pandas has by name, or a function."""
+
+INTERRUPTED = 130  # exit code
+NOTHING = "-"  # in the place of a figure without values
+CHANCE = 0.01  # of a coverage of 95 % showing what is seen: below it is another one
+SOURCES = (Path(observer_rt.__file__).parent, Path(__file__).parent, Path(plant.__file__).parent)
+SUFFIXES = {".py", ".pyx", ".pxd", ".pxi", ".c"}
 _SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_AHEAD = 2  # tasks handed out per process: an interrupted run loses no more
-
-
-class Labelled(Protocol):
-    """What is worked on case by case, or comes of it."""
-
-    @property
-    def label(self) -> str:
-        """Label of the case."""
-
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
-Given = TypeVar("Given", bound=Labelled)
-Part = TypeVar("Part", bound=Labelled)
+messages = Console(stderr=True)
 
 
 @dataclass(frozen=True)
-class Crash(Generic[Item]):
-    """A task that raised an exception."""
+class Bar:
+    """A figure of the rows and its limits.
 
-    task: Item
-    message: str
+    of: query of the rows that count; by: column, of whose groups the worst is judged; from_values: fewer are not.
+    """
 
-
-@dataclass(frozen=True)
-class Found(Generic[Result]):
-    """What came out, and a line for every case that crashed: at what, which case, and why."""
-
-    results: tuple[Result, ...]
-    crashes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Task:
-    """One case, by what determines it."""
-
-    class_name: str
-    master_seed: int
-    number: int
+    name: str
+    column: str
+    how: How
+    least: float = -math.inf
+    most: float = math.inf
+    of: str = ""
+    by: str = ""
+    from_values: int = 1
 
     @property
-    def label(self) -> str:
-        """The same as text."""
-        return f"{self.class_name} {self.master_seed} {self.number}"
+    def limits(self) -> str:
+        """As they are printed."""
+        texts = ((f">= {self.least:g}", self.least), (f"<= {self.most:g}", self.most))
+        return " ".join(text for text, limit in texts if math.isfinite(limit))
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What to run: cases 0..cases-1 of every class, on a few processes; results are kept in `out`."""
-
-    classes: tuple[str, ...]
-    cases: int
-    master_seed: int
-    workers: int
-    out: Path
-    peers: bool
-
-    @property
-    def tasks(self) -> tuple[Task, ...]:
-        """All cases, class by class."""
-        return tuple(Task(c, self.master_seed, n) for c in self.classes for n in range(self.cases))
-
-    @property
-    def campaign(self) -> "Campaign":
-        """On its processes, kept in its folder."""
-        return Campaign(self.out, self.workers)
-
-
-def digest_of(sources: Iterable[Path]) -> str:
-    """Digest of Python files, and of all in folders: results belong to one state of the code."""
+@cache
+def state_of_the_code() -> str:
+    """Digest of all that a row depends on."""
     digest = hashlib.sha256()
-    for source in sources:
-        for path in sorted(source.rglob("*.py")) if source.is_dir() else [source]:
-            digest.update(path.relative_to(source).as_posix().encode())
+    for folder in SOURCES:
+        for path in sorted(path for path in folder.rglob("*") if path.suffix in SUFFIXES):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-class Store(Generic[Result]):
-    """A file of results of one type; lines of another state of the code, or cut short, do not count."""
+def run_cases(
+    what: str,
+    work: Callable[..., Row],
+    cases: Mapping[str, tuple[Any, ...]],
+    jobs: int,
+    out: Path,
+) -> pd.DataFrame:
+    """A row for every case, by its label: `work`, a function of a module, called with its arguments in a process.
 
-    def __init__(self, path: Path, result_type: type[Result], digest: str) -> None:
-        """The folder is made when the first result is added."""
-        self.path = path
-        self._adapter = TypeAdapter(result_type)
-        self._digest = digest
+    A case that raises has its error in the column `failed`, and is worked again the next time. Raises RunError where
+    a process is killed, `typer.Exit` when interrupted.
+    """
+    kept = out / f"{what}.jsonl"
+    rows = {label: row for label, row in _kept_rows(kept).items() if label in cases}
+    missing = {label: arguments for label, arguments in cases.items() if label not in rows}
+    if rows and missing:
+        messages.print(f"{what}: {len(rows)} of {len(cases)} are there already, in {kept}")
+    out.mkdir(parents=True, exist_ok=True)
+    os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))  # the processes share the cores already
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _prepare)
+    with kept.open("a") as file, progress_bar(messages, what, len(missing)) as progress, pool:
+        try:
+            futures = {pool.submit(_attempt, work, each): label for label, each in missing.items()}
+            for number, future in enumerate(as_completed(futures), 1):
+                label = futures[future]
+                rows[label] = {"label": label, **future.result()}
+                if "failed" not in rows[label]:
+                    file.write("\n" + json.dumps([state_of_the_code(), rows[label]]))
+                    file.flush()
+                progress(float(number))
+        except BrokenProcessPool:
+            raise RunError(f"a process of the bench was killed; {kept} is kept, run it again") from None
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            messages.print(f"interrupted; {kept} is kept, the same command goes on")
+            raise typer.Exit(INTERRUPTED) from None
+    return frame_of(rows[label] for label in cases if label in rows)
 
-    def load(self) -> list[Result]:
-        """All results of this state of the code."""
-        if not self.path.exists():
-            return []
-        results = []
-        for line in self.path.read_text().splitlines():
-            try:
-                entry = json.loads(line)
-                if entry["digest"] == self._digest:
-                    results.append(self._adapter.validate_python(entry["score"]))
-            except (json.JSONDecodeError, KeyError, TypeError, ValidationError):
-                continue  # the line an interrupted run was writing
-        return results
 
-    def add(self, result: Result) -> None:
-        """Append one result and flush it."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        cut_short = self.path.exists() and not self.path.read_bytes().endswith(b"\n")
-        with self.path.open("a") as file:
-            if cut_short:
-                file.write("\n")
-            file.write(json.dumps({"digest": self._digest, "score": asdict(result)}) + "\n")  # type: ignore[call-overload]
+def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
+    """Rows as they are when read again, with a column of failures."""
+    frame = pd.DataFrame(json.loads(json.dumps(list(rows))))
+    return frame.assign(failed=frame.get("failed"))
 
 
-class Campaign:
-    """Cases worked through on a few processes; results are kept in a folder, of what fails is told at the end."""
+def values_of(rows: pd.DataFrame, column: str) -> pd.Series:
+    """Numbers of a column, lists taken apart, without those that are missing; none where no row has the column."""
+    if column not in rows:
+        return pd.Series(dtype=float)
+    return rows[column].explode().dropna().infer_objects()
 
-    def __init__(self, out: Path, workers: int) -> None:
-        """Nothing is done yet."""
-        self._out, self._workers = out, workers
-        self.crashes: list[str] = []
 
-    def found(self, cases: Iterable[Labelled], results: Mapping[str, Result]) -> Found[Result]:
-        """Results by label in the order of the cases, and what crashed so far."""
-        return Found(
-            tuple(results[case.label] for case in cases if case.label in results), tuple(self.crashes)
+def summed_up(values: pd.Series, how: How) -> Any:
+    """A figure of values: nan, or a dash, without any, but for a sum or a count."""
+    if callable(how):
+        return how(values) if len(values) else math.nan
+    if how == "of":
+        return f"{int(values.sum())}/{len(values)}" if len(values) else NOTHING
+    if how == "spread":  # of magnitudes
+        return (
+            " / ".join(f"{np.percentile(np.abs(list(values)), q):.3g}" for q in (50, 95, 100))
+            if len(values)
+            else NOTHING
         )
-
-    def store(self, name: str, result_type: type[Result], *sources: Path) -> Store[Result]:
-        """Where results that depend on these sources are kept."""
-        return Store(self._out / f"{name}.jsonl", result_type, digest_of(sources))
-
-    def results(
-        self,
-        what: str,
-        store: Store[Part],
-        work: Callable[[Given], Part],
-        cases: Sequence[Given],
-        warm_up: Callable[[], None] | None = None,
-    ) -> dict[str, Part]:
-        """Results by label: those in the store, and the missing ones worked out."""
-        labels = {case.label for case in cases}
-        done = {part.label: part for part in store.load() if part.label in labels}
-        missing = [case for case in cases if case.label not in done]
-        if done and missing:
-            messages.print(f"{what}: {len(done)} of {len(labels)} cases are there already, in {self._out}")
-        if not missing:
-            return done
-        for result in tracked(run_tasks(work, missing, self._workers, warm_up), what, len(missing)):
-            if isinstance(result, Crash):
-                self.crashes.append(f"{what}: {result.task.label}: {result.message}")
-            else:
-                store.add(result)
-                done[result.label] = result
-        return done
+    if how.startswith("p") and how[1:].isdigit():
+        return float(np.percentile(values.astype(float), int(how[1:]))) if len(values) else math.nan
+    return values.agg(how) if len(values) or how in ("sum", "count") else math.nan
 
 
-def on_case(make: Callable[[str, int, int], Item], score: Callable[[Item], Result], task: Task) -> Result:
-    """Work of one process: draw the case of a task, and score it."""
-    return score(make(task.class_name, task.master_seed, task.number))
+def chance_of_95(flags: pd.Series) -> float:
+    """How likely intervals of 95 % hold as seldom, or as often, as these; least bar: CHANCE."""
+    held, count = int(flags.sum()), len(flags)
+    return min(1.0, 2.0 * float(min(binom.cdf(held, count, 0.95), binom.sf(held - 1, count, 0.95))))
 
 
-def run_tasks(
-    work: Callable[[Item], Result], tasks: Sequence[Item], workers: int, warm_up: Callable[[], None] | None
-) -> Iterator[Result | Crash[Item]]:
-    """Results in the order they are ready; `work` and `warm_up` (once a process) are module-level functions."""
-    for variable in _SINGLE_THREADED:  # the processes share the cores already
-        os.environ.setdefault(variable, "1")
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=_prepare, initargs=(warm_up,)) as pool:
-        waiting = list(reversed(tasks))
-        running: dict[Future[Result], Item] = {}
-        while waiting or running:
-            while waiting and len(running) < _AHEAD * workers:
-                task = waiting.pop()
-                running[pool.submit(work, task)] = task
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                task = running.pop(future)
-                error = future.exception()
-                if isinstance(error, BrokenProcessPool):
-                    raise RunError("a process of the bench was killed; what is scored is kept, run it again")
-                yield Crash(task, f"{type(error).__name__}: {error}") if error else future.result()
+def judged(frame: pd.DataFrame, bars: Sequence[Bar]) -> pd.DataFrame:
+    """Figures by name: value, bar, met or not (None: nothing to judge), of how many values, where it is worst."""
+    found = []
+    for bar in bars:
+        rows = frame[frame["failed"].isna()]
+        rows = rows.query(bar.of) if bar.of and len(rows) else rows
+        groups = dict(iter(rows.groupby(bar.by, sort=False))) if bar.by else {"": rows}
+        values = {str(place): values_of(group, bar.column) for place, group in groups.items()}
+        figures = {place: float(summed_up(each, bar.how)) for place, each in values.items()}
+        known = {place: figure for place, figure in figures.items() if not math.isnan(figure)}
+        is_most = math.isfinite(bar.most)
+        place = (max if is_most else min)(known, key=lambda each: known[each]) if known else ""
+        value, is_judged = known.get(place, math.nan), is_most or math.isfinite(bar.least)
+        is_judged = is_judged and bool(known) and len(values[place]) >= bar.from_values
+        met = bool(bar.least <= value <= bar.most) if is_judged else None
+        found.append((bar.name, value, bar.limits, met, len(values.get(place, ())), place))
+    return pd.DataFrame(found, columns=["figure", "value", "bar", "met", "values", "worst"]).set_index(
+        "figure"
+    )
 
 
-def _prepare(warm_up: Callable[[], None] | None) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's: it lets the cases under way end
-    if warm_up is not None:
-        warm_up()
+def table(frame: pd.DataFrame, by: str, columns: Mapping[str, tuple[str, How]]) -> pd.DataFrame:
+    """A row for each value of a column, and one for all; columns: heading -> (column, how it is summed up)."""
+    rows = frame[frame["failed"].isna()]
+    groups = [*rows.groupby(by, sort=False), ("all", rows)] if len(rows) else []
+    return pd.DataFrame(
+        {
+            name: {
+                heading: summed_up(values_of(group, column), how)
+                for heading, (column, how) in columns.items()
+            }
+            for name, group in groups
+        }
+    ).T.rename_axis(by)
+
+
+def conclude(
+    frame: pd.DataFrame,
+    bars: Sequence[Bar],
+    tables: Mapping[str, pd.DataFrame],
+    out: Path,
+    as_json: bool,
+    lines: Iterable[str] = (),
+) -> None:
+    """Print verdict, tables by title and lines, or all as JSON; the rows go into `out`.
+
+    Raises `typer.Exit` with 1 where a bar is missed, or a case failed.
+    """
+    verdict, failed = judged(frame, bars), frame[frame["failed"].notna()]
+    missed = [str(name) for name in verdict.index[verdict["met"].eq(False)]]
+    failures = [f"{row.label}: {row.failed}" for row in failed.itertuples()]
+    frame.to_csv(out / "rows.csv", index=False)
+    if as_json:
+        figures = {"cases": len(frame), **json.loads(verdict["value"].to_json())}
+        details: Row = {"missed": missed, "failed": failures, "lines": [*lines]}
+        details |= {title: json.loads(each.to_json(orient="index")) for title, each in tables.items()}
+        print(json.dumps({"figures": figures, "details": details}, indent=2))
+    else:
+        shown = verdict.assign(met=verdict["met"].map({True: "met", False: "MISSED", None: ""}))
+        for title, each in {**tables, f"figures of {len(frame)} cases": shown}.items():
+            print(f"\n{title}\n{each.to_string(na_rep=NOTHING, float_format='{:.4g}'.format)}")
+        print("", *lines, *(f"failed: {each}" for each in failures), f"rows: {out / 'rows.csv'}", sep="\n")
+    if missed or failures:
+        raise typer.Exit(1)
+
+
+def save_dots(
+    frame: pd.DataFrame, by: str, column: str, colour: str, label: str, path: Path, log: bool = True
+) -> None:
+    """PNG: a dot a value of a column over the groups of `by`, coloured by another one; none without values."""
+    rows = frame.explode(column).dropna(subset=[column])
+    if rows.empty:
+        return
+    names = list(dict.fromkeys(rows[by]))
+    figure, axes = plt.subplots(figsize=(9.0, 1.5 + 0.24 * len(names)), layout="constrained")
+    for each, group in rows.groupby(colour, sort=False):
+        axes.plot(
+            group[column].abs().astype(float), group[by].map(names.index), ".", alpha=0.6, label=str(each)
+        )
+    axes.set(xlabel=label, xscale="log" if log else "linear", yticks=range(len(names)))
+    axes.set_yticklabels(names, fontsize=7)
+    axes.invert_yaxis()
+    axes.legend(fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+    messages.print(f"figure: {path}", highlight=False)
+
+
+def _kept_rows(path: Path) -> dict[str, Row]:
+    """Rows of this state of the code; the line that an interrupted run was writing does not count."""
+    rows = {}
+    for line in path.read_text().splitlines() if path.exists() else ():
+        try:
+            state, row = json.loads(line)
+        except ValueError:
+            continue
+        if state == state_of_the_code():
+            rows[row["label"]] = row
+    return rows
+
+
+def _attempt(work: Callable[..., Row], arguments: tuple[Any, ...]) -> Row:
+    try:
+        return work(*arguments)
+    except Exception as error:  # whatever it is: the campaign tells of it, and goes on
+        return {"failed": f"{type(error).__name__}: {error}"}
+
+
+def _prepare() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's

@@ -49,7 +49,8 @@ class Case:
 Draw = Callable[[Generator], Faults]
 
 
-def _sign(rng: Generator) -> float:
+def sign(rng: Generator) -> float:
+    """Either, as often as the other."""
     return 1.0 if rng.random() < 0.5 else -1.0
 
 
@@ -60,21 +61,21 @@ _SIZES: dict[str, Draw] = {
     "chamber_pressure_rise": lambda rng: Faults(chamber_pressure_rise=8e6),
     "orifice_cavitation": lambda rng: Faults(orifice_cavitation=0.12),
     "line_friction": lambda rng: Faults(line_friction=2.0),
-    "line_pressure_sensor_offset": lambda rng: Faults(line_pressure_sensor_offset=0.8e6 * _sign(rng)),
+    "line_pressure_sensor_offset": lambda rng: Faults(line_pressure_sensor_offset=0.8e6 * sign(rng)),
     "line_pressure_sensor_lag": lambda rng: Faults(line_pressure_sensor_lag=40e-6),
-    "bulk_modulus": lambda rng: Faults(bulk_modulus=0.2 * _sign(rng)),
+    "bulk_modulus": lambda rng: Faults(bulk_modulus=0.2 * sign(rng)),
     "entrained_air": lambda rng: Faults(entrained_air=4e-3),
 }
 """The faults that must be estimated well, at the sizes of the bars."""
 
 _MORE_SIZES: dict[str, Draw] = {
-    "rail_pressure_sensor_offset": lambda rng: Faults(rail_pressure_sensor_offset=3e6 * _sign(rng)),
-    "rail_pressure_sensor_gain": lambda rng: Faults(rail_pressure_sensor_gain=0.02 * _sign(rng)),
+    "rail_pressure_sensor_offset": lambda rng: Faults(rail_pressure_sensor_offset=3e6 * sign(rng)),
+    "rail_pressure_sensor_gain": lambda rng: Faults(rail_pressure_sensor_gain=0.02 * sign(rng)),
 }
 
 _LOOK_ALIKES: dict[str, Draw] = {
-    "lift_offset": lambda rng: Faults(lift_offset=rng.uniform(5e-6, 20e-6) * _sign(rng)),
-    "lift_gain": lambda rng: Faults(lift_gain=rng.uniform(0.05, 0.2) * _sign(rng)),
+    "lift_offset": lambda rng: Faults(lift_offset=rng.uniform(5e-6, 20e-6) * sign(rng)),
+    "lift_gain": lambda rng: Faults(lift_gain=rng.uniform(0.05, 0.2) * sign(rng)),
     "channel_skew": lambda rng: Faults(channel_skew=rng.uniform(10e-6, 40e-6)),
     "lift_dependent_seat": lambda rng: Faults(
         seat_lift_loss=rng.uniform(0.2, 0.6), seat_lift_scale=rng.uniform(20e-6, 80e-6)
@@ -88,22 +89,22 @@ _INVENTED: dict[str, Draw] = {
     ),
     "lift_sensor_lag": lambda rng: Faults(lift_sensor_lag=rng.uniform(10e-6, 40e-6)),
     "line_pressure_sensor_gain": lambda rng: Faults(
-        line_pressure_sensor_gain=rng.uniform(0.01, 0.03) * _sign(rng)
+        line_pressure_sensor_gain=rng.uniform(0.01, 0.03) * sign(rng)
     ),
-    "line_inertance": lambda rng: Faults(line_inertance=rng.uniform(0.1, 0.3) * _sign(rng)),
-    "sac_stiffness": lambda rng: Faults(sac_stiffness=rng.uniform(0.2, 0.5) * _sign(rng)),
+    "line_inertance": lambda rng: Faults(line_inertance=rng.uniform(0.1, 0.3) * sign(rng)),
+    "sac_stiffness": lambda rng: Faults(sac_stiffness=rng.uniform(0.2, 0.5) * sign(rng)),
 }
 
 """Outside the vocabulary."""
 
 _REST: dict[str, Draw] = {
-    "line_volume": lambda rng: Faults(line_volume=0.2 * _sign(rng)),
+    "line_volume": lambda rng: Faults(line_volume=0.2 * sign(rng)),
     "pressure_dependent_bulk_modulus": lambda rng: Faults(bulk_modulus_slope=rng.uniform(-4.0, 8.0)),
 }
 """What the vocabulary has beside the classes of the bars."""
 
 _UNSEEN: dict[str, Draw] = {
-    "fuel_density": lambda rng: Faults(fuel_density=rng.uniform(0.02, 0.06) * _sign(rng)),
+    "fuel_density": lambda rng: Faults(fuel_density=rng.uniform(0.02, 0.06) * sign(rng)),
 }
 """In the vocabulary, but nothing in the pressures tells it: flows and 1/inertance scale together. Shown by itself."""
 
@@ -156,7 +157,7 @@ class FaultClass:
 
 
 _JUMPS: dict[str, Draw] = {
-    "jump_nozzle": lambda rng: Faults(orifice_area=rng.uniform(0.1, 0.5) * _sign(rng)),
+    "jump_nozzle": lambda rng: Faults(orifice_area=rng.uniform(0.1, 0.5) * sign(rng)),
     "jump_friction": _SIZES["line_friction"],
     "jump_offset": _SIZES["line_pressure_sensor_offset"],
 }

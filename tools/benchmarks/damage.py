@@ -11,11 +11,8 @@ from collections.abc import Sequence
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
-from typing import Annotated, NamedTuple
 
 import numpy as np
-import pandas as pd
-import typer
 
 from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
@@ -24,8 +21,9 @@ from observer_rt.files import formats
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.signals.recording import Recording
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.report import frame_table, put_out
+from tools.benchmarks.campaign import Bar, Row, conclude, run_cases, table
 
+CASES = 5000
 FRAMES, SAMPLES = 40, 60
 START = 1_700_000_000_000_000_000  # ns since 1970
 CHECKED = ("frames.mf4", "signals.mf4", "signals.parquet")
@@ -43,13 +41,10 @@ class Became(StrEnum):
     FAULT = "fault"
 
 
-class Outcome(NamedTuple):
-    """What became of one file; said: on the screen, or of the fault."""
-
-    kind: str
-    number: int
-    became: Became
-    said: str = ""
+BARS = (
+    Bar("faults", "fault", "sum", most=0),
+    *(Bar(each, each, "sum") for each in Became if each != Became.FAULT),
+)
 
 
 def kinds() -> list[str]:
@@ -93,8 +88,8 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
     return data[:place] + new + rest
 
 
-def one_file(kind: str, seed: int, number: int) -> Outcome:
-    """Damage a file and convert it as a user would."""
+def convert_damaged(kind: str, seed: int, number: int) -> Row:
+    """Damage a file and convert it as a user would; said: on the screen, or of the fault."""
     with tempfile.TemporaryDirectory(prefix="damage-") as name:
         path = Path(name) / kind
         write_whole(path)
@@ -103,7 +98,7 @@ def one_file(kind: str, seed: int, number: int) -> Outcome:
         became, said = _converted(path)
         if time.perf_counter() - begun > LONG:
             became, said = Became.FAULT, f"took long; {said}"
-        return Outcome(kind, number, became, said)
+        return {"kind": kind, "became": became, "said": said, **{each: became is each for each in Became}}
 
 
 def _converted(path: Path) -> tuple[Became, str]:
@@ -158,26 +153,21 @@ def _whole_content(kind: str, target: str) -> Sequence[object]:
         return _content(path.with_name(target))
 
 
-def run_damage(files: int, seed: int) -> list[Outcome]:
-    """Damage so many files, the kinds in turn."""
-    known = kinds()
-    numbers = cli.tracked(range(files), "damaging")
-    return [one_file(known[number % len(known)], seed, number) for number in numbers]
-
-
-@cli.app.command(epilog="Example: tools/bench damage --files 5000 --seed 1")
+@cli.app.command(epilog="Example: tools/bench damage --cases 5000 --seed 1")
 def damage(
-    files: Annotated[int, typer.Option(min=1, help="Damaged files.")] = 5000,
+    cases: cli.CasesOption = None,
     seed: cli.SeedOption = 1,
+    jobs: cli.JobsOption = cli.JOBS,
+    out: cli.OutOption = None,
     as_json: cli.JsonOption = False,
 ) -> None:
-    """What becomes of damaged files of every format; exit code 1 if one crashes, or shows a traceback."""
-    outcomes = run_damage(files, seed)
-    found = pd.DataFrame(outcomes, columns=Outcome._fields)
-    table = pd.crosstab(found["kind"], found["became"], margins=True, margins_name="all")
-    faults = [each for each in outcomes if each.became is Became.FAULT]
-    document = {"figures": table.loc["all"].to_dict(), "kinds": table.drop("all").to_dict("index")}
-    said = [f"{each.kind} {each.number}: {each.said}" for each in faults]
-    put_out(as_json, document | {"faults": said}, [frame_table("damaged files", table), *said])
-    if faults:
-        raise typer.Exit(1)
+    """What becomes of damaged files of every format, kind by kind in turn."""
+    known, out = kinds(), out or Path("build/damage")
+    chosen = [(known[number % len(known)], seed, number) for number in range(cases or CASES)]
+    frame = run_cases(
+        "damage", convert_damaged, {" ".join(map(str, each)): each for each in chosen}, jobs, out
+    )
+    faults = frame[frame[Became.FAULT].eq(True)]
+    said = [f"{row.label}: {row.said}" for row in faults.itertuples()]
+    counts = table(frame, "kind", {str(each): (str(each), "sum") for each in Became})
+    conclude(frame, BARS, {"damaged files": counts}, out, as_json, said)

@@ -1,176 +1,238 @@
-"""Our observer, and the nominal model beside it, on one case.
-
-Of a windowed source only some 6 ms round each injection are recorded; the sample index jumps in between.
-"""
+"""Our observer, and the nominal model beside it, on one case: facts of its injections against the truth."""
 
 import math
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.injector import Meaning, SamplingConfig
-from observer_rt.desk.evaluation.evaluate import Evaluation, Trace, evaluate
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.simulation.schedule import Schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.service.judging import InlineExecutor
-from observer_rt.engine.service.messages import Counters
-from observer_rt.engine.stream.state import State
-from observer_rt.files.replay.framing import Span, windows
-from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effects import sized
 from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
-from tests.plants.plant import Outcome, record
+from tests.plants.plant import Outcome
 from tests.plants.windows import Windows, windows_of
-from tools.benchmarks.cases import CLASSES, Case, make_case
-from tools.benchmarks.report import known
-from tools.benchmarks.score import (
-    NOMINAL,
-    OBSERVER,
-    CaseScore,
-    EstimatorScore,
-    Injection,
-    covered_samples,
-    score_rate,
-)
+from tools.benchmarks.cases import CLASSES, Case
+from tools.benchmarks.windowed import WindowedEvaluation, evaluate_windowed
 
-WARM_UP_EVENTS = 3
+FROM = 4  # event, from 0: everything but the figures of the first events counts from the fifth on
+THIRD_EVENT, USEFUL_PCT = 2, 1.0  # whose mass is the first that must be useful
+RECOVERY_EVENTS = 3  # after a change
+WORSE_EVENTS = 3  # more of which must not be worse than the nominal model
+COVERAGE_EVENT = 14  # one injection a case
+WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
+WRONG_MASS, WRONG_RATE = 3.0, 3.0  # %, mm3/ms, beyond which a valid injection is wrong
+WEAR_FROM_THE_START = (
+    "orifice_area",
+    "seat_area",
+    "orifice_and_seat_area",
+    "growing_wear",
+    "missing_injections",
+)
+"""Classes in which the third event's mass is asked for."""
+OBSERVER, NOMINAL = "observer", "nominal"
+Z_95 = 1.96  # sigmas
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
-
-
-@dataclass(frozen=True)
-class WindowedEvaluation:
-    """What is scored of an evaluation, on the samples of the whole recording."""
-
-    trace: Trace
-    reports: tuple[InjectionReport, ...]
-    counters: Counters
-    first_index: int = 0
-
-
-def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
-    """The observer on a recording of which a windowed source sends only what lies round the injections.
-
-    To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
-    E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
-    """
-    spans = windows(recording)
-    history = evaluate(bench, [part_of(recording, span) for span in spans])
-    first = history.evaluations[0].trace
-    trace = Trace(
-        **{
-            name: np.full(
-                (recording.samples, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype
-            )
-            for name, like in vars(first).items()
-        }
-    )
-    trace.state[:] = State.WAITING_FOR_DATA
-    reports = []
-    for span, part in zip(spans, history.evaluations, strict=True):
-        for name, values in vars(part.trace).items():
-            whole: NDArray[np.generic] = getattr(trace, name)
-            whole[span.start : span.end] = values
-        by = span.start - part.first_index
-        reports += [
-            replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports
-        ]
-    counted = [vars(part.counters) for part in history.evaluations]
-    counters = Counters(**{name: sum(counts[name] for counts in counted) for name in counted[0]})
-    return WindowedEvaluation(trace, tuple(reports), counters)
-
-
-def part_of(recording: Recording, span: Span) -> Recording:
-    """Samples of a span, as a recording of their own."""
-    part = slice(span.start, span.end)
-    return Recording(
-        np.arange(span.end - span.start) / recording.sample_rate,
-        recording.rail_pressure[part],
-        recording.needle_lift[part],
-        recording.line_pressure[part],
-    )
 
 
 Scored = Evaluation | WindowedEvaluation
 
 
-def score_case(case: Case, model: Path | None = None) -> CaseScore:
-    """Record a case and score our observer, and the model it starts from beside it, on the recording."""
-    return score_outcome(case, record(case.bench), bench_for_case(case, model))
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What an estimator made of a recording: masses of the openings [mg], mean squares by event of what it is off.
+
+    rate_squares [(mm3/ms)^2]; x3_squares: of the normalised sac pressure, nan for an estimator without one.
+    """
+
+    masses: Array
+    rate_squares: Array
+    x3_squares: Array
 
 
-def score_outcome(case: Case, outcome: Outcome, bench: Bench) -> CaseScore:
+@dataclass(frozen=True)
+class Injection:
+    """What the observer reports as one injection: an opening, or several that it cannot tell apart."""
+
+    event: int
+    openings: tuple[int, ...]
+    valid: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """One case scored against the truth; sequences without another word are by event."""
+
+    case: Case
+    of_event: tuple[tuple[int, ...], ...]
+    true_masses: Array  # of the openings [mg]
+    window_samples: Array
+    injections: tuple[Injection, ...]
+    valid: tuple[bool, ...]
+    reasons: tuple[str, ...]
+    mass_ci95_mg: tuple[tuple[float, float] | None, ...]
+    rate_judged: NDArray[np.int64]  # samples with an open needle and a standard deviation of the rate
+    rate_covered: NDArray[np.int64]  # of these, samples whose 95 % interval holds the true rate
+    estimates: dict[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def scored(self) -> list[Injection]:
+        """The valid injections from the fifth event on, of which errors are stated."""
+        return [each for each in self.injections if each.valid and each.event >= FROM]
+
+    def event_masses(self, masses: Array) -> Array:
+        """Of every event [mg], its openings summed."""
+        return np.array([sum(masses[i] for i in openings) for openings in self.of_event])
+
+    def event_errors_pct(self, name: str = OBSERVER) -> Array:
+        """Signed mass error of every event."""
+        true = self.event_masses(self.true_masses)
+        return np.asarray(100.0 * (self.event_masses(self.estimates[name].masses) / true - 1.0), np.float64)
+
+    def errors_pct(self, injections: Sequence[Injection], name: str = OBSERVER) -> Array:
+        """Signed mass error of single injections."""
+        estimated, true = (
+            np.array([sum(masses[i] for i in each.openings) for each in injections], np.float64)
+            for masses in (self.estimates[name].masses, self.true_masses)
+        )
+        return np.asarray(100.0 * (estimated / true - 1.0), np.float64)
+
+    def mean(self, squares: Array) -> float:
+        """Over the samples of all windows from the fifth event on."""
+        return float(np.average(squares[FROM:], weights=self.window_samples[FROM:]))
+
+    def covered(self, event: int) -> bool | None:
+        """Whether the 95 % interval of an event's mass holds the true mass; None without interval."""
+        interval = self.mass_ci95_mg[event]
+        true = sum(self.true_masses[i] for i in self.of_event[event])
+        return None if interval is None else bool(interval[0] <= true <= interval[1])
+
+    def facts(self) -> dict[str, Any]:
+        """The case as a row: errors in %, rates in mm3/ms, shares from 0 to 1; None or no list: not asked."""
+        case, errors = self.case, self.event_errors_pct()
+        group = CLASSES[case.class_name].group if case.class_name in CLASSES else None
+        ours, theirs = self.estimates[OBSERVER], self.estimates[NOMINAL]
+        valid = [each for each in self.injections if each.valid]
+        rough = np.array([ours.rate_squares[each.event] > WRONG_RATE**2 for each in valid], np.bool_)
+        wrong = (np.abs(self.errors_pct(valid)) > WRONG_MASS) | rough
+        excess = np.abs(errors) - np.abs(self.event_errors_pct(NOMINAL))
+        x3, judged = self.mean(ours.x3_squares), int(self.rate_judged[FROM:].sum())
+        wear = case.bench.events[-1].faults.orifice_area
+        held = [self.covered(event) for event in range(FROM, len(self.valid)) if self.valid[event]]
+        summed = [i for each in self.scored for i in each.openings]
+        in_time = None
+        if case.change_event is not None:
+            in_time = bool(abs(errors[case.change_event + RECOVERY_EVENTS]) < USEFUL_PCT)
+        elif case.class_name in WEAR_FROM_THE_START:
+            in_time = bool(abs(errors[THIRD_EVENT]) < USEFUL_PCT)
+        facts: dict[str, Any] = {
+            "class_name": case.class_name,
+            "group": group,
+            "changes": case.change_event is not None,
+            "nozzle_wear": wear,
+            "valid_share": float(np.mean(self.valid[FROM:])),
+            "wrong_valid": int(wrong.sum()),
+            "valid_late": sum(self.valid[WAVE_JUDGED:]),
+            "in_time": in_time,
+            # how much worse than the nominal model more than three events are, at the least
+            "excess_pct": float(np.sort(np.nan_to_num(excess, nan=np.inf))[-1 - WORSE_EVENTS]),
+            "excesses_pct": (
+                np.abs(self.errors_pct(self.scored)) - np.abs(self.errors_pct(self.scored, NOMINAL))
+            ).tolist(),
+            "x3_ratio": self.mean(theirs.x3_squares) / x3 if x3 > 0.0 else math.inf,
+            "covered": self.covered(COVERAGE_EVENT),
+            "held": [each for each in held if each is not None],
+            "rate_coverage": float(self.rate_covered[FROM:].sum() / judged) if judged else None,
+            "refused": [reason for reason in self.reasons[FROM:] if reason],
+            "nearer_to_nominal": self._fallbacks(),
+            "outside_own_interval": self._outside(),
+        }
+        if summed:  # errors cancel
+            mass, true = (sum(masses[i] for i in summed) for masses in (ours.masses, self.true_masses))
+            facts["sum_error_pct"] = float(100.0 * (mass / true - 1.0))
+        for name, estimate in self.estimates.items():
+            facts[f"{name}_errors_pct"] = self.errors_pct(self.scored, name).tolist()
+            facts[f"{name}_rmse"] = math.sqrt(self.mean(estimate.rate_squares))
+        return facts
+
+    def _fallbacks(self) -> int:
+        """Events from the fifth on whose mass is nearer to the nominal model's than to the truth."""
+        observer, nominal, true = (
+            self.event_masses(masses)[FROM:]
+            for masses in (self.estimates[OBSERVER].masses, self.estimates[NOMINAL].masses, self.true_masses)
+        )
+        matters = np.abs(nominal - true) > 0.02 * true
+        return int(np.sum(matters & (np.abs(observer - nominal) < np.abs(observer - true))))
+
+    def _outside(self) -> int:
+        """Events whose published mass lies outside the interval beside it."""
+        return sum(
+            interval is not None and not interval[0] - 1e-6 <= mass <= interval[1] + 1e-6
+            for mass, interval in zip(
+                self.event_masses(self.estimates[OBSERVER].masses), self.mass_ci95_mg, strict=True
+            )
+        )
+
+
+def score_outcome(case: Case, outcome: Outcome, bench: Bench) -> Score:
     """Score an observer by its bench, and the nominal model beside it, on what a case came to."""
     recording = recording_of(outcome)
-    with timed_training() as training:
-        evaluation: Scored
-        if CLASSES[case.class_name].windowed:
-            evaluation = evaluate_windowed(bench, recording)
-        else:
-            evaluation = evaluate(bench, [recording]).evaluations[0]
-    return score_evaluation(case, outcome, bench, evaluation, training)
+    evaluation: Scored
+    if CLASSES[case.class_name].windowed:
+        evaluation = evaluate_windowed(bench, recording)
+    else:
+        evaluation = evaluate(bench, [recording]).evaluations[0]
+    return score_evaluation(case, outcome, bench, evaluation)
 
 
-def score_evaluation(
-    case: Case, outcome: Outcome, bench: Bench, evaluation: Scored, training: Sequence[float]
-) -> CaseScore:
-    """Score what an observer by its bench made of a case; training: milliseconds of each event."""
+def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Scored) -> Score:
+    """Score what an observer by its bench made of a case."""
     windows = windows_of(outcome, case.bench.sample_rate)
-    truth, trace = outcome.truth, evaluation.trace
-    density = case.bench.injector.density
+    truth, trace, density = outcome.truth, evaluation.trace, case.bench.injector.density
     rate = np.where(np.isnan(trace.injection_rate), trace.nominal_rate, trace.injection_rate)
     nominal_x3 = x3_of_rate(trace.nominal_rate, bench)
     x3 = np.where(np.isnan(trace.x[:, 2]), nominal_x3, trace.x[:, 2])
     true_x3 = (truth.sac_pressure - case.bench.injector.chamber_pressure) / PRESSURE_SCALE
-    judged, covered = covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
-    injections = _injections(evaluation, windows)
+    judged, covered = _covered_samples(rate - truth.injection_rate, trace.injection_rate_sigma, windows)
     valid, reasons, intervals = _judged(evaluation, windows)
-
-    def scored(name: str, rate: Array, x3: Array) -> EstimatorScore:
-        return score_rate(name, rate, truth, windows, density, x3 - true_x3)
-
-    return CaseScore(
-        class_name=case.class_name,
-        master_seed=case.master_seed,
-        number=case.number,
-        change_event=case.change_event,
-        nozzle_wear=case.bench.events[-1].faults.orifice_area,
-        varying=len({event.rail_pressure for event in case.bench.events}) > 1,
-        true_mass_mg=windows.event_masses_mg(truth.injection_rate, density),
-        true_opening_mass_mg=windows.opening_masses_mg(truth.injection_rate, density),
-        injections=injections,
-        window_samples=tuple(windows.union(e).size for e in range(len(windows.of_event))),
-        estimators=(scored(OBSERVER, rate, x3), scored(NOMINAL, trace.nominal_rate, nominal_x3)),
-        valid=valid,
-        reasons=reasons,
-        mass_ci95_mg=intervals,
-        training_ms=tuple(training),
-        rate_judged=judged,
-        rate_covered=covered,
+    estimates = {
+        OBSERVER: estimate_of(rate, outcome, windows, density, x3 - true_x3),
+        NOMINAL: estimate_of(trace.nominal_rate, outcome, windows, density, nominal_x3 - true_x3),
+    }
+    return Score(
+        case,
+        windows.of_event,
+        np.array(windows.opening_masses_mg(truth.injection_rate, density)),
+        np.array([windows.union(e).size for e in range(len(windows.of_event))]),
+        _injections(evaluation, windows),
+        valid,
+        reasons,
+        intervals,
+        judged,
+        covered,
+        estimates,
     )
 
 
-def warm_up(model: Path | None = None) -> None:
-    """Compile, or load from the cache, what a model needs, so that no case's training time holds it."""
-    score_case(short_case(), model)
-
-
-def short_case() -> Case:
-    """A case with so few events that its score is of no interest."""
-    case = make_case("orifice_area", 0, 0)
-    return replace(case, bench=replace(case.bench, events=case.bench.events[:WARM_UP_EVENTS]))
+def estimate_of(
+    rate: Array, outcome: Outcome, windows: Windows, density: float, x3_error: Array | None = None
+) -> Estimate:
+    """Of an estimator's rate [m3/s] at every sample, and of its normalised sac pressure if it has one."""
+    off = (rate - outcome.truth.injection_rate) / MM3_PER_MS
+    x3 = np.array(windows.mean_squares(np.full(rate.size, np.nan) if x3_error is None else x3_error))
+    return Estimate(
+        np.array(windows.opening_masses_mg(rate, density)), np.array(windows.mean_squares(off)), x3
+    )
 
 
 def bench_for_case(case: Case, model: Path | None = None) -> Bench:
@@ -210,6 +272,24 @@ def x3_of_rate(rate: Array, bench: Bench) -> Array:
     return root * np.abs(root)
 
 
+def _covered_samples(
+    error: Array, sigma: Array, windows: Windows
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Samples with an open needle and a standard deviation, and of these those within 1.96 of it, event by event.
+
+    error, sigma: of the rate at every sample, in one unit; sigma is nan where it is not available.
+    """
+    available = np.isfinite(sigma)
+    covered = available & (np.abs(error) <= Z_95 * np.where(available, sigma, 0.0))
+    available_of, covered_of = (
+        np.array(
+            [sum(int(np.sum(marked[windows.opened[i]])) for i in openings) for openings in windows.of_event]
+        )
+        for marked in (available, covered)
+    )
+    return available_of, covered_of
+
+
 def _injections(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
     """The openings of every event by the report that covers them; one without a report stands alone, not valid."""
     found = []
@@ -239,7 +319,7 @@ def _judged(
         valid.append(bool(reports) and not missing and all(r.valid for r in reports))
         named = {r.reason.name for r in reports if not r.valid} if reports else {NO_REPORT}
         reasons.append(" ".join(sorted(named)))
-        bounds = known(r.mass_ci95 for r in reports)
+        bounds = [r.mass_ci95 for r in reports if r.mass_ci95 is not None]
         # the openings of an event share what is uncertain, so widths add
         low, high = (sum(each[side] for each in bounds) / MILLIGRAM for side in (0, 1))
         intervals.append((low, high) if bounds and len(bounds) == len(reports) else None)
@@ -262,19 +342,3 @@ def _report_of(evaluation: Scored, window: slice) -> InjectionReport | None:
 
     best = max(evaluation.reports, key=overlap, default=None)
     return best if best is not None and overlap(best) > 0 else None
-
-
-@contextmanager
-def timed_training() -> Iterator[list[float]]:
-    """Milliseconds of one core of every training run in lockstep meanwhile."""
-    durations: list[float] = []
-    original = InlineExecutor.submit
-
-    def submit(self: InlineExecutor, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        begin = time.thread_time()
-        future = original(self, fn, *args, **kwargs)
-        durations.append((time.thread_time() - begin) / MILLISECOND)
-        return future
-
-    with patch.object(InlineExecutor, "submit", submit):
-        yield durations

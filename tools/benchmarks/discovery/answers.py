@@ -3,81 +3,78 @@
 import json
 import resource
 import subprocess
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from observer_rt.config.bench import NOMINAL_INJECTOR
-from tools.benchmarks.discovery.result import AMBIGUOUS
+from tools.benchmarks.campaign import Row
 
 TIME_LIMIT = 600  # s
 KEPT_MESSAGE = 400  # characters of a failed command's
+NONE, NAMED, AMBIGUOUS, UNKNOWN = "none", "named", "ambiguous", "unknown"
+CONFIDENT = 0.9
 
 
-@dataclass(frozen=True)
-class ClaimedParameter:
-    """A parameter of a claimed effect with its 95 % interval, in its printed unit."""
+class Grade(StrEnum):
+    """What an answer is worth: every case has one."""
 
-    name: str
-    value: float
-    low: float
-    high: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class Claim:
-    """An effect of findings.json."""
-
-    id: str
-    confidence: float
-    parameters: tuple[ClaimedParameter, ...]
-
-
-@dataclass(frozen=True)
-class Smallest:
-    """The smallest size of an effect's parameter that could have been seen, in its printed unit."""
-
-    id: str
-    parameter: str
-    value: float
-    unit: str
+    RIGHT = "right"
+    AMBIGUOUS = "ambiguous"  # rightly left open: what is hidden is among names that cannot be told from it
+    WRONG = "wrong"
+    NOT_LOOKED_FOR = "not looked for"  # too small to be asked for: whatever was answered
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What findings.json says; `listed`: all ids an ambiguous answer leaves open.
+    """What findings.json says; listed: all ids an ambiguous answer leaves open.
 
     amended_model: the text of the file, or of the model given where nothing is amended; seconds: of wall time;
     core_seconds: of processor time, all its processes.
     """
 
-    label: str
     verdict: str
-    claims: tuple[Claim, ...]
-    listed: tuple[str, ...]
+    claims: tuple[Row, ...]
+    smallest: tuple[Row, ...]
     amended_model: str
     seconds: float
     core_seconds: float
-    smallest: tuple[Smallest, ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """Effects that are named, or lead."""
+        return [claim["id"] for claim in self.claims]
+
+    @property
+    def listed(self) -> list[str]:
+        """These, and what cannot be told from them."""
+        others = [other for claim in self.claims for other in claim["indistinguishable_from"]]
+        return list(dict.fromkeys([*self.names, *others]))
+
+    def facts(self) -> Row:
+        """Columns that every case has."""
+        confidences = [float(claim["confidence"]) for claim in self.claims]
+        named = self.names[0] if len(self.names) == 1 else "several"
+        claimed = ", ".join(f"{name} ({c:.2f})" for name, c in zip(self.names, confidences, strict=True))
+        return {
+            "verdict": self.verdict,
+            "claimed": claimed,
+            "answer": named if self.verdict == NAMED else self.verdict,
+            "seconds": self.seconds,
+            "core_seconds": self.core_seconds,
+        }
 
 
-def ask(
-    program: Sequence[str],
-    label: str,
-    recordings: Sequence[Path],
-    folder: Path,
-    model: Path = NOMINAL_INJECTOR,
-    choose: bool = True,
-) -> Answer:
-    """Call `program discover` with a model on recordings, its output in `folder`.
+def ask(recordings: Sequence[Path], folder: Path, model: Path, choose: bool) -> Answer:
+    """Call `discover` with a model on recordings, its output in `folder`.
 
     choose: of several effects that are tied the first is chosen, by a second call whose time is not counted.
     Raises RuntimeError when it fails.
     """
-    command = [*program, "discover", "--model", str(model), "--out", str(folder)]
+    command = [sys.executable, "-m", "observer_rt", "discover", "--model", str(model), "--out", str(folder)]
     command += map(str, recordings)
     before, begin = _core_seconds(), time.perf_counter()
     findings = _findings(command, folder)
@@ -87,7 +84,8 @@ def ask(
         findings = _findings([*command, "--force", "--choose", leading], folder)
     name = findings.get("amended_model")
     amended = (folder / name).read_text() if name else model.read_text()
-    return read_answer(label, findings, amended, seconds, used)
+    effects, smallest = tuple(findings["effects"]), tuple(findings.get("smallest_visible", ()))
+    return Answer(findings["verdict"], effects, smallest, amended, seconds, used)
 
 
 def _findings(command: Sequence[str], folder: Path) -> dict[str, Any]:
@@ -96,29 +94,6 @@ def _findings(command: Sequence[str], folder: Path) -> dict[str, Any]:
         raise RuntimeError(f"discover: exit {done.returncode}: {done.stderr[-KEPT_MESSAGE:]}")
     found: dict[str, Any] = json.loads((folder / "findings.json").read_text())
     return found
-
-
-def read_answer(
-    label: str, findings: dict[str, Any], amended_model: str, seconds: float, core_seconds: float
-) -> Answer:
-    """The answer in a findings.json. Raises KeyError where it does not keep its contract."""
-    claims = tuple(
-        Claim(effect["id"], float(effect["confidence"]), tuple(map(_parameter, effect["parameters"].items())))
-        for effect in findings["effects"]
-    )
-    others = [other for effect in findings["effects"] for other in effect["indistinguishable_from"]]
-    listed = tuple(dict.fromkeys([claim.id for claim in claims] + others))
-    smallest = tuple(
-        Smallest(entry["id"], entry["parameter"], float(entry["value"]), entry["unit"])
-        for entry in findings.get("smallest_visible", [])
-    )
-    return Answer(label, findings["verdict"], claims, listed, amended_model, seconds, core_seconds, smallest)
-
-
-def _parameter(item: tuple[str, dict[str, Any]]) -> ClaimedParameter:
-    name, printed = item
-    low, high = printed["ci95"]
-    return ClaimedParameter(name, float(printed["value"]), float(low), float(high), printed["unit"])
 
 
 def _core_seconds() -> float:

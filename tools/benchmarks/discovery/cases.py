@@ -1,154 +1,257 @@
-"""Hidden cases: an opaque label, what is hidden, and the benches that record it. Imports nothing of `observer_rt`."""
+"""Hidden cases of the three campaigns, and the benches that record them. Imports nothing of `observer_rt`.
 
-import itertools
+A label and what is drawn are of a master seed; the first cases of a larger number are those of a smaller one.
+"""
+
+import hashlib
 import zlib
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from enum import StrEnum
 
 import numpy as np
-from pydantic import TypeAdapter
+from numpy.random import Generator
 
-from tests.plants.arrays import Array
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Outcome, Shot, drawn_needle, record
-from tools.benchmarks.discovery.hidden import HEALTHY, HIDDEN
-from tools.benchmarks.discovery.hiding import Hiding, label_of
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Shot, Surroundings, drawn_needle
+from tools.benchmarks.discovery.discrepancies import Discrepancy
+from tools.benchmarks.discovery.kinds import HiddenKind
+from tools.benchmarks.discovery.laws import KINDS, NOT_IN, VOCABULARY_KINDS, kind_named
+from tools.benchmarks.discovery.rigs import DISTANCE, FIRST, Rig, bench_of
+from tools.benchmarks.discovery.vocabulary import (
+    EFFECTS,
+    HIDDEN,
+    OUTSIDE,
+    PAIR_FROM,
+    PAIRS,
+    Parts,
+    faults_of,
+    known,
+    laws_of,
+    steps_of,
+)
 
-GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
-"""Operating points `discover` is given: rail pressure [Pa], needle open [s]."""
-FURTHER = tuple(itertools.product((80e6, 120e6), (0.9e-3, 1.5e-3)))
-"""Operating points it never sees: there the gap is measured."""
-MEGAPASCAL, MILLIMETRE, MM3_PER_MS = 1e6, 1e-3, 1e-6
-HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
-INJECTIONS = 2  # in each recording
-RATE_NOISE = 0.5e-6  # m3/s per sample of a measured rate at 100 kHz
-RATE_GAIN = 0.005  # one sigma of a recording's gain
+HEALTHY = "healthy"
+NOMINAL_INJECTIONS, REAL_INJECTIONS, OUTSIDE_INJECTIONS = 2, 3, 4  # in each recording
+REAL_SHARES = {"healthy": 0.20, "pair": 0.15, "outside": 0.15}  # the rest are single effects
+SAME_TO_RECORDINGS = ({"bulk_modulus", "line_volume"},)
+"""Names of the vocabulary that are one to any recording, and are taken away together."""
+Points = Sequence[tuple[float, float]]
+
+
+class Asked(StrEnum):
+    """What is hidden, and with which vocabulary it is asked for."""
+
+    HEALTHY = "healthy"  # nothing
+    SINGLE = "single"  # one effect of the vocabulary, all of which is there
+    PAIR = "pair"  # two of them
+    OUTSIDE = "outside"  # what no name is for
+    LEFT_OUT = "left_out"  # an effect whose name is taken away
+
+
+OUTSIDE_SHARES = {Asked.OUTSIDE: 0.5, Asked.LEFT_OUT: 0.2, Asked.SINGLE: 0.2, Asked.HEALTHY: 0.1}
+_IN_KEYS = {Asked.SINGLE: "named"}
+"""What stands for it in the keys that cases are drawn by, where not its name."""
 
 
 @dataclass(frozen=True)
 class HiddenCase:
-    """What is sealed: `values` are the parameters of the effect in its order; `seed` makes everything else."""
+    """One case. rig: None for the nominal structure; seed: makes all that is not the rig's."""
 
     label: str
-    effect: str
-    values: tuple[float, ...]
+    asked: Asked
+    parts: Parts
     with_rate: bool
+    rig: Rig | None
     seed: int
 
     @property
-    def faults(self) -> Faults:
-        """What is wrong with the plant."""
-        return Faults() if self.effect == HEALTHY else HIDDEN[self.effect].faults(self.values)
+    def name(self) -> str:
+        """What is hidden."""
+        return "+".join(name for name, _ in self.parts) or HEALTHY
+
+    @property
+    def text(self) -> str:
+        """The same with its sizes in SI, and where."""
+        sized = (f"{name} {' '.join(f'{value:.4g}' for value in values)}" for name, values in self.parts)
+        rate, line = " with rate" if self.with_rate else "", f" {self.rig.discrepancy}" if self.rig else ""
+        return f"{self.label}{line}{rate}: {' + '.join(sized) or HEALTHY}"
 
 
-def make_case(effect: str, with_rate: bool, master_seed: int, number: int) -> HiddenCase:
-    """The case with this number among those of its kind. Raises KeyError for an unknown effect."""
-    key = [master_seed, zlib.crc32(effect.encode()), int(with_rate), number]
+def _drawn(
+    key: list[int],
+    asked: Asked,
+    kinds: Sequence[HiddenKind],
+    with_rate: bool,
+    rig: Rig | None,
+    from_share: float | None = 0.0,
+) -> HiddenCase:
+    """The case of a key, on which all of it depends; its label tells nothing of it."""
     rng = np.random.default_rng(key)
     seed = int(rng.integers(2**62))
-    values = () if effect == HEALTHY else tuple(p.draw(rng) for p in HIDDEN[effect].parameters)
-    label = label_of(key)
-    return HiddenCase(label, effect, values, with_rate, seed)
+    parts = tuple((kind.name, kind.draw(rng, from_share)) for kind in kinds)
+    return HiddenCase(hashlib.sha256(repr(key).encode()).hexdigest()[:12], asked, parts, with_rate, rig, seed)
 
 
-def make_cases(
-    effects: tuple[str, ...], faulty: int, healthy: int, rates: tuple[bool, ...], master_seed: int
-) -> tuple[HiddenCase, ...]:
-    """`faulty` cases spread evenly over effects and rates, `healthy` ones over rates, in an order that tells nothing.
+def nominal_cases(effects: Sequence[str], count: int, rates: Sequence[bool], seed: int) -> list[HiddenCase]:
+    """Tier A: so many faulty cases spread evenly over effects and rates, and as many healthy ones."""
 
-    The first cases of a larger number are those of a smaller one.
-    """
+    def case(effect: str, with_rate: bool, number: int) -> HiddenCase:
+        key = [seed, zlib.crc32(effect.encode()), int(with_rate), number]
+        kinds = [] if effect == HEALTHY else [HIDDEN[effect]]
+        return _drawn(key, Asked.SINGLE if kinds else Asked.HEALTHY, kinds, with_rate, None, None)
+
     kinds = [
         (effect, rates[(number + turn) % len(rates)])
         for turn in range(len(rates))
         for number, effect in enumerate(effects)
     ]
-    cases = [make_case(*kinds[i % len(kinds)], master_seed, i // len(kinds)) for i in range(faulty)]
-    cases += [make_case(HEALTHY, rates[i % len(rates)], master_seed, i // len(rates)) for i in range(healthy)]
-    return tuple(sorted(cases, key=lambda case: case.label))
+    cases = [case(*kinds[i % len(kinds)], i // len(kinds)) for i in range(count)]
+    return cases + [case(HEALTHY, rates[i % len(rates)], i // len(rates)) for i in range(count)]
 
 
-def benches(
-    case: HiddenCase, points: tuple[tuple[float, float], ...], noise: float = 1.0
-) -> tuple[Bench, ...]:
+def nominal_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
     """One bench a recording: one operating point, its injections anywhere on the grid of samples."""
-    rng = np.random.default_rng(case.seed)
-    needle = drawn_needle(rng)
-    rng = np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
+    needle = drawn_needle(np.random.default_rng(case.seed))
+    rng = _of_points(case, points)
+    faults = HIDDEN[case.name].faults(case.parts[0][1]) if case.parts else Faults()
     made = []
     for rail_pressure, duration in points:
-        shots = [Shot(rng.uniform(0.0, 10e-6), duration) for _ in range(INJECTIONS)]
-        events = tuple(Event(rail_pressure, (shot,), case.faults) for shot in shots)
+        shots = [Shot(rng.uniform(0.0, 10e-6), duration) for _ in range(NOMINAL_INJECTIONS)]
+        events = tuple(Event(rail_pressure, (shot,), faults) for shot in shots)
         made.append(Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62))))
-    return tuple(made)
+    return made
 
 
-def measured_rate(bench: Bench, outcome: Outcome) -> Array:
-    """Rate an instrument measures beside the injector [m3/s] (n,): white noise, and a gain error of the recording.
+def real_cases(
+    count: int,
+    healthy: int | None,
+    rates: Sequence[bool],
+    discrepancies: Sequence[Discrepancy],
+    seed: int,
+    chosen: Sequence[str] = (),
+) -> list[HiddenCase]:
+    """Tier B: cases of every kind, spread over effects, discrepancies and rates.
 
-    Of a bench without noise the true rate.
+    healthy: how many, else their share; chosen: what is hidden instead, in turn: `healthy`, a name, or `one+other`.
     """
-    rng = np.random.default_rng([bench.seed, 1])
-    truth = outcome.truth.injection_rate
-    gain = 1.0 + RATE_GAIN * bench.noise * rng.normal()
-    return np.asarray(gain * truth + RATE_NOISE * bench.noise * rng.normal(size=truth.size), np.float64)
-
-
-def without_noise(case: HiddenCase, points: tuple[tuple[float, float], ...]) -> tuple[Bench, ...]:
-    """The same benches without noise."""
-    return tuple(replace(bench, noise=0.0) for bench in benches(case, points))
-
-
-@dataclass(frozen=True)
-class HidingPlan:
-    """What is drawn: numbers of cases, effects, without and with measured rate, seed."""
-
-    effects: tuple[str, ...]
-    faulty: int
-    healthy: int
-    rates: tuple[bool, ...]
-    master_seed: int
-
-
-def write_recordings(case: HiddenCase, folder: Path) -> tuple[Path, ...]:
-    """The recordings of a case."""
-    return write_all(benches(case, GIVEN), case.with_rate, folder)
-
-
-def write_all(benches: Iterable[Bench], with_rate: bool, folder: Path) -> tuple[Path, ...]:
-    """Recordings as CSV files, named by nothing but their order."""
-    folder.mkdir(parents=True, exist_ok=True)
-    files = []
-    for number, bench in enumerate(benches, start=1):
-        files.append(folder / f"recording_{number}.csv")
-        write_recording(files[-1], bench, with_rate)
-    return tuple(files)
-
-
-def write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
-    """What a bench records, as CSV file."""
-    outcome = record(bench)
-    measured = outcome.measured
-    columns: list[Array] = [
-        measured.time,
-        measured.rail_pressure / MEGAPASCAL,
-        measured.needle_lift / MILLIMETRE,
-        measured.line_pressure / MEGAPASCAL,
+    numbers = {kind: round(share * count) for kind, share in REAL_SHARES.items()}
+    singles = count - sum(numbers.values())
+    numbers["healthy"] = numbers["healthy"] if healthy is None else healthy
+    kinds: list[tuple[Sequence[tuple[str, ...]], int]] = [
+        (((),), numbers["healthy"]),
+        ([(name,) for name in EFFECTS], singles),
+        (PAIRS, numbers["pair"]),
+        ([(name,) for name in OUTSIDE], numbers["outside"]),
     ]
-    header, row = HEADER, "%.5f,%.3f,%.5f,%.3f"
-    if with_rate:
-        columns.append(measured_rate(bench, outcome) / MM3_PER_MS)
-        header, row = f"{header},injection_rate_mm3_per_ms", f"{row},%.5f"
-    lines = [row % values for values in zip(*(c.tolist() for c in columns), strict=True)]
-    path.write_text("\n".join([header, *lines]) + "\n")
+    if chosen:
+        names = [() if name == HEALTHY else tuple(name.split("+")) for name in chosen]
+        kinds = [(names, singles + sum(numbers.values()))]
+    cases = []
+    for turn, (hidden, number_of) in enumerate(kinds):
+        for number in range(number_of):
+            place = turn + number + number // len(hidden)  # not every effect on the same discrepancy
+            with_rate = rates[place // len(discrepancies) % len(rates)]
+            rig = Rig(discrepancies[place % len(discrepancies)], with_rate, seed)
+            cases.append(real_case(hidden[number % len(hidden)], rig, number))
+    return cases
 
 
-HIDING = Hiding(
-    plan=TypeAdapter(HidingPlan),
-    cases=TypeAdapter(tuple[HiddenCase, ...]),
-    labels=TypeAdapter(tuple[str, ...]),
-    make=lambda plan: make_cases(plan.effects, plan.faulty, plan.healthy, plan.rates, plan.master_seed),
-    label_of=lambda case: case.label,
-    record=write_recordings,
-)
+def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
+    """The case with this number among those of its kind, with these effects hidden on a rig."""
+    asked = Asked.HEALTHY if not names else Asked.SINGLE if len(names) == 1 else Asked.PAIR
+    asked = Asked.OUTSIDE if any(name in OUTSIDE for name in names) else asked
+    from_share = PAIR_FROM if asked is Asked.PAIR else 0.0
+    key = [
+        rig.seed,
+        number,
+        rig.discrepancy.number,
+        int(rig.with_rate),
+        *(zlib.crc32(n.encode()) for n in names),
+    ]
+    return _drawn(key, asked, [known(name) for name in names], rig.with_rate, rig, from_share)
+
+
+def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
+    """One bench a recording of the case's rig."""
+    assert case.rig is not None
+    rng, parts = _of_points(case, points), case.parts
+    faults, steps, laws = faults_of(parts), steps_of(parts), laws_of(parts)
+    return [
+        replace(bench_of(case.rig, point, REAL_INJECTIONS, rng, faults, steps, noise), laws=laws)
+        for point in points
+    ]
+
+
+def outside_cases(
+    tier: str,
+    count: int,
+    rates: Sequence[bool],
+    discrepancies: Sequence[Discrepancy],
+    seed: int,
+    names: Sequence[str] = (),
+) -> list[HiddenCase]:
+    """Cases of every asking, spread over kinds, plants and rates.
+
+    count: of all askings together, 0: one of every kind and rate; names: of what alone is hidden.
+    """
+    named = [name for name in VOCABULARY_KINDS if name not in NOT_IN[tier]]
+    of_asked = {Asked.OUTSIDE: [*KINDS], Asked.LEFT_OUT: named, Asked.SINGLE: named, Asked.HEALTHY: [HEALTHY]}
+    made = []
+    for asked, share in OUTSIDE_SHARES.items():
+        hidden = [name for name in of_asked[asked] if not names or name in names]
+        for number in range(round(share * count) if count else len(hidden) * len(rates)) if hidden else ():
+            # kind after kind, then the next rate, with other sizes and plants
+            turn, place = divmod(number, len(hidden))
+            name, with_rate = hidden[place], rates[turn % len(rates)]
+            plant = discrepancies[(place + turn) % len(discrepancies)]
+            rig = Rig(plant, with_rate, seed) if tier == "B" else None
+            drawn_by = f"{_IN_KEYS.get(asked, asked)} {name} {tier}"
+            key = [seed, zlib.crc32(drawn_by.encode()), int(with_rate), turn]
+            made.append(_drawn(key, asked, [] if name == HEALTHY else [kind_named(name)], with_rate, rig))
+    return made
+
+
+def outside_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
+    """One bench a recording with what is hidden in laws, injections, sensors, rail; of tier A a rail at rest."""
+    rng, made = _of_points(case, points), []
+    for point in points:
+        if case.rig is None:
+            bench = _at_rest(case, point, rng, noise)
+        else:
+            bench = bench_of(case.rig, point, OUTSIDE_INJECTIONS, rng, Faults(), noise=noise)
+        for name, values in case.parts:
+            kind, around = kind_named(name), bench.around
+            bench = replace(
+                bench,
+                laws=kind.laws(values),
+                events=tuple(replace(e, faults=kind.faults(values, i)) for i, e in enumerate(bench.events)),
+                around=replace(
+                    around,
+                    supply=(*around.supply, *kind.supplies(values)),
+                    before_noise=(*around.before_noise, *kind.steps(values)),
+                ),
+            )
+        made.append(bench)
+    return made
+
+
+def taken_away(case: HiddenCase) -> tuple[str, ...]:
+    """Names the vocabulary is asked without."""
+    if case.asked is not Asked.LEFT_OUT:
+        return ()
+    return tuple(sorted(next((same for same in SAME_TO_RECORDINGS if case.name in same), {case.name})))
+
+
+def _at_rest(case: HiddenCase, point: tuple[float, float], rng: Generator, noise: float) -> Bench:
+    speeds = np.random.default_rng(case.seed).uniform(0.85, 1.15, 2)
+    rail_pressure, duration = point
+    shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _ in range(OUTSIDE_INJECTIONS)]
+    events = tuple(Event(rail_pressure, (shot,), Faults()) for shot in shots)
+    around = Surroundings(starts=tuple(FIRST + DISTANCE * number for number in range(OUTSIDE_INJECTIONS)))
+    needle = Needle(0.80 * speeds[0], 0.90 * speeds[1])
+    return Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62)), around=around)
+
+
+def _of_points(case: HiddenCase, points: Points) -> Generator:
+    return np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])

@@ -1,29 +1,33 @@
-"""The command `discovery` of `tools/bench`."""
+"""`tools/bench discovery`: effects hidden in recordings of independent plants, and whether `discover` names them.
 
-from dataclasses import replace
+The code under test gets recordings named by their order, a model, and no word on what is hidden.
+"""
+
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
+import pandas as pd
 import typer
 
+from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.discovery import run, tables
-from tools.benchmarks.discovery.asking import Asking
-from tools.benchmarks.discovery.cases import HidingPlan
-from tools.benchmarks.discovery.figures import save_figures
-from tools.benchmarks.discovery.hidden import HIDDEN
-from tools.benchmarks.discovery.outside import run as outside_run
-from tools.benchmarks.discovery.outside import tables as outside_tables
-from tools.benchmarks.discovery.outside.cases import Asked, OutsidePlan
-from tools.benchmarks.discovery.outside.kinds import KINDS, VOCABULARY_KINDS
-from tools.benchmarks.discovery.real_line import tables as real_tables
-from tools.benchmarks.discovery.real_line.cases import RealPlan, names_of, shared_out
-from tools.benchmarks.discovery.real_line.discrepancies import Discrepancy
-from tools.benchmarks.discovery.real_line.fitting import record_only
-from tools.benchmarks.report import put_out
+from tools.benchmarks.campaign import Row, conclude, run_cases, save_dots, table
+from tools.benchmarks.discovery import nominal, outside, real_line
+from tools.benchmarks.discovery.cases import (
+    HEALTHY,
+    OUTSIDE_SHARES,
+    HiddenCase,
+    nominal_cases,
+    outside_cases,
+    real_cases,
+)
+from tools.benchmarks.discovery.discrepancies import Discrepancy
+from tools.benchmarks.discovery.laws import KINDS, VOCABULARY_KINDS
+from tools.benchmarks.discovery.rigs import Rig
+from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, OUTSIDE
 
-CASES, REAL_CASES, OUTSIDE_CASES = 300, 150, 150
 RATES = {"without": (False,), "with": (True,), "both": (False, True)}
 
 
@@ -36,94 +40,85 @@ def discovery(
         int | None,
         typer.Option(
             min=0,
-            help=f"Faulty cases, and as many healthy ones ({CASES}); of all kinds together in tier B "
-            f"({REAL_CASES}) and outside ({OUTSIDE_CASES}).",
+            help=f"Faulty cases, and as many healthy ones ({nominal.CASES}); of all kinds together in tier B "
+            f"({real_line.CASES}) and outside ({outside.CASES}).",
         ),
     ] = None,
     effects: Annotated[
         str, typer.Option(help="Hidden effects, by commas (default: all); tier B: also a+b, healthy.")
     ] = "",
     rate: Annotated[str, typer.Option(help="Measured rate: without, with or both.")] = "both",
-    tier: Annotated[
-        cli.Tier,
-        typer.Option(help="A: plants of the nominal structure. B: others, to which `fit` fits first."),
-    ] = cli.Tier.A,
+    tier: cli.TierOption = cli.Tier.A,
     healthy: Annotated[
         int | None, typer.Option(min=0, help="Tier B: healthy cases, beside the others (default: a fifth).")
     ] = None,
     discrepancy: Annotated[
         list[Discrepancy] | None, typer.Option(help="Tier B: of the plants; repeatable (default: all).")
     ] = None,
-    only_record: Annotated[
-        bool, typer.Option("--record-only", help="Tier B: only record and fit, into --out; nothing is asked.")
-    ] = False,
-    outside: Annotated[
+    is_outside: Annotated[
         bool, typer.Option("--outside", help="Instead: what no vocabulary has, and what is proposed for it.")
     ] = False,
     all_kinds: Annotated[
         bool, typer.Option("--all-kinds", help="With --outside: a case of everything, for each --rate.")
     ] = False,
     seed: cli.SeedOption = 1,
-    workers: cli.WorkersOption = cli.PROCESSES,
+    jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
     as_json: cli.JsonOption = False,
 ) -> None:
     """Whether `discover` names effects hidden in recordings of independent plants."""
     if rate not in RATES:
         raise UserError("--rate", f"is '{rate}'", f"give {', '.join(RATES)}")
-    if all_kinds and not outside:
+    if all_kinds and not is_outside:
         raise UserError("--all-kinds", "is for --outside", "add --outside, or give --cases")
-    with cli.resumable("the answers are"):
-        if outside:
-            named = cli.chosen_names(effects, "--effects", (*KINDS, *VOCABULARY_KINDS, Asked.HEALTHY), ())
-            count = 0 if all_kinds else OUTSIDE_CASES if cases is None else cases
-            plants = tuple(map(str, discrepancy or Discrepancy))
-            drawn = OutsidePlan(tier, count, RATES[rate], seed, plants, named)
-            _outside(Asking(drawn, workers, out or Path(f"build/discovery-outside-{tier}")), as_json)
-            return
-        if tier is cli.Tier.A:
-            chosen = cli.chosen_names(effects, "--effects", HIDDEN, HIDDEN)
-            count = CASES if cases is None else cases
-            hiding = HidingPlan(chosen, count, count, RATES[rate], seed)
-            _on_nominal_lines(Asking(hiding, workers, out or Path("build/discovery")), as_json)
-            return
-        plan = _real_plan(cases, healthy, effects, RATES[rate], discrepancy, seed)
-        asking = Asking(plan, workers, out or Path("build/discovery-B"))
-        if only_record:
-            record_only(plan, asking.out)
-        else:
-            found = run.run_real_lines(asking)
-            document = real_tables.json_document(found.results, found.adequate, found.crashes)
-            put_out(as_json, document, run.real_shown(found))
+    plants, rates = tuple(discrepancy or Discrepancy), RATES[rate]
+    on_lines = tier is cli.Tier.B
+    out = out or Path(f"build/discovery{'-outside' if is_outside else ''}-{tier}")
+    if is_outside:
+        named = cli.chosen_names(effects, "--effects", (*KINDS, *VOCABULARY_KINDS, HEALTHY), ())
+        count = 0 if all_kinds else outside.CASES if cases is None else cases
+        hidden = outside_cases(str(tier), count, rates, plants, seed, named)
+        frame = _run(outside.score_outside, hidden, jobs, out)
+        tables = {
+            f"asked: {asked}": table(frame[frame["asked"].eq(asked)], "hidden", outside.COLUMNS)
+            for asked in OUTSIDE_SHARES
+            if "asked" in frame and frame["asked"].eq(asked).any()
+        }
+        conclude(frame, outside.bars(str(tier)), tables, out, as_json, outside.misses(frame))
+    elif on_lines:
+        _known_names(effects)
+        count = real_line.CASES if cases is None else cases
+        chosen = [name for name in effects.split(",") if name]
+        frame = _run(real_line.score_real, real_cases(count, healthy, rates, plants, seed, chosen), jobs, out)
+        tables = {
+            "effects, alone, in pairs and without a name": table(frame, "hidden", real_line.COLUMNS),
+            "plants": table(frame, "discrepancy", real_line.PLANT_COLUMNS),
+        }
+        conclude(frame, real_line.BARS, tables, out, as_json, real_line.misses(frame))
+    else:
+        chosen = cli.chosen_names(effects, "--effects", HIDDEN, HIDDEN)
+        hidden = nominal_cases(chosen, nominal.CASES if cases is None else cases, rates, seed)
+        frame = _run(nominal.score_nominal, hidden, jobs, out)
+        save_dots(
+            frame, "hidden", "gain", "grade", "what the oracle gains in -2 log L", out / "detection.png"
+        )
+        tables = {
+            "hidden effects": table(frame, "hidden", nominal.COLUMNS),
+            "with a measured rate": table(frame, "with_rate", nominal.COLUMNS),
+        }
+        conclude(frame, nominal.BARS, tables, out, as_json, nominal.misses(frame))
 
 
-def _outside(asking: Asking[OutsidePlan], as_json: bool) -> None:
-    found, tier = outside_run.run_outside(asking), asking.plan.tier
-    document = outside_tables.json_document(found.results, tier, found.crashes)
-    put_out(as_json, document, outside_run.shown(found, tier))
+def _run(work: Callable[..., Row], cases: Sequence[HiddenCase], jobs: int, out: Path) -> pd.DataFrame:
+    """A row a case, each asked with the fitted model of its rig, or the nominal one."""
+    models: dict[Rig | None, Path | str] = {None: NOMINAL_INJECTOR}
+    for rig in dict.fromkeys(case.rig for case in cases):
+        if rig is not None:
+            models[rig] = real_line.model_of(rig, out)
+    return run_cases("discovery", work, {case.label: (case, models[case.rig]) for case in cases}, jobs, out)
 
 
-def _on_nominal_lines(asking: Asking[HidingPlan], as_json: bool) -> None:
-    found = run.run_discovery(asking)
-    cli.tell_figures(save_figures(found.results, asking.out))
-    put_out(as_json, tables.json_document(found.results, found.crashes), run.shown(found))
-
-
-def _real_plan(
-    cases: int | None,
-    healthy: int | None,
-    effects: str,
-    rates: tuple[bool, ...],
-    discrepancies: list[Discrepancy] | None,
-    seed: int,
-) -> RealPlan:
-    names = tuple(name for name in effects.split(",") if name)
-    for name in names:
-        try:
-            names_of(name)
-        except KeyError as error:
-            raise UserError("--effects", f"unknown name {error}", "give one, one+other or healthy") from None
-    numbers = shared_out(REAL_CASES if cases is None else cases)
-    if healthy is not None:
-        numbers = replace(numbers, healthy=healthy)
-    return RealPlan(numbers, rates, tuple(discrepancies or Discrepancy), seed, names)
+def _known_names(effects: str) -> None:
+    for name in (name for text in effects.split(",") if text for name in text.split("+")):
+        if name not in (*EFFECTS, *OUTSIDE, HEALTHY):
+            raise UserError("--effects", f"unknown name '{name}'", "give one, one+other or healthy")

@@ -40,9 +40,9 @@ from tests.plants.plant import (
     record,
     strokes_of,
 )
-from tools.benchmarks.discovery.cases import RATE_GAIN, RATE_NOISE, measured_rate
-from tools.benchmarks.discovery.hidden import HIDDEN, HiddenKind
-from tools.benchmarks.peer_equations import line_gain
+from tools.benchmarks.discovery.kinds import HiddenKind
+from tools.benchmarks.discovery.rigs import RATE_GAIN, RATE_NOISE, measured_rate
+from tools.benchmarks.discovery.vocabulary import HIDDEN
 
 INTERVAL = 1.0 / SAMPLE_RATE  # s
 LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged
@@ -52,6 +52,7 @@ LIFT_STEP = 1e-7  # m, of the rate's slope
 STARTS = 6  # of either sign, from below detection to large
 WIDER, WIDER_SHAPE = 1.5, 2.5  # than what is drawn, the size of a rival and its other parameters may be
 REFINED = 2  # of the starts
+RICCATI_STEPS = 400
 SHAPE_STARTS = 3  # of a further parameter
 
 
@@ -183,6 +184,32 @@ def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[Array, flo
     late = faults.line_pressure_sensor_lag / INTERVAL
     angle, impedance = math.sqrt(stiffness / inertance) * INTERVAL, math.sqrt(stiffness * inertance)
     return line_gain(angle, impedance, late, RAIL_NOISE, LINE_NOISE)
+
+
+def line_gain(
+    angle: float, impedance: float, late: float, rail_noise: float, line_noise: float
+) -> tuple[Array, float]:
+    """Gain (3,) on [p_L, Q_L, p_L behind the sensor's lag], and the innovation's sigma.
+
+    angle: of the line's mode in one sample; impedance: pressure over flow of the mode; late: lag in samples; noise in
+    the unit of the pressure.
+    """
+    cosine, sine = math.cos(angle), math.sin(angle)
+    decay = math.exp(-1.0 / late) if late > 0.0 else 0.0
+    now, before = 1.0 - late * (1.0 - decay), late * (1.0 - decay) - decay
+    row = np.array([cosine, impedance * sine, 0.0])
+    transition = np.array([row, [-sine / impedance, cosine, 0.0], now * row + [before, 0.0, decay]])
+    drive = np.array([1.0 - cosine, sine / impedance, now * (1.0 - cosine)])
+    process = np.outer(drive, drive) * rail_noise**2
+    measurement = line_noise**2
+    covariance = np.diag([measurement, measurement / impedance**2, measurement])
+    gain, variance = np.zeros(3), measurement
+    for _ in range(RICCATI_STEPS):
+        covariance = transition @ covariance @ transition.T + process
+        variance = covariance[2, 2] + measurement
+        gain = covariance[:, 2] / variance
+        covariance = covariance - np.outer(gain, covariance[2])
+    return gain, math.sqrt(variance)
 
 
 def simulated(r: Recorded, faults: Faults, closed_loop: bool) -> tuple[Array, Array, float]:

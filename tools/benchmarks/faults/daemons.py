@@ -8,7 +8,6 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError, UserError
+from tools.benchmarks import campaign
 from tools.benchmarks.faults.disk import Disk, operations
 from tools.benchmarks.scoring import bench_text, worn_injector
 from tools.benchmarks.speed.native import library
@@ -42,16 +42,6 @@ class Strike(StrEnum):
     KILLED = "killed"
     FULL_DISK = "disk_full"
     POWER_LOST = "power_lost"
-
-
-@dataclass(frozen=True)
-class Kill:
-    """What became of one daemon. told, lost: injections; lost ones were due; problems: what must not be."""
-
-    strike: Strike
-    told: int
-    lost: int
-    problems: tuple[str, ...]
 
 
 def told_of(lines: Sequence[str]) -> list[tuple[str, ...]]:
@@ -90,8 +80,11 @@ def read_back(folder: Path, told: Sequence[tuple[str, ...]], due: int) -> tuple[
     return max(due - min(len(rows), events), 0), problems
 
 
-def strike(how: Strike, folder: Path, seed: int) -> Kill:
-    """Let a daemon learn in a new folder, strike, and look at its files. Raises RunError where it does not start."""
+def strike(how: Strike, folder: Path, seed: int) -> campaign.Row:
+    """Let a daemon learn in a new folder, strike, and look at its files. Raises RunError where it does not start.
+
+    told, lost: injections; lost ones were due; problems, what: how much must not be, and a line for each.
+    """
     folder = folder.resolve()  # as the daemon names its files
     chance, disk = np.random.default_rng([seed, list(Strike).index(how)]), folder / "disk"
     disk.mkdir(parents=True)
@@ -118,7 +111,8 @@ def strike(how: Strike, folder: Path, seed: int) -> Kill:
         found = [read_back(disk, told, due)]
         problems += _starts_again(disk)
     problems += [problem for _, others in found for problem in others]
-    return Kill(how, len(told), max(lost for lost, _ in found), tuple(problems))
+    lost = max(lost for lost, _ in found)
+    return {"struck": how, "told": len(told), "lost": lost, "problems": len(problems), "what": problems}
 
 
 def _cut(

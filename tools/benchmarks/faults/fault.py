@@ -161,8 +161,3 @@ def energizing(bench: Bench) -> tuple[Array, Array]:
     opening, duration = np.array(shots, np.float64).reshape(-1, 2).T
     ends = opening + duration - np.minimum(CLOSING_DELAY, 0.8 * duration)
     return np.sort(opening - OPENING_DELAY), np.sort(ends)
-
-
-def sign(rng: Generator) -> float:
-    """Either, as often as the other."""
-    return 1.0 if rng.random() < 0.5 else -1.0

@@ -23,14 +23,13 @@ from observer_rt.files.replay.player import play
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Outcome, record
-from tools.benchmarks.campaign import Task
-from tools.benchmarks.command_line import tracked
+from tools.benchmarks.campaign import Row, messages
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import Fault, Placed, Where
 from tools.benchmarks.faults.frames import index_of
 from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Published, Receiver
-from tools.benchmarks.faults.scenario import AT, Scenario, drawn
-from tools.benchmarks.faults.score import FaultScore, score
+from tools.benchmarks.faults.scenario import AT, Scenario, Task, drawn
+from tools.benchmarks.faults.score import facts_of
 from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import RUN, Observer, observer
 
@@ -90,7 +89,7 @@ ROWS = {
 }
 
 
-def run_live(count: int, master_seed: int, folder: Path) -> list[FaultScore]:
+def run_live(count: int, master_seed: int, folder: Path) -> list[Row]:
     """So many scenarios one after the other on one daemon. Raises RunError where it does not start."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "bench.toml"
@@ -102,15 +101,17 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[FaultScore]:
         open_link("socketcan", CHANNEL, True, []) as device,
         open_link("socketcan", CHANNEL, True, [(RATE_ID, False), (SUMMARY_ID, False)]) as ear,
     ):
-        for number in tracked(range(count), "live"):
+        for number in range(count):
+            messages.print(f"live: {number + 1} of {count}")
             scenario = _scenario(Task(names[number % len(names)], master_seed, number))
             outcome = record(scenario.bench)
             recording = recording_of(outcome)
             frames = list(framer.frames(recording, whole(recording)))
             published = _played(scenario, outcome, frames, Bus(daemon, device), ear)
-            found.append(score(scenario, outcome, published, scenario.bench.injector.density))
+            found.append(facts_of(scenario, outcome, published))
             if daemon.process.poll() is not None:
-                return [*found[:-1], replace(found[-1], crash="\n".join(daemon.said[-5:]))]
+                found[-1] |= {"crash": "\n".join(daemon.said[-5:]), "crashed": True}
+                break
     return found
 
 

@@ -9,7 +9,6 @@ from numpy.random import Generator
 
 from tests.plants.parameters import Injector
 from tests.plants.plant import PERIOD, Bench, drawn_needle
-from tools.benchmarks.campaign import Task
 from tools.benchmarks.cases import on_real_line, worn_events
 from tools.benchmarks.faults.fault import Fault, Placed, Where
 
@@ -20,6 +19,20 @@ AND, AT, STATED = " + ", " ", " stated"
 MOST_AT_ONCE = 3
 LEARNING_SHARE = 0.8
 SEVERAL_SHARE = 0.3  # of the scenarios
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scenario, by what determines it; class_name: its entries."""
+
+    class_name: str
+    master_seed: int
+    number: int
+
+    @property
+    def label(self) -> str:
+        """The same as text."""
+        return f"{self.class_name} {self.master_seed} {self.number}"
 
 
 @dataclass(frozen=True)

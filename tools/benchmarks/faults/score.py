@@ -1,6 +1,5 @@
 """What came of a scenario: wrong while valid, found when, valid again when, named or not, close or not."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -9,9 +8,9 @@ from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from tests.plants.arrays import Array
 from tests.plants.plant import Outcome
 from tests.plants.windows import Windows, windows_of
-from tools.benchmarks.campaign import Task
+from tools.benchmarks.campaign import Row
 from tools.benchmarks.faults.player import Published
-from tools.benchmarks.faults.scenario import Scenario
+from tools.benchmarks.faults.scenario import AND, AT, Scenario
 
 WRONG, WRONG_MASS = 0.03, 0.3 * MILLIGRAM  # of an injection, and at least
 CLOSE = 100  # samples between the first one of a window as published, and of the true one
@@ -20,6 +19,7 @@ WARM_UP = 3  # events until it must be valid
 RECOVERY = 3  # events after a fault within which it must be valid again
 JUDGED = slice(7, 20)  # events 8-20, where something is wrong throughout
 ENOUGH_VALID, CLOSE_PCT = 0.8, 1.0  # share of these events; error of 95 % of their masses
+SEVERAL = "several at once"
 _REACH = 5e-3  # s from an opening's window to a fault that concerns it
 _NOTHING_WRONG = ("NONE", "TOO_FEW_EVENTS", "OUTSIDE_LEARNED_RANGE")
 
@@ -33,39 +33,17 @@ class Verdict(StrEnum):
     WRONG = "wrong"
 
 
-@dataclass(frozen=True)
-class FaultScore(Task):
-    """One scenario; numbers of samples and of injections.
+def facts_of(scenario: Scenario, outcome: Outcome, published: Published) -> Row:
+    """The scenario as a row, against the truth of its recording.
 
     wrong_samples: valid ones of injections that are wrong by them, and valid rates where nothing flows, beyond the
     stated time after the first opening; late_samples: those within it, of injections that are wrong by all.
-    wrong_summaries: valid, of another mass; free, free_valid: injections in which nothing was wrong, and those valid.
-    found_after: s from the first fault that comes until a sample was not valid, None: none was; recovered_after:
-    events from the last fault's end until one had a valid injection, None: none had, or something lasts; is_named: a
-    reason given is true of a fault, None: none was given; verdict: where everything lasts.
+    wrong_summaries: valid, of another mass; free_valid: of injections in which nothing was wrong, whether valid.
+    found_ms: from the first fault that comes until a sample was not valid, None: none was; recovered_after: events
+    from the last fault's end until one had a valid injection, None: none had, or something lasts; in_time: None where
+    there was no time; is_named: a reason given is true of a fault, None: none was given; verdict: if all lasts.
     """
-
-    wrong_samples: int
-    late_samples: int
-    wrong_summaries: int
-    free: int
-    free_valid: int
-    found_after: float | None
-    recovered_after: int | None
-    must_recover: bool
-    is_named: bool | None
-    reasons: tuple[str, ...]
-    verdict: Verdict | None
-    crash: str
-
-    @property
-    def wrong(self) -> int:
-        """Samples and injections that are valid and wrong."""
-        return self.wrong_samples + self.wrong_summaries
-
-
-def score(scenario: Scenario, outcome: Outcome, published: Published, density: float) -> FaultScore:
-    """Against the truth of the recording."""
+    density, task = scenario.bench.injector.density, scenario.task
     interval = 1.0 / scenario.bench.sample_rate
     windows = windows_of(outcome, scenario.bench.sample_rate)
     true = windows.masses(outcome.truth.injection_rate, density)
@@ -108,23 +86,27 @@ def score(scenario: Scenario, outcome: Outcome, published: Published, density: f
     named = _named(published, begin / interval) if verdict in (None, Verdict.REFUSED) else ()
     true_reasons = frozenset().union(*(each.fault.reasons for each in scenario.placed))
     gone = np.flatnonzero(~published.valid[round(begin / interval) : round(min(end, 1e3) / interval)])
-    return FaultScore(
-        scenario.task.class_name,
-        scenario.task.master_seed,
-        scenario.task.number,
-        wrong_samples,
-        late_samples,
-        wrong_summaries,
-        int(np.sum(free)),
-        int(np.sum(free & valid)),
-        float(gone[0] * interval) if coming and gone.size else None,
-        int(again[0]) - first_after + 1 if again.size and not lasts else None,
-        not lasts and first_after + RECOVERY <= int(event[-1]) + 1,
-        bool(set(named) & true_reasons) if named else None,
-        named,
-        verdict,
-        published.crash,
-    )
+    recovered = int(again[0]) - first_after + 1 if again.size and not lasts else None
+    must_recover = not lasts and first_after + RECOVERY <= int(event[-1]) + 1
+    return {
+        "label": task.label,
+        "fault": SEVERAL if AND in task.class_name else task.class_name.split(AT)[0],
+        "wrong": bool(wrong_samples + wrong_summaries),
+        "wrong_samples": wrong_samples,
+        "late_samples": late_samples,
+        "wrong_summaries": wrong_summaries,
+        "free_valid": valid[free].tolist(),
+        "found_ms": float(1e3 * (gone[0] * interval)) if coming and gone.size else None,
+        "recovered_after": recovered,
+        "must_recover": must_recover,
+        "in_time": (recovered or RECOVERY + 1) <= RECOVERY if must_recover else None,
+        "is_named": bool(set(named) & true_reasons) if named else None,
+        "reasons": list(named),
+        "verdict": verdict,
+        **{each: verdict is each if verdict else None for each in Verdict},
+        "crash": published.crash,
+        "crashed": bool(published.crash),
+    }
 
 
 def _verdict(outcome: Outcome, published: Published, windows: Windows, density: float) -> Verdict:

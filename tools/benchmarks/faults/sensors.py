@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from tests.plants import plant
 from tests.plants.arrays import Array
 from tests.plants.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, SIGNALS, Measured
+from tools.benchmarks.cases import sign
 from tools.benchmarks.faults import reasons as of
-from tools.benchmarks.faults.fault import KHZ, US, Part, SensorFault, Stated, Where, sign
+from tools.benchmarks.faults.fault import KHZ, US, Part, SensorFault, Stated, Where
 from tools.benchmarks.faults.filters import (
     Response,
     butterworth,

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MILLISECOND
+from tools.benchmarks.campaign import Row
 from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import RUN, observer
 from tools.benchmarks.speed.pace import Passage, socket_pacer
@@ -31,27 +32,10 @@ _LAST_WORDS = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class InjectorsRow:
-    """So many injectors. cpu_share: of one core, of all their daemons, while they were sent to.
-
-    lost_samples: due to be sent, and in no rate frame; injections: of all, judged: those of them that were tested,
-    learned: those learned from; late: of these, in force with a later one.
-    """
-
-    injectors: int
-    cpu_share: float
-    lost_samples: int
-    injections: int
-    judged: int
-    learned: int
-    late: int
-
-
-def measure_injectors(folder: Path, traffic: Traffic, seconds: float) -> tuple[InjectorsRow, ...]:
+def measure_injectors(folder: Path, traffic: Traffic, seconds: float) -> list[Row]:
     """Daemons for each number of injectors, sent to for so long. Raises RunError."""
     windowed = in_windows(traffic)
-    return tuple(_row(folder, windowed, number, seconds) for number in NUMBERS)
+    return [_row(folder, windowed, number, seconds) for number in NUMBERS]
 
 
 def in_windows(traffic: Traffic) -> Traffic:
@@ -90,7 +74,7 @@ def _marked(starts: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
     return marked
 
 
-def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> InjectorsRow:
+def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> Row:
     with ExitStack() as stack:
         pairs = [socket_pair(stack) for _ in range(number)]
         bench = socket_bench(folder / f"injectors_{number}", [pair.receiver for pair in pairs])
@@ -117,8 +101,12 @@ def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> Injecto
     return counted(number, share, missing, [line for each in ours for line in each.said])
 
 
-def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str]) -> InjectorsRow:
-    """With what the daemons said of each injection, and at the end. Raises RunError where that is missing."""
+def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str]) -> Row:
+    """A row of what the daemons said of each injection, and at the end. Raises RunError where that is missing.
+
+    cpu_share: of one core, of all daemons; judged: injections that were tested; late: those learned from and in force
+    with a later one.
+    """
     records = [json.loads(line) for line in said if line.startswith("{")]
     words = [tuple(map(int, match.groups())) for line in said if (match := _LAST_WORDS.search(line))]
     if len(words) != number:
@@ -126,7 +114,16 @@ def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str
         raise RunError(f"{len(words)} of {number} injectors said what they counted:\n{last}")
     injections, late, passed_over = (sum(column) for column in zip(*words, strict=True))
     judged = sum(Reason.NOT_JUDGED.name not in record["reasons"] for record in records)
-    return InjectorsRow(number, cpu_share, lost_samples, injections, judged, injections - passed_over, late)
+    return {
+        "part": "injectors",
+        "label": f"{number} injectors",
+        "cpu_share": cpu_share,
+        "lost_samples": lost_samples,
+        "injections": injections,
+        "not_judged": injections - judged,
+        "learned": injections - passed_over,
+        "late": late,
+    }
 
 
 def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:

@@ -43,10 +43,6 @@ class Observer:
         """Seconds of processor time so far, of all its threads."""
         return cpu_time(self.resources)
 
-    def cpu_time_by_thread(self) -> dict[int, float]:
-        """The same, thread by thread."""
-        return {each.id: each.user_time + each.system_time for each in self.resources.threads()}
-
     def memory(self) -> int:
         """Bytes resident now."""
         return int(self.resources.memory_info().rss)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
 from tests.plants.arrays import Array
+from tools.benchmarks.campaign import Row
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
 
@@ -21,27 +22,10 @@ BACKLOG = (
 )
 
 
-@dataclass(frozen=True)
-class Latency:
-    """Microseconds."""
-
-    p50: float
-    p99: float
-    p999: float
-    longest: float
-    count: int
-
-    def __str__(self) -> str:
-        return f"{self.p50:.0f} / {self.p99:.0f} / {self.p999:.0f} us ({self.count})"
-
-
-def latency_of(seconds: Array) -> Latency:
-    """Percentiles; nan of none."""
-    if not seconds.size:
-        nan = float("nan")
-        return Latency(nan, nan, nan, nan, 0)
-    p50, p99, p999, longest = (np.percentile(seconds, [50, 99, 99.9, 100]) / MICROSECOND).tolist()
-    return Latency(p50, p99, p999, longest, seconds.size)
+def latency_of(seconds: Array) -> Row:
+    """Percentiles [us]; nan without any."""
+    values = np.percentile(seconds, [50, 99, 99.9]) / MICROSECOND if seconds.size else np.full(3, np.nan)
+    return dict(zip(("p50_us", "p99_us", "p999_us"), values.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""From the last input frame that a rate frame needs to that rate frame, on SocketCAN: ours, a C echo, and a peer.
+"""From the last input frame that a rate frame needs to that rate frame, on SocketCAN: ours, and an echo in C.
 
 All are on one bus, each under its own identifiers, which the kernel sorts out; a part after the other sends to them
 in turn, so that what else the machine does meets all.
@@ -6,101 +6,39 @@ in turn, so that what else the machine does meets all.
 usage: python -m tools.benchmarks.speed.roundtrip FOLDER CHANNEL SECONDS
 """
 
+import json
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MICROSECOND
 from tests.plants.arrays import Array
+from tools.benchmarks.campaign import Row
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
-from tools.benchmarks.speed.pace import Latency, Pacer, Passage, latency_of
+from tools.benchmarks.speed.pace import Pacer, Passage, latency_of
 from tools.benchmarks.speed.sustained import farewell
 from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
 
-ECHO, OURS, BUSY, PEER = "C echo", "observer_rt", "observer_rt, Python busy", "python-can peer"
-LEAN = "python-can, no observer"  # a lower limit of such a daemon
-ESTIMATORS = {PEER: "pair", LEAN: "quasi_static"}
-PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2), PEER: Ids(3), LEAN: Ids(4)}
+ECHO, OURS, BUSY = "C echo", "observer_rt", "observer_rt, Python busy"
+PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2)}
 PACES = {"1.5 ms": 1.5e-3, "90 us": 90e-6}  # the one first at which nobody loses anything
 SHARE = {"1.5 ms": 1.0, "90 us": 0.2}  # of the time
 PARTS = 5  # of what is sent to each
 WARMING = 1.0  # s
 CHANNEL = "vcan0"
+ROWS = "roundtrip.json"
 _VCAN = Path(__file__).parents[2] / "vcan"
 
 
-@dataclass(frozen=True)
-class RoundTrip:
-    """One party at one pace: needle open, and all frames; lost: rate frames that never came."""
-
-    open_needle: Latency
-    all_frames: Latency
-    lost_samples: int
-
-
-_MEASURED = TypeAdapter(tuple[Mapping[str, Mapping[str, RoundTrip]], Mapping[str, str]])
-"""By pace and party, and last words by party: what one process tells another."""
-
-
-@dataclass(frozen=True)
-class RoundTrips:
-    """By pace and party. said: the last words of each; latencies [s]: with the needle open, by `pace, party`."""
-
-    link: str
-    found: Mapping[str, Mapping[str, RoundTrip]]
-    said: Mapping[str, str]
-    latencies: Mapping[str, Array]
-
-    def document(self) -> dict[str, Any]:
-        """For JSON."""
-        found, said = _MEASURED.dump_python((self.found, self.said))
-        return {"link": self.link, "found": found, "said": said}
-
-    def is_kept(self, pace: str) -> bool:
-        """Whether the echo keeps a pace; where it does not the machine is too busy, and ratios to it mean nothing."""
-        return self.found[pace][ECHO].all_frames.p50 * MICROSECOND < PACES[pace]
-
-    def ratio(self, over: str, under: str) -> float | None:
-        """Of medians with the needle open, the largest of the paces the echo keeps; None: it keeps none."""
-        return max(
-            (each[over].open_needle.p50 / each[under].open_needle.p50 for each in self._kept), default=None
-        )
-
-    def speedup(self, peer: str) -> float | None:
-        """How many times faster ours is, the least of the paces at which the peer loses nothing; None: of none."""
-        found = [
-            each[peer].open_needle.p50 / each[OURS].open_needle.p50
-            for each in self._kept
-            if each[peer].lost_samples == 0
-        ]
-        return min(found, default=None)
-
-    def excess(self, party: str) -> float | None:
-        """By how many of its medians its 99.9 % are beyond those of the echo, the most of the paces it keeps."""
-        return max(
-            (
-                (each[party].all_frames.p999 - each[ECHO].all_frames.p999) / each[party].all_frames.p50
-                for each in self._kept
-            ),
-            default=None,
-        )
-
-    @property
-    def _kept(self) -> list[Mapping[str, RoundTrip]]:
-        return [each for pace, each in self.found.items() if self.is_kept(pace)]
-
-
-def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
-    """Send to each party for `seconds` in all at the slow pace, a fifth of it at the fast one.
+def measure_roundtrips(folder: Path, seconds: float) -> list[Row]:
+    """Send to each party for `seconds` in all at the slow pace, a fifth at the fast one: a row a pace and party.
 
     The folder holds the traffic. Runs in user-mode Linux where the kernel of this machine has no CAN. Raises
     RunError.
@@ -109,15 +47,13 @@ def measure_roundtrips(folder: Path, seconds: float) -> RoundTrips:
     done = subprocess.run([_VCAN, *map(str, own)], check=False)
     if done.returncode:
         raise RunError(f"the round trip could not be measured: exit code {done.returncode}")
-    found, said = _MEASURED.validate_json((folder / "roundtrip.json").read_bytes())
     how = subprocess.run([_VCAN, "--how"], capture_output=True, text=True, check=True).stdout.strip()
     link = f"{CHANNEL} in user-mode Linux, one CPU" if how == "uml" else CHANNEL
-    with np.load(folder / "roundtrip.npz") as latencies:
-        return RoundTrips(link, found, said, dict(latencies))
+    return [{**row, "link": link} for row in json.loads((folder / ROWS).read_text())]
 
 
 def run_parties(folder: Path, channel: str, seconds: float) -> None:
-    """The measurement itself, where the channel is; results as files in the folder."""
+    """The measurement itself, where the channel is; rows as a file in the folder."""
     traffic = load_traffic(folder)
     with ExitStack() as stack:
         running = {}
@@ -133,38 +69,47 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
             for party in PARTS * tuple(PARTIES):  # one part after the other to every party
                 part = _send(running[party], pacers[party], party, seconds * SHARE[pace] / PARTS, period)
                 passages[pace][party].append(part)
-    found = {
-        pace: {party: _round_trip(each, traffic) for party, each in parties.items()}
-        for pace, parties in passages.items()
-    }
     said = {party: farewell(each) or (each.said[-1] if each.said else "") for party, each in running.items()}
-    (folder / "roundtrip.json").write_bytes(_MEASURED.dump_json((found, said)))
-    latencies = {
-        f"{pace}, {party}": _latencies(each, traffic, open_only=True)
+    rows = [
+        {"said": said[row["party"]], **row}
         for pace, parties in passages.items()
-        for party, each in parties.items()
-    }
-    np.savez(folder / "roundtrip.npz", **latencies)  # type: ignore[arg-type]
+        for row in rows_of(pace, parties, traffic)
+    ]
+    (folder / ROWS).write_text(json.dumps(rows))
+
+
+def rows_of(pace: str, parties: dict[str, list[Passage]], traffic: Traffic) -> list[Row]:
+    """A row a party at a pace: latencies with the needle open, and how they compare.
+
+    kept: whether the echo keeps the pace; where it does not the machine is too busy, and ratios to it mean nothing;
+    excess: by how many of its medians a party's 99.9 % of all frames are beyond the echo's.
+    """
+    opened, every = (
+        {party: latency_of(_latencies(each, traffic, open_only)) for party, each in parties.items()}
+        for open_only in (True, False)
+    )
+    return [
+        {
+            "part": "roundtrip",
+            "label": f"{party}, a frame every {pace}",
+            "party": party,
+            **opened[party],
+            "lost_samples": sum(each.lost(traffic) for each in passages),
+            "kept": every[ECHO]["p50_us"] * MICROSECOND < PACES[pace],
+            "vs_echo": opened[party]["p50_us"] / opened[ECHO]["p50_us"],
+            "vs_ours": opened[party]["p50_us"] / opened[OURS]["p50_us"],
+            "excess": (every[party]["p999_us"] - every[ECHO]["p999_us"]) / every[party]["p50_us"],
+        }
+        for party, passages in parties.items()
+    ]
 
 
 def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list[str | Path]:
     """What starts a party; what it needs is written into the folder."""
     ids = PARTIES[party]
     bench = write_bench(folder / f"party_{ids.place}", "socketcan", channel, ids)
-    numbers = [str(ids.input), str(ids.rate), str(traffic.ahead)]
     if party == ECHO:
-        return [native.program("echo", folder), channel, *numbers]
-    if party in ESTIMATORS:
-        module = "tools.benchmarks.speed.python_peer"
-        return [
-            sys.executable,
-            "-m",
-            module,
-            channel,
-            bench.parent / "observer_fd.dbc",
-            *numbers,
-            ESTIMATORS[party],
-        ]
+        return [native.program("echo", folder), channel, str(ids.input), str(ids.rate), str(traffic.ahead)]
     return [*(BUSY_RUN if party == BUSY else RUN), bench]
 
 
@@ -173,16 +118,9 @@ def _send(to: Observer, pacer: Pacer, party: str, seconds: float, period: float)
         return pacer.send(round(seconds / period), period)
 
 
-def _round_trip(passages: Sequence[Passage], traffic: Traffic) -> RoundTrip:
-    return RoundTrip(
-        latency_of(_latencies(passages, traffic, open_only=True)),
-        latency_of(_latencies(passages, traffic, open_only=False)),
-        sum(each.lost(traffic) for each in passages),
-    )
-
-
-def _latencies(passages: Sequence[Passage], traffic: Traffic, *, open_only: bool) -> Array:
-    return np.concatenate([each.latencies(traffic, open_only=open_only) for each in passages])
+def _latencies(passages: Sequence[Passage], traffic: Traffic, open_only: bool) -> Array:
+    found: Any = np.concatenate([each.latencies(traffic, open_only=open_only) for each in passages])
+    return found
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ from observer_rt.config.bench import PACKAGE_DATA
 from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
 from observer_rt.engine.service.core import Core
 from observer_rt.files.replay.framing import Framer, whole
-from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
 from tests.observed_plants import bench_at
 from tools.benchmarks.scoring import bench_text, worn_injector
@@ -77,18 +76,13 @@ class Ids:
         return RATE_ID + self.shift
 
 
-def worn_recording(events: tuple[Event, ...], end: float, rate: float = SAMPLE_RATE) -> Recording:
-    """What the sensors record of a worn injector until an end [s] at a rate [Hz]."""
-    return worn_injector(Schedule(events, end), rate).recording
-
-
 def make_traffic(folder: Path, period: float = PERIOD, count: int = _EVENTS) -> Traffic:
     """Write a loop of `count` injections of a worn injector, which take a whole number of frames."""
     events = tuple(
         Event(_FIRST + n * period, _PRESSURES[n * len(_PRESSURES) // count], (Shot(_ENERGIZING),))
         for n in range(count)
     )
-    recording = worn_recording(events, count * period - 1.0 / SAMPLE_RATE)
+    recording = worn_injector(Schedule(events, count * period - 1.0 / SAMPLE_RATE), SAMPLE_RATE).recording
     bus = map_bus(bench_at(SAMPLE_RATE))
     payloads = [frame.payload for frame in Framer(bus).frames(recording, whole(recording))]
     raw = np.zeros(len(payloads), RAW_FRAME)
@@ -119,12 +113,6 @@ def samples_ahead(payloads: Sequence[bytes]) -> int:
             if frame.frame_id == RATE_ID:
                 ahead.append(newest - (index_of(frame.payload) + RATES - 1))
     return min(ahead)
-
-
-def payloads_of(traffic: Traffic) -> list[bytes]:
-    """The loop's frames, once."""
-    raw = np.frombuffer(traffic.loop.read_bytes(), RAW_FRAME)
-    return [data.tobytes() for data in raw["data"]]
 
 
 def index_of(payload: bytes) -> int:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from tests.plants.arrays import Array
 from tests.plants.plant import LINE, RAIL, Step, seen_as
-from tools.benchmarks.discovery.hidden import (
+from tools.benchmarks.discovery.discrepancies import resonant_line
+from tools.benchmarks.discovery.kinds import (
     MOMENTUM,
     NOZZLE,
     OUTFLOW,
@@ -23,8 +24,7 @@ from tools.benchmarks.discovery.hidden import (
     HiddenParameter,
     TermEquation,
 )
-from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
-from tools.benchmarks.discovery.real_line.hidden import EFFECTS, TAP_DAMPING, bent_sensor
+from tools.benchmarks.discovery.vocabulary import EFFECTS, TAP_DAMPING, bent_sensor
 from tools.benchmarks.faults.filters import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6

@@ -1,4 +1,4 @@
-"""What may be hidden in a recording: faults and laws of the plant with their sizes, and where they stand in a model.
+"""Kinds of what may be hidden: faults and laws of the plant with their sizes, and where they stand in a model.
 
 Imports nothing of `observer_rt`: ids and parameter names are the contract, laws are the plant's own, equations are
 called as the package's terms call them.
@@ -16,7 +16,6 @@ from tests.plants.laws import Laws
 from tests.plants.parameters import Faults
 from tests.plants.plant import Step
 
-HEALTHY = "healthy"
 MICROMETRE, MICROSECOND = 1e-6, 1e-6
 RECIPROCAL = frozenset({"bulk_modulus", "line_volume"})
 """The exact class: only K_L/V_L enters, so naming either is right, with 1 + r the other's reciprocal."""
@@ -41,6 +40,21 @@ class HiddenParameter:
         highest = -self.most_negative if negative else self.highest
         size = math.exp(rng.uniform(math.log(self.lowest), math.log(highest)))
         return -size if negative else size
+
+
+NEAR_TIES = (
+    frozenset({"seat_area", "lift_gain", "lift_offset", "lift_dependent_seat_coefficient"}),
+    frozenset({"line_pressure_sensor_lag", "channel_skew"}),
+    frozenset({"channel_skew", "rail_pressure_skew", "needle_lift_sensor_lag"}),
+    frozenset({"rail_pressure_sensor_gain", "rail_pressure_sensor_offset", "line_pressure_sensor_offset"}),
+    frozenset({"fuel_density", "orifice_area", "seat_area"}),
+)
+"""Effects that differ by little at some sizes: an answer that leaves one of a group open may leave all of it open."""
+
+
+def near_tie(name: str, effect: str) -> bool:
+    """Whether an effect may stand beside the true one in an ambiguous answer."""
+    return same_effect(name, effect) or any({name, effect} <= group for group in NEAR_TIES)
 
 
 def same_effect(first: str, second: str) -> bool:
@@ -97,8 +111,10 @@ class HiddenKind:
     supply: Callable[..., Callable[[Array], Array]] | None = None
     switch: str = ""
 
-    def draw(self, rng: Generator, from_share: float = 0.0) -> tuple[float, ...]:
+    def draw(self, rng: Generator, from_share: float | None) -> tuple[float, ...]:
         """Sizes of its parameters; from_share: the lower part of the (log) range of the first that is left out."""
+        if from_share is None:
+            return tuple(p.draw(rng) for p in self.parameters)
         first, *others = self.parameters
         lowest = math.exp((1.0 - from_share) * math.log(first.lowest) + from_share * math.log(first.highest))
         return (replace(first, lowest=lowest).draw(rng), *(p.draw(rng) for p in others))
@@ -131,67 +147,3 @@ class HiddenKind:
         """Those of its parameters that are such fields."""
         pairs = zip(self.parameters, values, strict=True)
         return {p.fault: value for p, value in pairs if p.fault in fields}
-
-
-Sizes = tuple[float, float] | tuple[float, float, float]
-
-
-def _of_vocabulary(
-    effect: str,
-    equation: TermEquation,
-    name: str,
-    sizes: Sizes,
-    *more: HiddenParameter,
-    fault: str = "",
-    **how: Family,
-) -> HiddenKind:
-    """An effect by the name of its first parameter; fault: of the plant, where it is not called as the effect is."""
-    return HiddenKind(effect, equation, (HiddenParameter(name, fault or effect, *sizes), *more), **how)  # type: ignore[arg-type]
-
-
-_v, _UM, _US = _of_vocabulary, MICROMETRE, MICROSECOND
-_EFFECTS = (
-    _v("orifice_area", _T.NOZZLE_FLOW, "v_H", (2e-3, 0.5, -0.5)),
-    _v("seat_area", _T.SEAT_FLOW, "v_S", (7e-3, 0.4, -0.4)),
-    _v("guide_leakage", _T.LINE_PRESSURE, "c", (1.5e-15, 1.5e-13)),  # m3/(s Pa)
-    _v("line_friction", _T.LINE_FLOW, "k", (6e-3, 3.0, -0.5)),
-    HiddenKind("seat_outflow", _T.LINE_PRESSURE, switch="seat_outflow"),
-    _v("bulk_modulus", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
-    _v("line_volume", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
-    _v("pressure_dependent_bulk_modulus", _T.STIFFNESS, "n", (0.015, 8.0, -6.0), fault="bulk_modulus_slope"),
-    _v("entrained_air", _T.STIFFNESS, "g", (2e-5, 8e-3)),
-    _v("fuel_density", _T.INERTANCE, "r", (2e-4, 0.08, -0.08), also=SEAT | NOZZLE),
-    _v("orifice_cavitation", _T.NOZZLE_FLOW, "n_crit_excess", (0.03, 0.3)),
-    _v(
-        "lift_dependent_seat_coefficient",
-        _T.SEAT_FLOW,
-        "a",
-        (0.015, 0.7, -0.6),
-        HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM),
-        fault="seat_lift_loss",
-    ),
-    _v(
-        "chamber_pressure_rise",
-        _T.CHAMBER_PRESSURE,
-        "dp",
-        (0.25e6, 12e6),  # Pa
-        HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0),
-        fault="chamber_pressure_step",
-    ),
-    _v("lift_offset", _T.NEEDLE_LIFT, "x_0", (0.15 * _UM, 25 * _UM, -25 * _UM)),
-    _v(
-        "needle_lift_sensor_lag",
-        _T.NEEDLE_LIFT,
-        "tau",
-        (0.5 * _US, 60 * _US),
-        fault="lift_sensor_lag",
-        without_rate=SENSOR,
-    ),
-    _v("lift_gain", _T.NEEDLE_LIFT, "g", (7e-3, 0.2, -0.2)),
-    _v("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, "g", (2.5e-5, 0.03, -0.03), without_rate=SENSOR),
-    _v("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, "o", (5e3, 5e6, -5e6), without_rate=SENSOR),  # Pa
-    _v("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, "tau", (0.3 * _US, 80 * _US), without_rate=SEAT),
-    _v("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, "o", (5e3, 5e6, -5e6), without_rate=MOMENTUM),
-    _v("channel_skew", _T.LINE_PRESSURE_SENSOR, "d", (0.3 * _US, 50 * _US, -50 * _US), without_rate=SEAT),
-)
-HIDDEN = {effect.name: effect for effect in _EFFECTS}

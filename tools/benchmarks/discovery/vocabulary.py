@@ -1,6 +1,6 @@
-"""What may be hidden in recordings of a real line: effects at sizes that matter, pairs, and what no name is for.
+"""Vocabularies of what is hidden: effects by name, at the sizes of tier A and of tier B, pairs, and what has no name.
 
-Imports nothing of `observer_rt`.
+Imports nothing of `observer_rt`: ids and parameter names are the contract.
 """
 
 from collections.abc import Sequence
@@ -11,21 +11,24 @@ import numpy as np
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults
 from tests.plants.plant import LINE, RAIL, Step, seen_as
-from tools.benchmarks.discovery.hidden import (
-    HIDDEN,
+from tools.benchmarks.discovery.discrepancies import resonant_line
+from tools.benchmarks.discovery.kinds import (
     MICROMETRE,
     MICROSECOND,
+    MOMENTUM,
+    NOZZLE,
     SEAT,
     SENSOR,
+    Family,
     HiddenKind,
     HiddenParameter,
     TermEquation,
 )
-from tools.benchmarks.discovery.real_line.discrepancies import resonant_line
 
 MPA = 1e6
 TAP_DAMPING = 0.15
 BOW_ENDS = (60e6, 140e6)  # Pa, where a sensor with a bent characteristic is right
+PAIR_FROM = 0.5  # of the (log) range of sizes, in pairs
 
 
 def late_rail(delay: float) -> Step:
@@ -39,11 +42,75 @@ def bent_sensor(bow: float, role: str = LINE) -> Step:
     return seen_as(role, lambda _, p: p + 4.0 * bow * (p - low) * (p - high) / (high - low) ** 2)
 
 
+Sizes = tuple[float, float] | tuple[float, float, float]
+
+
+def _of_vocabulary(
+    effect: str,
+    equation: TermEquation,
+    name: str,
+    sizes: Sizes,
+    *more: HiddenParameter,
+    fault: str = "",
+    **how: Family,
+) -> HiddenKind:
+    """An effect by the name of its first parameter; fault: of the plant, where it is not called as the effect is."""
+    return HiddenKind(effect, equation, (HiddenParameter(name, fault or effect, *sizes), *more), **how)  # type: ignore[arg-type]
+
+
+_v, _T, _UM, _US = _of_vocabulary, TermEquation, MICROMETRE, MICROSECOND
+_EFFECTS = (
+    _v("orifice_area", _T.NOZZLE_FLOW, "v_H", (2e-3, 0.5, -0.5)),
+    _v("seat_area", _T.SEAT_FLOW, "v_S", (7e-3, 0.4, -0.4)),
+    _v("guide_leakage", _T.LINE_PRESSURE, "c", (1.5e-15, 1.5e-13)),  # m3/(s Pa)
+    _v("line_friction", _T.LINE_FLOW, "k", (6e-3, 3.0, -0.5)),
+    HiddenKind("seat_outflow", _T.LINE_PRESSURE, switch="seat_outflow"),
+    _v("bulk_modulus", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
+    _v("line_volume", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
+    _v("pressure_dependent_bulk_modulus", _T.STIFFNESS, "n", (0.015, 8.0, -6.0), fault="bulk_modulus_slope"),
+    _v("entrained_air", _T.STIFFNESS, "g", (2e-5, 8e-3)),
+    _v("fuel_density", _T.INERTANCE, "r", (2e-4, 0.08, -0.08), also=SEAT | NOZZLE),
+    _v("orifice_cavitation", _T.NOZZLE_FLOW, "n_crit_excess", (0.03, 0.3)),
+    _v(
+        "lift_dependent_seat_coefficient",
+        _T.SEAT_FLOW,
+        "a",
+        (0.015, 0.7, -0.6),
+        HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM),
+        fault="seat_lift_loss",
+    ),
+    _v(
+        "chamber_pressure_rise",
+        _T.CHAMBER_PRESSURE,
+        "dp",
+        (0.25e6, 12e6),  # Pa
+        HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0),
+        fault="chamber_pressure_step",
+    ),
+    _v("lift_offset", _T.NEEDLE_LIFT, "x_0", (0.15 * _UM, 25 * _UM, -25 * _UM)),
+    _v(
+        "needle_lift_sensor_lag",
+        _T.NEEDLE_LIFT,
+        "tau",
+        (0.5 * _US, 60 * _US),
+        fault="lift_sensor_lag",
+        without_rate=SENSOR,
+    ),
+    _v("lift_gain", _T.NEEDLE_LIFT, "g", (7e-3, 0.2, -0.2)),
+    _v("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, "g", (2.5e-5, 0.03, -0.03), without_rate=SENSOR),
+    _v("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, "o", (5e3, 5e6, -5e6), without_rate=SENSOR),  # Pa
+    _v("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, "tau", (0.3 * _US, 80 * _US), without_rate=SEAT),
+    _v("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, "o", (5e3, 5e6, -5e6), without_rate=MOMENTUM),
+    _v("channel_skew", _T.LINE_PRESSURE_SENSOR, "d", (0.3 * _US, 50 * _US, -50 * _US), without_rate=SEAT),
+)
+HIDDEN = {effect.name: effect for effect in _EFFECTS}
+"""Tier A, from below what can be detected on."""
+
+
 def _by_name(*kinds: HiddenKind) -> dict[str, HiddenKind]:
     return {kind.name: kind for kind in kinds}
 
 
-_T, _US, _UM = TermEquation, MICROSECOND, MICROMETRE
 _SIZES = {
     "orifice_area": (0.02, 0.4),
     "seat_area": (0.05, 0.35),
@@ -126,7 +193,6 @@ PAIRS = (
     ("guide_leakage", "rail_pressure_sensor_offset"),
 )
 """Effects that are different in kind."""
-PAIR_FROM = 0.5  # of the (log) range of sizes, in pairs
 
 
 def known(name: str) -> HiddenKind:

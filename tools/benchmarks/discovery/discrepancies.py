@@ -16,7 +16,7 @@ from tests.plants.arrays import Array
 from tests.plants.parameters import Injector
 from tests.plants.plant import LINE, REFERENCE_PRESSURE, Step, seen_as
 from tests.plants.wave import LINES, Variant, WaveLine, real_part
-from tools.benchmarks.faults.fault import sign
+from tools.benchmarks.cases import sign
 from tools.benchmarks.faults.filters import filtered, resonance
 
 LONGEST = 1.9e-3  # s, of an injection at REFERENCE_PRESSURE that takes `Rail.dip`

@@ -27,7 +27,8 @@ from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
-from tools.benchmarks.discovery.outside.cases import FURTHER_FOLDER, GIVEN_FOLDER, HEALTHY_FOLDER
+
+GIVEN_FOLDER, FURTHER_FOLDER, HEALTHY_FOLDER = "given", "further", "healthy"  # of a case
 
 
 @dataclass(frozen=True)
@@ -39,22 +40,14 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class ProposedTerm:
-    """A term as it is proposed."""
-
-    equation: str
-    law: str
-    coefficient: float
-
-
-@dataclass(frozen=True)
 class Proposed:
-    """Terms proposed together, beside effects of the vocabulary.
+    """Terms proposed together, by equation and as text, beside effects of the vocabulary.
 
     may_enter: into an amended model, by the guard; phase: in which the model as given is said to fail most.
     """
 
-    terms: tuple[ProposedTerm, ...]
+    equations: tuple[str, ...]
+    text: str
     effects: tuple[str, ...]
     may_enter: bool
     misfit: Misfit
@@ -71,7 +64,6 @@ class OutsideAnswer:
     vocabulary's search took; added_core_seconds: of processor time, all that came after it.
     """
 
-    label: str
     verdict: str
     confidence: float
     claims: tuple[str, ...]
@@ -86,7 +78,7 @@ class OutsideAnswer:
     added_core_seconds: float
 
 
-def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = ()) -> OutsideAnswer:
+def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> OutsideAnswer:
     """Ask about a case's recordings in a folder, with a model and a vocabulary without some names."""
     nominal = effective_model(load_injector(model))
     fitted = nominal.injector.baseline
@@ -98,12 +90,9 @@ def ask_outside(label: str, folder: Path, model: Path, without: Sequence[str] = 
         found = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
     seconds, core_seconds = time.perf_counter() - begin, time.process_time()
     outcome, ended, core_ended = noted[-1]
-    further, winner = (
-        _measured(folder / FURTHER_FOLDER),
-        outcome.winner if outcome.adequate else outcome.nominal,
-    )
+    further = _measured(folder / FURTHER_FOLDER)
+    winner = outcome.winner if outcome.adequate else outcome.nominal
     return OutsideAnswer(
-        label,
         str(found.verdict),
         found.confidence,
         found.named.ids,
@@ -125,7 +114,8 @@ def taken(
     """What is proposed beside the vocabulary, in plain values."""
     return tuple(
         Proposed(
-            tuple(ProposedTerm(str(t.equation), str(t.law), t.coefficient) for t in one.terms),
+            tuple(str(term.equation) for term in one.terms),
+            " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in one.terms), *one.effects)),
             one.effects,
             one.may_enter,
             misfit(one.model(nominal), further),

@@ -1,0 +1,144 @@
+"""Tier A: effects hidden in plants of the nominal structure; an oracle with the true model says what can be seen."""
+
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+
+from observer_rt.config.bench import load_injector
+from observer_rt.model.effects import VOCABULARY
+from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95
+from tools.benchmarks.discovery.answers import AMBIGUOUS, NAMED, NONE, Answer, Grade, ask
+from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
+from tools.benchmarks.discovery.kinds import same_effect
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all
+from tools.benchmarks.discovery.scoring import (
+    gaps,
+    held_intervals,
+    injector_of,
+    rivalry,
+    solving,
+    truth_of,
+    visibility,
+)
+
+CASES = 300
+VISIBLE_GAIN = 50.0  # of the oracle's -2 log L
+RELEVANT_MASS_MG, RELEVANT_PRESSURE_MPA = 0.3, 0.3  # one of them moves by that much
+INSEPARABLE = 16.0  # difference of the oracle's -2 log L below which two effects are not told apart
+MEANINGFUL_GAP = 0.1  # MPa or mg: below, a share of the gap says nothing
+BIN_EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
+
+
+def score_nominal(case: HiddenCase, model: Path) -> Row:
+    """Record a case, ask, and judge the answer."""
+    with TemporaryDirectory(prefix="discovery-") as name:
+        files = write_all(nominal_benches(case, GIVEN), case.with_rate, Path(name) / "given")
+        answer = ask(files, Path(name) / "answer", model, choose=True)
+    row = facts_of(case, answer, visibility(case) if case.parts else {}, rivalry(case, answer))
+    if row["named_right"] and case.parts:
+        row["held"] = held_intervals(case.parts, answer)
+    if row["above"] and not VOCABULARY[case.name].remedy:  # else no amended model has it in force
+        models = (solving(load_injector(model)), solving(injector_of(answer.amended_model)), truth_of(case))
+        for name, (before, after, best) in zip(
+            ("pressure_left", "mass_left"), gaps(nominal_benches(case, FURTHER, 0.0), models), strict=True
+        ):
+            row[name] = (after - best) / (before - best) if before - best >= MEANINGFUL_GAP else None
+        left = [row[name] for name in ("pressure_left", "mass_left") if row[name] is not None]
+        row["gap_left"] = max(left, default=None)
+    return row
+
+
+def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, float]) -> Row:
+    """A case and its answer as a row; seen: of `visibility`, rivals: of `rivalry`."""
+    hidden = bool(case.parts)
+    relevant = hidden and (
+        seen["mass_mg"] >= RELEVANT_MASS_MG or seen["pressure_mpa"] >= RELEVANT_PRESSURE_MPA
+    )
+    above = relevant and seen["gain"] >= VISIBLE_GAIN and seen["beyond"]
+    is_named = answer.verdict == NAMED and len(answer.names) == 1 and same_effect(answer.names[0], case.name)
+    is_among = any(same_effect(each, case.name) for each in answer.listed)
+    is_open = answer.verdict == AMBIGUOUS and is_among and all(abs(d) < INSEPARABLE for d in rivals.values())
+    right = is_named or is_open if hidden else answer.verdict == NONE
+    grade = Grade.AMBIGUOUS if hidden and is_open else Grade.RIGHT if right else Grade.WRONG
+    said = [(float(claim["confidence"]), same_effect(claim["id"], case.name)) for claim in answer.claims]
+    values = case.parts[0][1] if hidden else ()
+    size = abs(values[0]) if values else 1.0
+    return {
+        "hidden": case.name,
+        "text": case.text,
+        "faulty": hidden,
+        "with_rate": case.with_rate,
+        **answer.facts(),
+        **seen,
+        "rivals": "".join(f", {each} {difference:+.0f}" for each, difference in rivals.items()),
+        "above": above,
+        "named_right": is_named,
+        "right": right,
+        "grade": Grade.NOT_LOOKED_FOR if hidden and not above else grade,
+        "found": size if right else -size,
+        "confidences": [each if holds else -each for each, holds in said],
+        "held": [],
+    }
+
+
+def detection_limit(found: pd.Series) -> float:
+    """Size that best parts cases, positive where found, into found and not found; nan when none is found."""
+    ordered = sorted(found, key=abs)
+    is_found = np.array([each > 0.0 for each in ordered])
+    if not is_found.any():
+        return math.nan
+    wrong = [int(np.sum(is_found[:i]) + np.sum(~is_found[i:])) for i in range(len(ordered))]
+    place = int(np.argmin(wrong))
+    return abs(ordered[0]) if place == 0 else math.sqrt(abs(ordered[place - 1] * ordered[place]))
+
+
+def calibration_error(confidences: pd.Series) -> float:
+    """Mean distance between confidences, positive where the name is right, and the share of right names, by bins."""
+    given, right = confidences.abs().astype(float), confidences > 0.0
+    distances, weights = [], []
+    for low, high in pairwise(BIN_EDGES):
+        within = (given > low) & (given <= high) | ((given == low) & (low == 0.0))
+        if within.any():
+            distances.append(abs(given[within].mean() - right[within].mean()))
+            weights.append(within.sum())
+    return float(np.average(distances, weights=weights))
+
+
+def misses(frame: pd.DataFrame) -> list[str]:
+    """A line for every case that was answered wrongly."""
+    wrong = frame[frame["grade"].eq(Grade.WRONG)] if "grade" in frame else frame[:0]
+    return [f"{row.text}: {row.verdict} {row.claimed}{row.rivals}" for row in wrong.itertuples()]
+
+
+BARS = (
+    Bar("named_right_share", "named_right", "mean", of="above == True"),
+    Bar("right_or_ambiguous_share", "right", "mean", least=0.97, of="above == True"),
+    Bar("healthy_right_share", "right", "mean", least=0.99, of="not faulty"),
+    Bar("coverage_chance_min", "held", chance_of_95, least=CHANCE, of="above == True", by="hidden"),
+    Bar("interval_coverage_share", "held", "mean", 0.92, 0.98, of="above == True", from_values=100),
+    Bar("confidence_calibration_error", "confidences", calibration_error, most=0.1),
+    Bar("gap_vs_oracle_median", "gap_left", "median", most=0.05),
+    Bar("gap_vs_oracle_p90", "gap_left", "p90", most=0.15),
+    Bar("seconds_max_without_rate", "seconds", "max", most=15.0, of="not with_rate"),
+    Bar("seconds_max_with_rate", "seconds", "max", most=30.0, of="with_rate == True"),
+    Bar("core_seconds_max", "core_seconds", "max"),
+)
+COLUMNS: dict[str, tuple[str, How]] = {
+    **{grade: ("grade", lambda grades, grade=grade: int((grades == grade).sum())) for grade in Grade},
+    "answered": (
+        "answer",
+        lambda answers: ", ".join(f"{name} {n}" for name, n in answers.value_counts().items()),
+    ),
+    "found from, SI": ("found", detection_limit),
+    "intervals hold": ("held", "of"),
+    "p_L gap left": ("pressure_left", "median"),
+    "p_L p90": ("pressure_left", "p90"),
+    "mass gap left": ("mass_left", "median"),
+    "mass p90": ("mass_left", "p90"),
+    "seconds max": ("seconds", "max"),
+}

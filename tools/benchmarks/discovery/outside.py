@@ -1,0 +1,186 @@
+"""Outside the vocabulary: effects no name is for, or whose name was taken away, and the terms `discover` proposes."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pandas as pd
+
+from observer_rt.foundation.errors import RunError
+from tools.benchmarks.campaign import Bar, How, Row
+from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN
+from tools.benchmarks.discovery.cases import Asked, HiddenCase, outside_benches, taken_away
+from tools.benchmarks.discovery.kinds import (
+    MOMENTUM,
+    NOZZLE,
+    OUTFLOW,
+    SENSOR,
+    STIFFNESS,
+    TermEquation,
+    near_tie,
+)
+from tools.benchmarks.discovery.laws import ACTS_IN, VOCABULARY_KINDS, kind_named
+from tools.benchmarks.discovery.outside_answers import (
+    FURTHER_FOLDER,
+    GIVEN_FOLDER,
+    HEALTHY_FOLDER,
+    OutsideAnswer,
+    ask_outside,
+)
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all
+
+CASES = 150
+HALVED = 0.5
+MEANINGFUL_MASS_MG = 0.3
+WORSE_MG, WORSE_SHARE = 0.1, 0.2  # by both of which a mass must be further off to count as worse
+VIOLATED = {
+    "line_flow": MOMENTUM - {TermEquation.RAIL_PRESSURE},
+    "line_pressure": OUTFLOW | STIFFNESS | {TermEquation.NOZZLE_FLOW},
+    "sac_pressure": frozenset({TermEquation.SEAT_FLOW}),
+    "input": frozenset({TermEquation.RAIL_PRESSURE, TermEquation.NEEDLE_LIFT}) | NOZZLE,
+    "output": SENSOR,
+}
+"""What an equation said to be violated may stand for."""
+
+
+def score_outside(case: HiddenCase, model: Path | str) -> Row:
+    """Record a case, ask with a model, and judge the answer. Raises RunError without a model.
+
+    What is not given is the plant without noise and with its true rate, and the same with nothing hidden.
+    """
+    if isinstance(model, str):
+        raise RunError(model)
+    healthy = replace(case, parts=())
+    with TemporaryDirectory(prefix="outside-") as name:
+        folder = Path(name)
+        write_all(outside_benches(case, GIVEN), case.with_rate, folder / GIVEN_FOLDER)
+        write_all(outside_benches(case, FURTHER, 0.0), True, folder / FURTHER_FOLDER)
+        write_all(outside_benches(healthy, FURTHER, 0.0), True, folder / HEALTHY_FOLDER)
+        answer = ask_outside(folder, model, taken_away(case))
+    return facts_of(case, answer)
+
+
+def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
+    """A case and its answer as a row; None: is not asked."""
+    hidden, best = case.asked is not Asked.HEALTHY, answer.proposals[0] if answer.proposals else None
+    kind = kind_named(case.name) if hidden else None
+    right_equations = kind.equations(case.with_rate) if kind else frozenset()
+    proposed = frozenset[TermEquation]()
+    if best is not None:
+        of_effects = (VOCABULARY_KINDS[name].equation for name in best.effects)
+        proposed = frozenset((*map(TermEquation, best.equations), *of_effects))
+    acts = ACTS_IN.get(case.name)
+    accepted, after = best is not None and best.may_enter, answer.named if best is None else best.misfit
+    pressure_halved = after.pressure_mpa <= HALVED * answer.before.pressure_mpa
+    before_mg, after_mg = (each.mass_mg - answer.own.mass_mg for each in (answer.before, after))
+    mass_halved = after_mg <= HALVED * before_mg if before_mg > MEANINGFUL_MASS_MG else None
+    worse_mg = after.mass_mg - answer.before.mass_mg
+    worse = accepted and worse_mg > WORSE_MG and after.mass_mg > (1.0 + WORSE_SHARE) * answer.before.mass_mg
+    is_named = answer.verdict == NAMED
+    wrong = (
+        is_named and answer.confidence >= CONFIDENT and any(not near_tie(n, case.name) for n in answer.claims)
+    )
+    rightly_named = len(answer.by_vocabulary) == 1 and near_tie(answer.by_vocabulary[0], case.name)
+    right_equation = bool(proposed) and proposed <= right_equations
+    as_good = (right_equation or (is_named and not wrong and best is None)) and pressure_halved
+    marks = {
+        "WRONG NAME, AND SURE": wrong,
+        "MASS WORSE": worse,
+        "NOT AS GOOD": case.asked is Asked.LEFT_OUT and not as_good,
+        "NEEDLESS": best is not None and (not hidden or (case.asked is Asked.SINGLE and rightly_named)),
+        "WRONG EQUATION": case.asked is Asked.OUTSIDE and not right_equation,
+        "GAP": case.asked is Asked.OUTSIDE and (not pressure_halved or mass_halved is False),
+    }
+    suspicion = VIOLATED.get(answer.suspect, frozenset()) & right_equations
+    said = f"{answer.verdict} {'+'.join(answer.claims)}".strip()
+    if answer.verdict == UNKNOWN:  # with the equation that is suspected, and a ? where it is wrong
+        said = f"{UNKNOWN} ({answer.suspect}{'' if suspicion or not hidden else '?'})"
+    return {
+        "hidden": case.name,
+        "text": case.text,
+        "asked": case.asked,
+        "in_library": kind.in_library if kind else None,
+        "said": said,
+        "confidence": answer.confidence,
+        "proposal": f"{best.text}{'' if best.may_enter else ', refused'}" if best else "nothing",
+        "proposed": best is not None,
+        "accepted": accepted,
+        "right_equation": right_equation if hidden else None,
+        "own_equation": kind.equation in proposed if kind else None,
+        "right_phase": best.phase in acts if best is not None and acts is not None else None,
+        "rightly_named": rightly_named,
+        "as_good": as_good if case.asked is Asked.LEFT_OUT else None,
+        "pressure_before": answer.before.pressure_mpa,
+        "pressure_named": answer.named.pressure_mpa,
+        "pressure_after": after.pressure_mpa,
+        "pressure_halved": pressure_halved,
+        "mass_before": answer.before.mass_mg,
+        "mass_named": answer.named.mass_mg,
+        "mass_after": after.mass_mg,
+        "mass_halved": mass_halved,
+        "accepted_worse": worse,
+        "wrong_and_sure": wrong,
+        "seconds": answer.seconds,
+        "added_seconds": answer.seconds - answer.search_seconds,
+        "added_core_seconds": answer.added_core_seconds,
+        "marks": ", ".join(mark for mark, holds in marks.items() if holds),
+    }
+
+
+def misses(frame: pd.DataFrame) -> list[str]:
+    """A line for every case that something is wrong with."""
+    return [
+        f"{row.text}: {row.said} ({row.confidence:.2f}), proposed {row.proposal}; "
+        f"p_L {row.pressure_before:.2f} to {row.pressure_after:.2f} MPa, "
+        f"mass {row.mass_before:.2f} to {row.mass_after:.2f} mg; {row.marks}"
+        for row in (frame[frame["marks"].fillna("") != ""] if "marks" in frame else frame[:0]).itertuples()
+    ]
+
+
+def bars(tier: str) -> Sequence[Bar]:
+    """Limits of tiers A and B."""
+    place, known = "AB".index(tier), "asked == 'outside' and in_library == {}"
+    at_least = (
+        ("right_equation_in_library", known.format(True), "right_equation", 0.95, 0.85),
+        ("right_equation_not_in_library", known.format(False), "right_equation", 0.80, 0.65),
+        ("pressure_halved_in_library", known.format(True), "pressure_halved", 0.95, 0.80),
+        ("pressure_halved_not_in_library", known.format(False), "pressure_halved", 0.85, 0.75),
+        ("mass_halved_in_library", known.format(True), "mass_halved", 0.90, 0.75),
+        ("mass_halved_not_in_library", known.format(False), "mass_halved", 0.75, 0.60),
+        ("left_out_as_good", "asked == 'left_out'", "as_good", 0.85, 0.70),
+    )
+    at_most = (
+        ("accepted_mass_worse", "accepted == True", "accepted_worse", 0.02, 0.04),
+        ("wrong_and_sure", "", "wrong_and_sure", 0.03, 0.05),
+        ("proposed_to_healthy", "asked == 'healthy'", "proposed", 0.0, 0.02),
+        ("proposed_to_rightly_named", "asked == 'single' and rightly_named == True", "proposed", 0.03, 0.06),
+    )
+    slowest = Bar("added_core_seconds_max", "added_core_seconds", "max", most=(10.0, 25.0)[place])
+    return [
+        *(Bar(name, column, "mean", least=limits[place], of=of) for name, of, column, *limits in at_least),
+        *(Bar(name, column, "mean", most=limits[place], of=of) for name, of, column, *limits in at_most),
+        slowest,
+    ]
+
+
+COLUMNS: dict[str, tuple[str, How]] = {
+    "in library": ("in_library", "of"),
+    "right equation": ("right_equation", "of"),
+    "its own": ("own_equation", "of"),
+    "phase": ("right_phase", "of"),
+    "proposed": ("proposed", "of"),
+    "accepted": ("accepted", "of"),
+    "as good": ("as_good", "of"),
+    "p_L off, MPa": ("pressure_before", "median"),
+    "by name": ("pressure_named", "median"),
+    "p_L after": ("pressure_after", "median"),
+    "p_L halved": ("pressure_halved", "of"),
+    "mass off, mg": ("mass_before", "median"),
+    "mass after": ("mass_after", "median"),
+    "mass halved": ("mass_halved", "of"),
+    "worse": ("accepted_worse", "sum"),
+    "seconds": ("seconds", "median"),
+    "of a core, added": ("added_core_seconds", "median"),
+    "answered": ("said", lambda said: ", ".join(f"{each} {n}" for each, n in said.value_counts().items())),
+}

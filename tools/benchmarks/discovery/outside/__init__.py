@@ -1,1 +1,0 @@
-"""`tools/bench discovery --outside`: effects no vocabulary has, and the terms `discover` proposes for them."""

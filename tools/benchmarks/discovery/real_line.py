@@ -1,0 +1,165 @@
+"""Tier B: effects, pairs and what has no name hidden in plants that no model contains, to which `fit` fits first."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pandas as pd
+
+from observer_rt.config.bench import load_injector
+from observer_rt.foundation.errors import RunError
+from tools.benchmarks.campaign import Bar, How, Row
+from tools.benchmarks.discovery.answers import AMBIGUOUS, CONFIDENT, NAMED, NONE, UNKNOWN, Answer, Grade, ask
+from tools.benchmarks.discovery.cases import Asked, HiddenCase, real_benches
+from tools.benchmarks.discovery.kinds import near_tie, same_effect
+from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches, write_all
+from tools.benchmarks.discovery.scoring import (
+    gaps,
+    held_intervals,
+    in_terms_of,
+    injector_of,
+    smallest_visible,
+    solving,
+    with_effects,
+)
+from tools.benchmarks.fitting import fitted_model
+
+CASES = 150
+SURELY_VISIBLE = 3.0  # times the smallest visible size: from there on an effect must be named
+TOLERANCES = (0.003, 0.02)  # MPa, mg, by which a gap may grow, or by GAP_TOLERANCE of it
+GAP_TOLERANCE = 0.02
+
+
+def model_of(rig: Rig, out: Path) -> Path | str:
+    """The fitted injector file of a rig, or why `fit` failed."""
+
+    def recorded(folder: Path) -> list[Path]:
+        return write_all(healthy_benches(rig), rig.with_rate, folder / "healthy")
+
+    try:
+        return fitted_model(out / "rigs" / rig.name, recorded)
+    except RunError as error:
+        return str(error)
+
+
+def score_real(case: HiddenCase, model: Path | str) -> Row:
+    """Record a case, ask with the fitted model of its rig, and judge the answer. Raises RunError without a model."""
+    if isinstance(model, str):
+        raise RunError(model)
+    with TemporaryDirectory(prefix="discovery-") as name:
+        files = write_all(real_benches(case, GIVEN), case.with_rate, Path(name) / "given")
+        answer = ask(files, Path(name) / "answer", model, choose=False)
+    row, fitted = facts_of(case, answer), load_injector(model)
+    row["adequate"] = fitted.baseline is not None and fitted.baseline.adequate
+    truth = in_terms_of(fitted, case)
+    if row["named_right"]:
+        row["held"] = held_intervals(truth, answer)
+    if answer.verdict == NAMED and answer.amended_model != model.read_text():
+        amended = injector_of(answer.amended_model)
+        models = [solving(each) for each in (fitted, amended, with_effects(amended, truth))]
+        found = gaps(real_benches(case, FURTHER, 0.0), models)
+        row["gap_larger"] = any(is_larger(*gap, each) for gap, each in zip(found, TOLERANCES, strict=True))
+        row["gaps"] = "; ".join(
+            f"{before:.3f} to {after:.3f} {unit} (with the true sizes {true:.3f})"
+            for (before, after, true), unit in zip(found, ("MPa", "mg"), strict=True)
+        )
+    return row
+
+
+def is_larger(before: float, after: float, true: float, tolerance: float) -> bool:
+    """Whether a gap grew by more than a tolerance in its unit, and by more than its share.
+
+    true: the best that naming can do: what the fitted model is off by may happen to cancel against an effect.
+    """
+    least = max(before, true)
+    return after > least + max(tolerance, GAP_TOLERANCE * least)
+
+
+def facts_of(case: HiddenCase, answer: Answer) -> Row:
+    """A case and its answer as a row, but for what the fitted model has to do with."""
+    assert case.rig is not None
+    effects, names, smallest = [name for name, _ in case.parts], answer.names, smallest_visible(answer)
+
+    def is_hidden(name: str) -> bool:
+        return any(same_effect(name, effect) for effect in effects)
+
+    def has_all(found: Sequence[str]) -> bool:
+        return all(any(same_effect(name, effect) for name in found) for effect in effects)
+
+    is_named = answer.verdict == NAMED
+    named_right = is_named and len(names) == len(effects) and all(map(is_hidden, names)) and has_all(names)
+    is_open = answer.verdict == AMBIGUOUS and bool(effects) and has_all(answer.listed)
+    if case.asked is Asked.SINGLE:  # of one effect, beside its near ties only
+        is_open = is_open and all(near_tie(name, effects[0]) for name in answer.listed)
+    due = {Asked.HEALTHY: NONE, Asked.OUTSIDE: UNKNOWN}.get(case.asked)
+    right = answer.verdict == due if due else named_right or is_open
+    counted = bool(due) or all(
+        abs(values[0]) >= SURELY_VISIBLE * smallest.get(name, 0.0) for name, values in case.parts
+    )
+    grade = Grade.AMBIGUOUS if is_open else Grade.RIGHT if right else Grade.WRONG
+    wrong_names = [float(claim["confidence"]) for claim in answer.claims if not is_hidden(claim["id"])]
+    return {
+        "hidden": case.name,
+        "text": case.text,
+        "kind": case.asked,
+        "discrepancy": case.rig.discrepancy,
+        **answer.facts(),
+        "named_right": named_right,
+        "counted": counted,
+        "right": right,
+        "grade": grade if counted else Grade.NOT_LOOKED_FOR,
+        "half_right": case.asked is Asked.PAIR and not right and is_named and any(map(is_hidden, names)),
+        "wrong_and_sure": is_named and any(each >= CONFIDENT for each in wrong_names),
+        "smallest": smallest.get(case.name),
+        "named_size": abs(case.parts[0][1][0]) if named_right and len(effects) == 1 else None,
+        "held": [],
+        "gap_larger": False,
+        "gaps": "",
+    }
+
+
+def misses(frame: pd.DataFrame) -> list[str]:
+    """A line for every case that was answered wrongly, surely so, or left a larger gap."""
+    if "grade" not in frame:
+        return []
+    wrong = frame["grade"].eq(Grade.WRONG) | frame["wrong_and_sure"].eq(True) | frame["gap_larger"].eq(True)
+    return [
+        f"{row.text}: {row.verdict} {row.claimed} {'SURE ' * row.wrong_and_sure}{'GAP ' * row.gap_larger}{row.gaps}"
+        for row in frame[wrong].itertuples()
+    ]
+
+
+_LEAST = {Asked.HEALTHY: 0.98, Asked.SINGLE: 0.92, Asked.PAIR: 0.75, Asked.OUTSIDE: 0.95}
+BARS = (
+    *(Bar(f"{kind}_right_share", "right", "mean", least=least, of=f"counted == True and kind == '{kind}'")
+      for kind, least in _LEAST.items()),
+    Bar("healthy_accused_with_confidence", "wrong_and_sure", "sum", most=0, of="kind == 'healthy'"),
+    Bar("wrong_and_sure", "wrong_and_sure", "sum"),
+    Bar("pairs_half_right", "half_right", "sum", of="kind == 'pair'"),
+    Bar("gap_larger", "gap_larger", "sum", most=0),
+    Bar("coverage_share", "held", "mean", 0.90, 0.98, from_values=20),
+    Bar("seconds_max", "seconds", "max", most=30.0),
+    Bar("core_seconds_max", "core_seconds", "max"),
+)  # fmt: skip
+_GRADES: dict[str, tuple[str, How]] = {
+    grade: ("grade", lambda grades, grade=grade: int((grades == grade).sum())) for grade in Grade
+}
+COLUMNS: dict[str, tuple[str, How]] = {
+    **_GRADES,
+    "answered": (
+        "answer",
+        lambda answers: ", ".join(f"{name} {n}" for name, n in answers.value_counts().items()),
+    ),
+    "smallest visible, stated, SI": ("smallest", "median"),
+    "smallest named": ("named_size", "min"),
+    "intervals hold": ("held", "of"),
+}
+PLANT_COLUMNS: dict[str, tuple[str, How]] = {
+    "fit adequate": ("adequate", "of"),
+    **_GRADES,
+    "wrong and sure": ("wrong_and_sure", "sum"),
+    "gap larger": ("gap_larger", "sum"),
+    "seconds median": ("seconds", "median"),
+    "max": ("seconds", "max"),
+    "of a core, max": ("core_seconds", "max"),
+}

@@ -1,0 +1,113 @@
+"""Real lines as they are measured, at operating points. Imports nothing of `observer_rt`."""
+
+import itertools
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.random import Generator
+
+from tests.plants.arrays import Array
+from tests.plants.parameters import Faults
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, Step, Surroundings, record
+from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
+
+GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
+"""Operating points `discover` is given: rail pressure [Pa], needle open [s]."""
+FURTHER = tuple(itertools.product((80e6, 120e6), (0.9e-3, 1.5e-3)))
+"""Operating points it never sees: there the gap is measured."""
+MEGAPASCAL, MILLIMETRE, MM3_PER_MS = 1e6, 1e-3, 1e-6
+HEADER = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa"
+RATE_NOISE = 0.5e-6  # m3/s per sample of a measured rate at 100 kHz
+RATE_GAIN = 0.005  # one sigma of a recording's gain
+FIT_INJECTIONS = 6  # in each recording
+FIRST, DISTANCE = 40e-3, 50e-3  # s: start of the first injection, and from one to the next
+NEEDLE_SPREAD = 0.15  # of a plant's speeds
+
+
+@dataclass(frozen=True)
+class Rig:
+    """One plant and how it is measured, healthy and not: with a measured rate or without."""
+
+    discrepancy: Discrepancy
+    with_rate: bool
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """What its folder is called."""
+        return f"{self.discrepancy}{'-with-rate' if self.with_rate else ''}-{self.seed}"
+
+
+def healthy_benches(rig: Rig) -> tuple[Bench, ...]:
+    """What `fit` is given of a rig."""
+    rng = np.random.default_rng([rig.seed, rig.discrepancy.number, zlib.crc32(b"healthy")])
+    return tuple(bench_of(rig, point, FIT_INJECTIONS, rng, Faults()) for point in GIVEN)
+
+
+def bench_of(
+    rig: Rig,
+    point: tuple[float, float],
+    injections: int,
+    rng: Generator,
+    faults: Faults,
+    steps: tuple[Step, ...] = (),
+    noise: float = 1.0,
+) -> Bench:
+    """One recording at one operating point, its injections anywhere on the grid of samples."""
+    plant, (rail_pressure, duration) = plant_of(rig.discrepancy, rig.seed), point
+    shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _ in range(injections)]
+    starts = tuple(FIRST + DISTANCE * number for number in range(injections))
+    openings = [(start + shot.start, duration) for start, shot in zip(starts, shots, strict=True)]
+    supply = plant.rail.supply(openings, rail_pressure, rng.random())
+    around = Surroundings(starts=starts, supply=(supply,), before_noise=(*plant.mounting, *steps))
+    events = tuple(Event(rail_pressure, (shot,), faults) for shot in shots)
+    seed = int(rng.integers(2**62))
+    return Bench(plant.part, needle_of(rig), events, noise=noise, seed=seed, line=plant.line, around=around)
+
+
+def needle_of(rig: Rig) -> Needle:
+    """The needle of a rig."""
+    rng = np.random.default_rng([rig.seed, rig.discrepancy.number, zlib.crc32(b"needle")])
+    opening, closing = 1.0 + NEEDLE_SPREAD * rng.uniform(-1.0, 1.0, 2)
+    return Needle(0.80 * opening, 0.90 * closing)
+
+
+def measured_rate(bench: Bench, outcome: Outcome) -> Array:
+    """Rate an instrument measures beside the injector [m3/s] (n,): white noise, and a gain error of the recording.
+
+    Of a bench without noise the true rate.
+    """
+    rng = np.random.default_rng([bench.seed, 1])
+    truth = outcome.truth.injection_rate
+    gain = 1.0 + RATE_GAIN * bench.noise * rng.normal()
+    return np.asarray(gain * truth + RATE_NOISE * bench.noise * rng.normal(size=truth.size), np.float64)
+
+
+def write_all(benches: Iterable[Bench], with_rate: bool, folder: Path) -> list[Path]:
+    """Recordings as CSV files, named by nothing but their order."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for number, bench in enumerate(benches, start=1):
+        files.append(folder / f"recording_{number}.csv")
+        _write_recording(files[-1], bench, with_rate)
+    return files
+
+
+def _write_recording(path: Path, bench: Bench, with_rate: bool) -> None:
+    outcome = record(bench)
+    measured = outcome.measured
+    columns: list[Array] = [
+        measured.time,
+        measured.rail_pressure / MEGAPASCAL,
+        measured.needle_lift / MILLIMETRE,
+        measured.line_pressure / MEGAPASCAL,
+    ]
+    header, row = HEADER, "%.5f,%.3f,%.5f,%.3f"
+    if with_rate:
+        columns.append(measured_rate(bench, outcome) / MM3_PER_MS)
+        header, row = f"{header},injection_rate_mm3_per_ms", f"{row},%.5f"
+    lines = [row % values for values in zip(*(c.tolist() for c in columns), strict=True)]
+    path.write_text("\n".join([header, *lines]) + "\n")

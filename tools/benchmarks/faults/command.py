@@ -1,0 +1,143 @@
+"""`tools/bench faults`: everything that may go wrong on a bench, at random times; is what is valid right?"""
+
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from tests.observed_plants import bench_at
+from tests.plants.plant import record
+from tools.benchmarks import command_line as cli
+from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, run_cases, save_dots, table
+from tools.benchmarks.faults import live as on_bus
+from tools.benchmarks.faults import player
+from tools.benchmarks.faults.daemons import Strike, strike
+from tools.benchmarks.faults.scenario import Task, drawn, entries, tasks
+from tools.benchmarks.faults.score import Verdict, facts_of
+from tools.benchmarks.faults.table import TABLE
+from tools.benchmarks.fitting import plain_model
+from tools.benchmarks.scoring import with_signals
+
+CASES = 520
+SEVERAL = "several at once"
+_BLOCKS = {
+    "rail_pressure": {"message": "RailPressureBlock"},
+    "needle_lift": {"message": "NeedleLiftBlock"},
+    "line_pressure": {"message": "LinePressureBlock"},
+}
+
+
+BARS = (
+    Bar("crashes", "crashed", "sum", most=0),
+    Bar("wrong_valid_samples", "wrong_samples", "sum", most=0),
+    Bar("late_samples", "late_samples", "sum"),
+    Bar("wrong_summaries", "wrong_summaries", "sum", most=0),
+    Bar("valid_share", "free_valid", "mean", least=0.98),
+    Bar("in_time_share", "in_time", "mean", least=1.0),
+    Bar("recovery_injections_max", "recovered_after", "max"),
+    Bar("named_share", "is_named", "mean", least=1.0),
+    Bar("right_share", "right", "mean", least=0.85),
+    Bar("refused_share", "refused", "mean"),
+    Bar("rough_share", "rough", "mean"),
+    Bar("records_lost", "lost", "sum", most=0),
+    Bar("problems", "problems", "sum", most=0),
+)
+COLUMNS: dict[str, tuple[str, How]] = {
+    "scenarios": ("label", "count"),
+    "crashes": ("crashed", "sum"),
+    "samples wrong": ("wrong_samples", "sum"),
+    "late": ("late_samples", "sum"),
+    "summaries wrong": ("wrong_summaries", "sum"),
+    "found, ms": ("found_ms", "median"),
+    "found, max": ("found_ms", "max"),
+    "events until valid, max": ("recovered_after", "max"),
+    "in time": ("in_time", "of"),
+    "named": ("is_named", "of"),
+    **{str(verdict): (str(verdict), "of") for verdict in Verdict},
+    "valid if nothing wrong": ("free_valid", "mean"),
+}
+STRUCK: dict[str, tuple[str, How]] = {name: (name, "sum") for name in ("told", "lost", "problems")}
+
+
+def score_scenario(task: Task, model: Path | None = None) -> Row:
+    """Record a scenario, play it to the observer, and score what is published; model: on tier B."""
+    scenario = drawn(task, TABLE, model is not None)
+    outcome = record(scenario.bench)
+    bench = bench_at(scenario.bench.sample_rate, model)
+    if scenario.blocks:  # each signal has a message of its own
+        bench = with_signals(bench, _BLOCKS)
+    for placed in scenario.placed:
+        bench = with_signals(bench, placed.stated)
+    published = player.play(scenario, outcome.measured, bench)
+    return facts_of(scenario, outcome, published)
+
+
+def is_faulty(row: Row) -> bool:
+    """Whether a scenario misses a bar by itself."""
+    return bool(row["wrong"] or row["crash"] or row["is_named"] is False or row["in_time"] is False)
+
+
+def told(row: Row) -> str:
+    """A line of a scenario that was wrong."""
+    wrong = f"{row['wrong_samples']} samples and {row['wrong_summaries']} injections valid and wrong"
+    again = f"valid again after {row['recovered_after'] or '-'} events"
+    return f"{row['label']}: {wrong}, {again}; {', '.join(row['reasons'])} {row['crash']}"
+
+
+@cli.app.command(
+    epilog="Examples: tools/bench faults; tools/bench faults --only frozen_line,lag_line; "
+    "tools/vcan tools/bench faults --cases 0 --live 8 --daemons 6"
+)
+def faults(
+    cases: cli.CasesOption = None,
+    only: Annotated[str, typer.Option(help="Rows of the table, by commas.")] = "",
+    tier: cli.TierOption = cli.Tier.A,
+    seed: cli.SeedOption = 1,
+    jobs: cli.JobsOption = cli.JOBS,
+    out: cli.OutOption = None,
+    live: Annotated[
+        int, typer.Option(min=0, help="So many with a daemon on vcan0, too, in `tools/vcan`.")
+    ] = 0,
+    daemons: Annotated[
+        int, typer.Option(min=0, help="So many daemons killed, without room on the disk, without power.")
+    ] = 0,
+    as_json: cli.JsonOption = False,
+) -> None:
+    """Everything that may go wrong with sensors, bus, clocks and processes, every row of the table in turn."""
+    out, count = out or Path(f"build/faults-{tier}"), CASES if cases is None else cases
+    names = entries(TABLE, cli.chosen_names(only, "--only", TABLE, TABLE))
+    model = plain_model(out, seed) if tier is cli.Tier.B and count else None
+    todo = {task.label: (task, model) for task in tasks(TABLE, names, count, seed)}
+    frames = [run_cases("faults", score_scenario, todo, jobs, out)]
+    if live:
+        frames.append(frame_of(on_bus.run_live(live, seed, out / "live")))
+    if daemons:
+        shutil.rmtree(out / "daemons", ignore_errors=True)
+        ways = list(Strike)
+        struck = {
+            f"daemon {n} {ways[n % len(ways)]}": (ways[n % len(ways)], out / "daemons" / str(n), seed + n)
+            for n in range(daemons)
+        }
+        (out / "struck.jsonl").unlink(missing_ok=True)
+        frames.append(run_cases("struck", strike, struck, 1, out))
+    frame = pd.concat(frames, ignore_index=True)
+    if "fault" not in frame:
+        frame["fault"] = None
+    scenarios, kills = frame[frame["fault"].notna()], frame[frame["fault"].isna()]
+    save_dots(
+        scenarios.query("found_ms == found_ms"),
+        "fault",
+        "found_ms",
+        "verdict",
+        "first sample not valid, ms after the fault",
+        out / "found.png",
+    )
+    tables = {"faults of sensors, bus, clocks and processes": table(scenarios, "fault", COLUMNS)}
+    if daemons:
+        tables["daemons struck"] = table(kills, "struck", STRUCK)
+    rows = scenarios[scenarios["failed"].isna()].astype(object)
+    lines = [told(row) for row in rows.where(rows.notna(), None).to_dict("records") if is_faulty(row)]
+    lines += [f"{row.label}: {each}" for row in kills.itertuples() for each in row.what if daemons]
+    conclude(frame, BARS, tables, out, as_json, lines)

@@ -1,0 +1,63 @@
+"""The observer on what a windowed source sends: some 6 ms round each injection, the index jumps in between."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.bench import Bench
+from observer_rt.desk.evaluation.evaluate import Trace, evaluate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.stream.state import State
+from observer_rt.files.replay.framing import Span, windows
+from observer_rt.files.signals.recording import Recording
+
+
+@dataclass(frozen=True)
+class WindowedEvaluation:
+    """What is scored of an evaluation, on the samples of the whole recording."""
+
+    trace: Trace
+    reports: tuple[InjectionReport, ...]
+    first_index: int = 0
+
+
+def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
+    """The observer on a recording of which a windowed source sends only what lies round the injections.
+
+    To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
+    E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
+    """
+    spans = windows(recording)
+    history = evaluate(bench, [part_of(recording, span) for span in spans])
+    first = history.evaluations[0].trace
+    trace = Trace(
+        **{
+            name: np.full(
+                (recording.samples, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype
+            )
+            for name, like in vars(first).items()
+        }
+    )
+    trace.state[:] = State.WAITING_FOR_DATA
+    reports = []
+    for span, part in zip(spans, history.evaluations, strict=True):
+        for name, values in vars(part.trace).items():
+            whole: NDArray[np.generic] = getattr(trace, name)
+            whole[span.start : span.end] = values
+        by = span.start - part.first_index
+        reports += [
+            replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports
+        ]
+    return WindowedEvaluation(trace, tuple(reports))
+
+
+def part_of(recording: Recording, span: Span) -> Recording:
+    """Samples of a span, as a recording of their own."""
+    part = slice(span.start, span.end)
+    return Recording(
+        np.arange(span.end - span.start) / recording.sample_rate,
+        recording.rail_pressure[part],
+        recording.needle_lift[part],
+        recording.line_pressure[part],
+    )

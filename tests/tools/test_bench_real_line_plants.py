@@ -13,7 +13,7 @@ from tests.plants.wave import LINES, Variant, WaveLine, new_part, real_part
 from tools.benchmarks.discovery.cases import Asked, real_benches, real_case, real_cases
 from tools.benchmarks.discovery.discrepancies import LONGEST, Discrepancy, drawn_rail, plant_of
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches
-from tools.benchmarks.discovery.vocabulary import EFFECTS, OUTSIDE, PAIRS, bent_sensor, faults_of, late_rail
+from tools.benchmarks.discovery.vocabulary import EFFECTS, OUTSIDE, PAIRS, bent_sensor, late_rail
 
 STRUCTURES = {"seat_outflow"}
 SEVERAL_FAULTS = Faults(
@@ -151,7 +151,7 @@ def test_given_and_further_recordings_share_plant_and_faults_and_nothing_else() 
         real_benches(case, FURTHER, 0.0),
         [*healthy_benches(rig)],
     )
-    assert {b.events[0].faults for b in given + further} == {faults_of(case.parts)}
+    assert {b.events[0].faults for b in given + further} == {EFFECTS["seat_area"].faults(case.parts[0][1])}
     assert {b.events[0].faults for b in healthy} == {Faults()}
     assert len({(b.injector, b.needle, b.line) for b in given + further + healthy}) == 1
     assert len({b.seed for b in given + further + healthy}) == len(given + further + healthy)

@@ -189,18 +189,9 @@ LUMP_CLASSES = tuple(name for name, c in CLASSES.items() if not c.averaged)
 """Those of the nominal injector's bars."""
 WAVE_CLASSES = (
     "healthy",
-    "orifice_area",
-    "seat_area",
     "orifice_and_seat_area",
-    "guide_leakage",
-    "chamber_pressure_rise",
-    "orifice_cavitation",
-    "line_friction",
-    "line_pressure_sensor_offset",
-    "line_pressure_sensor_lag",
+    *_SIZES,
     "rail_pressure_sensor_offset",
-    "bulk_modulus",
-    "entrained_air",
     "mixture",
     "wear_averaged_20_khz",
 )

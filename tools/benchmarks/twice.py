@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import pandas as pd
 import typer
 
 from observer_rt.desk.evaluation.evaluate import evaluate
@@ -20,6 +19,7 @@ from tools.benchmarks.fitting import plain_model
 from tools.benchmarks.scoring import bench_for_case, score_evaluation
 
 CASES = 10  # a class
+ONCE, TWICE = "once", "twice"
 FIRST = 3  # events of a recording that are called the first
 STEADY = tuple(name for name, kind in CLASSES.items() if kind.group is Group.MAIN and not kind.windowed)
 BARS = (
@@ -38,34 +38,25 @@ COLUMNS: dict[str, tuple[str, How]] = {
 }
 
 
-def score_twice(class_name: str, seed: int, number: int, model: Path | None) -> Row:
-    """Record a case, and evaluate it once and twice: a dict of facts for each look."""
+def score_look(look: str, class_name: str, seed: int, number: int, model: Path | None) -> Row:
+    """Record a case, and evaluate it once or twice; masses and intervals are of valid events."""
     case = make_case(class_name, seed, number)
     if model is not None:
         case = replace(case, bench=on_real_line(case.bench, seed))
     outcome, bench = record(case.bench), bench_for_case(case, model)
-    row: Row = {"class_name": class_name}
-    for name in ("once", "twice"):
-        if name == "once":
-            history = evaluate(bench, [recording_of(outcome)])
-        else:
-            look, c = SecondLook(), effective_model(bench.injector.parameters).coefficients
-            history = evaluate(bench, [recording_of(outcome)], learner_of=look.learner, curves_of=c)
-            look.revise(history.evaluations)
-        score = score_evaluation(case, outcome, bench, history.evaluations[0])
-        errors = np.abs(score.event_errors_pct()).tolist()
-        held = [score.covered(event) for event in range(len(errors))]
-        row[name] = {
-            f"{which}{fact}": [
-                value for value, valid in zip(values[:last], score.valid, strict=False) if valid or not of
-            ]
-            for which, last in (("first_", FIRST), ("", None))
-            for fact, values, of in (
-                ("valid", score.valid, False),
-                ("error_pct", errors, True),
-                ("held", held, True),
-            )
-        }
+    if look == ONCE:
+        history = evaluate(bench, [recording_of(outcome)])
+    else:
+        second, c = SecondLook(), effective_model(bench.injector.parameters).coefficients
+        history = evaluate(bench, [recording_of(outcome)], learner_of=second.learner, curves_of=c)
+        second.revise(history.evaluations)
+    score = score_evaluation(case, outcome, bench, history.evaluations[0])
+    errors, row = np.abs(score.event_errors_pct()).tolist(), {"class_name": class_name, "look": look}
+    for which, events in (("first_", range(FIRST)), ("", range(len(errors)))):
+        valid = [event for event in events if score.valid[event]]
+        row[f"{which}valid"] = [score.valid[event] for event in events]
+        row[f"{which}error_pct"] = [errors[event] for event in valid]
+        row[f"{which}held"] = [score.covered(event) for event in valid]
     return row
 
 
@@ -83,16 +74,12 @@ def twice(
     out, on_waves = out or Path(f"build/twice-{tier}"), tier is cli.Tier.B
     names = cli.chosen_names(classes, "--classes", CLASSES, WAVE_CLASSES if on_waves else STEADY)
     model = plain_model(out, seed) if on_waves else None
-    todo = {f"{name} {seed} {n}": (name, seed, n, model) for name in names for n in range(cases or CASES)}
-    frame = run_cases("twice", score_twice, todo, jobs, out)
-    looks = [
-        frame.drop(columns=["once", "twice"], errors="ignore")
-        .assign(look=look)
-        .join(pd.json_normalize(frame[look]) if look in frame else frame[[]])
-        for look in ("once", "twice")
-    ]
-    both = pd.concat(looks, ignore_index=True)
-    tables = {
-        look: table(each, "class_name", COLUMNS) for look, each in zip(("once", "twice"), looks, strict=True)
+    todo = {
+        f"{name} {seed} {number} {look}": (look, name, seed, number, model)
+        for name in names
+        for number in range(cases or CASES)
+        for look in (ONCE, TWICE)
     }
-    conclude(both, BARS, tables, out, as_json)
+    frame = run_cases("twice", score_look, todo, jobs, out)
+    tables = {look: table(frame[frame["look"] == look], "class_name", COLUMNS) for look in (ONCE, TWICE)}
+    conclude(frame, BARS, tables, out, as_json)

@@ -5,7 +5,7 @@ A label and what is drawn are of a master seed; the first cases of a larger numb
 
 import hashlib
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -18,18 +18,7 @@ from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.kinds import HiddenKind
 from tools.benchmarks.discovery.laws import KINDS, NOT_IN, VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.rigs import DISTANCE, FIRST, Rig, bench_of
-from tools.benchmarks.discovery.vocabulary import (
-    EFFECTS,
-    HIDDEN,
-    OUTSIDE,
-    PAIR_FROM,
-    PAIRS,
-    Parts,
-    faults_of,
-    known,
-    laws_of,
-    steps_of,
-)
+from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, OUTSIDE, PAIR_FROM, PAIRS, Parts, known
 
 HEALTHY = "healthy"
 NOMINAL_INJECTIONS, REAL_INJECTIONS, OUTSIDE_INJECTIONS = 2, 3, 4  # in each recording
@@ -112,14 +101,12 @@ def nominal_cases(effects: Sequence[str], count: int, rates: Sequence[bool], see
 
 def nominal_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
     """One bench a recording: one operating point, its injections anywhere on the grid of samples."""
-    needle = drawn_needle(np.random.default_rng(case.seed))
-    rng = _of_points(case, points)
-    faults = HIDDEN[case.name].faults(case.parts[0][1]) if case.parts else Faults()
-    made = []
+    needle, rng, made = drawn_needle(np.random.default_rng(case.seed)), _of_points(case, points), []
     for rail_pressure, duration in points:
         shots = [Shot(rng.uniform(0.0, 10e-6), duration) for _ in range(NOMINAL_INJECTIONS)]
-        events = tuple(Event(rail_pressure, (shot,), faults) for shot in shots)
-        made.append(Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62))))
+        events = tuple(Event(rail_pressure, (shot,), Faults()) for shot in shots)
+        bench = Bench(Injector(), needle, events, noise=noise, seed=int(rng.integers(2**62)))
+        made.append(_with_hidden(bench, case, HIDDEN.__getitem__))
     return made
 
 
@@ -175,12 +162,9 @@ def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
 def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
     """One bench a recording of the case's rig."""
     assert case.rig is not None
-    rng, parts = _of_points(case, points), case.parts
-    faults, steps, laws = faults_of(parts), steps_of(parts), laws_of(parts)
-    return [
-        replace(bench_of(case.rig, point, REAL_INJECTIONS, rng, faults, steps, noise), laws=laws)
-        for point in points
-    ]
+    rng = _of_points(case, points)
+    healthy = [bench_of(case.rig, point, REAL_INJECTIONS, rng, noise) for point in points]
+    return [_with_hidden(bench, case, known) for bench in healthy]
 
 
 def outside_cases(
@@ -213,27 +197,15 @@ def outside_cases(
 
 
 def outside_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
-    """One bench a recording with what is hidden in laws, injections, sensors, rail; of tier A a rail at rest."""
-    rng, made = _of_points(case, points), []
-    for point in points:
-        if case.rig is None:
-            bench = _at_rest(case, point, rng, noise)
-        else:
-            bench = bench_of(case.rig, point, OUTSIDE_INJECTIONS, rng, Faults(), noise=noise)
-        for name, values in case.parts:
-            kind, around = kind_named(name), bench.around
-            bench = replace(
-                bench,
-                laws=kind.laws(values),
-                events=tuple(replace(e, faults=kind.faults(values, i)) for i, e in enumerate(bench.events)),
-                around=replace(
-                    around,
-                    supply=(*around.supply, *kind.supplies(values)),
-                    before_noise=(*around.before_noise, *kind.steps(values)),
-                ),
-            )
-        made.append(bench)
-    return made
+    """One bench a recording of the case's rig; of tier A of a plant whose rail is at rest."""
+    rng, rig = _of_points(case, points), case.rig
+    healthy = [
+        _at_rest(case, point, rng, noise)
+        if rig is None
+        else bench_of(rig, point, OUTSIDE_INJECTIONS, rng, noise)
+        for point in points
+    ]
+    return [_with_hidden(bench, case, kind_named) for bench in healthy]
 
 
 def taken_away(case: HiddenCase) -> tuple[str, ...]:
@@ -255,3 +227,22 @@ def _at_rest(case: HiddenCase, point: tuple[float, float], rng: Generator, noise
 
 def _of_points(case: HiddenCase, points: Points) -> Generator:
     return np.random.default_rng([case.seed, *(round(pressure) for pressure, _ in points)])
+
+
+def _with_hidden(bench: Bench, case: HiddenCase, kind_of: Callable[[str], HiddenKind]) -> Bench:
+    """The bench with what is hidden in laws, injections, sensors and rail."""
+    for name, values in case.parts:
+        kind, around = kind_of(name), bench.around
+        bench = replace(
+            bench,
+            laws=kind.laws(values, bench.laws),
+            events=tuple(
+                replace(e, faults=kind.faults(values, i, e.faults)) for i, e in enumerate(bench.events)
+            ),
+            around=replace(
+                around,
+                supply=(*around.supply, *kind.supplies(values)),
+                before_noise=(*around.before_noise, *kind.steps(values)),
+            ),
+        )
+    return bench

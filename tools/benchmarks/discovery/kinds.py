@@ -12,10 +12,11 @@ from enum import StrEnum
 from numpy.random import Generator
 
 from tests.plants.arrays import Array
-from tests.plants.laws import Laws
+from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults
 from tests.plants.plant import Step
 
+HEALTHY = Faults()
 MICROMETRE, MICROSECOND = 1e-6, 1e-6
 RECIPROCAL = frozenset({"bulk_modulus", "line_volume"})
 """The exact class: only K_L/V_L enters, so naming either is right, with 1 + r the other's reciprocal."""
@@ -124,16 +125,16 @@ class HiddenKind:
         family = next(family for family in FAMILIES if self.equation in family)
         return family | self.also | (frozenset() if with_rate else self.without_rate)
 
-    def laws(self, values: Sequence[float]) -> Laws:
-        """What the plant does beyond its equations."""
-        return Laws(**self.named(values, Laws._fields))
+    def laws(self, values: Sequence[float], before: Laws = NO_LAWS) -> Laws:
+        """What the plant then does beyond its equations."""
+        return before._replace(**self.named(values, Laws._fields))
 
-    def faults(self, values: Sequence[float], number: int = 0) -> Faults:
-        """What is wrong with the plant at an injection."""
+    def faults(self, values: Sequence[float], number: int = 0, before: Faults = HEALTHY) -> Faults:
+        """What is then wrong with the plant at an injection."""
         if self.switch:
-            return Faults(**{self.switch: 1.0})
+            return before._replace(**{self.switch: 1.0})
         first, *others = values
-        return Faults(**self.named((first * self.by_number(number), *others), Faults._fields))
+        return before._replace(**self.named((first * self.by_number(number), *others), Faults._fields))
 
     def steps(self, values: Sequence[float]) -> tuple[Step, ...]:
         """What sensors make of their signals."""

@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from tests.plants.arrays import Array
 from tests.plants.parameters import Faults
-from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, Step, Surroundings, record
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Needle, Outcome, Shot, Surroundings, record
 from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 
 GIVEN = tuple(itertools.product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))
@@ -44,26 +44,20 @@ class Rig:
 def healthy_benches(rig: Rig) -> tuple[Bench, ...]:
     """What `fit` is given of a rig."""
     rng = np.random.default_rng([rig.seed, rig.discrepancy.number, zlib.crc32(b"healthy")])
-    return tuple(bench_of(rig, point, FIT_INJECTIONS, rng, Faults()) for point in GIVEN)
+    return tuple(bench_of(rig, point, FIT_INJECTIONS, rng) for point in GIVEN)
 
 
 def bench_of(
-    rig: Rig,
-    point: tuple[float, float],
-    injections: int,
-    rng: Generator,
-    faults: Faults,
-    steps: tuple[Step, ...] = (),
-    noise: float = 1.0,
+    rig: Rig, point: tuple[float, float], injections: int, rng: Generator, noise: float = 1.0
 ) -> Bench:
-    """One recording at one operating point, its injections anywhere on the grid of samples."""
+    """One healthy recording at one operating point, its injections anywhere on the grid of samples."""
     plant, (rail_pressure, duration) = plant_of(rig.discrepancy, rig.seed), point
     shots = [Shot(rng.uniform(0.0, 1.0 / SAMPLE_RATE), duration) for _ in range(injections)]
     starts = tuple(FIRST + DISTANCE * number for number in range(injections))
     openings = [(start + shot.start, duration) for start, shot in zip(starts, shots, strict=True)]
     supply = plant.rail.supply(openings, rail_pressure, rng.random())
-    around = Surroundings(starts=starts, supply=(supply,), before_noise=(*plant.mounting, *steps))
-    events = tuple(Event(rail_pressure, (shot,), faults) for shot in shots)
+    around = Surroundings(starts=starts, supply=(supply,), before_noise=plant.mounting)
+    events = tuple(Event(rail_pressure, (shot,), Faults()) for shot in shots)
     seed = int(rng.integers(2**62))
     return Bench(plant.part, needle_of(rig), events, noise=noise, seed=seed, line=plant.line, around=around)
 

@@ -3,13 +3,11 @@
 Imports nothing of `observer_rt`: ids and parameter names are the contract.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from tests.plants.laws import Laws
-from tests.plants.parameters import Faults
 from tests.plants.plant import LINE, RAIL, Step, seen_as
 from tools.benchmarks.discovery.discrepancies import resonant_line
 from tools.benchmarks.discovery.kinds import (
@@ -71,44 +69,22 @@ _EFFECTS = (
     _v("entrained_air", _T.STIFFNESS, "g", (2e-5, 8e-3)),
     _v("fuel_density", _T.INERTANCE, "r", (2e-4, 0.08, -0.08), also=SEAT | NOZZLE),
     _v("orifice_cavitation", _T.NOZZLE_FLOW, "n_crit_excess", (0.03, 0.3)),
-    _v(
-        "lift_dependent_seat_coefficient",
-        _T.SEAT_FLOW,
-        "a",
-        (0.015, 0.7, -0.6),
-        HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM),
-        fault="seat_lift_loss",
-    ),
-    _v(
-        "chamber_pressure_rise",
-        _T.CHAMBER_PRESSURE,
-        "dp",
-        (0.25e6, 12e6),  # Pa
-        HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0),
-        fault="chamber_pressure_step",
-    ),
+    _v("lift_dependent_seat_coefficient", _T.SEAT_FLOW, "a", (0.015, 0.7, -0.6),
+        HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM), fault="seat_lift_loss"),
+    _v("chamber_pressure_rise", _T.CHAMBER_PRESSURE, "dp", (0.25e6, 12e6),  # Pa
+        HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0), fault="chamber_pressure_step"),
     _v("lift_offset", _T.NEEDLE_LIFT, "x_0", (0.15 * _UM, 25 * _UM, -25 * _UM)),
-    _v(
-        "needle_lift_sensor_lag",
-        _T.NEEDLE_LIFT,
-        "tau",
-        (0.5 * _US, 60 * _US),
-        fault="lift_sensor_lag",
-        without_rate=SENSOR,
-    ),
+    _v("needle_lift_sensor_lag", _T.NEEDLE_LIFT, "tau", (0.5 * _US, 60 * _US), fault="lift_sensor_lag",
+        without_rate=SENSOR),
     _v("lift_gain", _T.NEEDLE_LIFT, "g", (7e-3, 0.2, -0.2)),
     _v("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, "g", (2.5e-5, 0.03, -0.03), without_rate=SENSOR),
     _v("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, "o", (5e3, 5e6, -5e6), without_rate=SENSOR),  # Pa
     _v("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, "tau", (0.3 * _US, 80 * _US), without_rate=SEAT),
     _v("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, "o", (5e3, 5e6, -5e6), without_rate=MOMENTUM),
     _v("channel_skew", _T.LINE_PRESSURE_SENSOR, "d", (0.3 * _US, 50 * _US, -50 * _US), without_rate=SEAT),
-)
+)  # fmt: skip
 HIDDEN = {effect.name: effect for effect in _EFFECTS}
 """Tier A, from below what can be detected on."""
-
-
-def _by_name(*kinds: HiddenKind) -> dict[str, HiddenKind]:
-    return {kind.name: kind for kind in kinds}
 
 
 _SIZES = {
@@ -144,38 +120,30 @@ def _at(name: str, lowest: float, highest: float) -> HiddenKind:
     return replace(HIDDEN[name], parameters=(sized, *others))
 
 
-EFFECTS = _by_name(
-    *(_at(name, *sizes) for name, sizes in _SIZES.items()),
-    HiddenKind(
-        "rail_pressure_skew",
-        _T.RAIL_PRESSURE,
-        (HiddenParameter("d", "", 5 * _US, 80 * _US, -80 * _US),),
-        without_rate=SENSOR | SEAT,
-        step=late_rail,
-    ),
+_SKEW = HiddenParameter("d", "", 5 * _US, 80 * _US, -80 * _US)
+_LATE_RAIL = HiddenKind(
+    "rail_pressure_skew", _T.RAIL_PRESSURE, (_SKEW,), without_rate=SENSOR | SEAT, step=late_rail
 )
+EFFECTS = {name: _at(name, *sizes) for name, sizes in _SIZES.items()} | {_LATE_RAIL.name: _LATE_RAIL}
 """Every effect of the vocabulary that has a size, by its id; `seat_outflow` is a structure, which `fit` chooses."""
 
-OUTSIDE = _by_name(
-    HiddenKind(
-        "tap_resonance",
-        _T.LINE_PRESSURE_SENSOR,
-        (HiddenParameter("frequency", "", 2.5e3, 3.5e3),),  # Hz
-        step=lambda frequency: resonant_line(frequency, TAP_DAMPING),
-    ),
-    HiddenKind("hole_closing", _T.NOZZLE_FLOW, (HiddenParameter("share", "hole_closing", 0.2, 0.3),)),
-    HiddenKind("seat_hysteresis", _T.SEAT_FLOW, (HiddenParameter("share", "seat_hysteresis", 0.4, 0.9),)),
-    HiddenKind("laminar_line", _T.LINE_FLOW, (HiddenParameter("rate", "line_laminar", 150.0, 500.0),)),  # 1/s
-    HiddenKind(
-        "bent_sensor",
-        _T.LINE_PRESSURE_SENSOR,
-        (HiddenParameter("bow", "", 1 * MPA, 4 * MPA, -4 * MPA),),
-        step=bent_sensor,
-    ),
-    HiddenKind(
-        "lift_leakage", _T.LINE_PRESSURE, (HiddenParameter("c", "lift_leakage", 3e-14, 1.5e-13),)
-    ),  # m3/(s Pa)
-)
+
+def _no_name(
+    name: str, equation: TermEquation, parameter: str, fault: str, *sizes: float, **more: Any
+) -> HiddenKind:
+    return HiddenKind(name, equation, (HiddenParameter(parameter, fault, *sizes),), **more)
+
+
+_UNNAMED = (
+    _no_name("tap_resonance", _T.LINE_PRESSURE_SENSOR, "frequency", "", 2.5e3, 3.5e3,  # Hz
+        step=lambda frequency: resonant_line(frequency, TAP_DAMPING)),
+    _no_name("hole_closing", _T.NOZZLE_FLOW, "share", "hole_closing", 0.2, 0.3),
+    _no_name("seat_hysteresis", _T.SEAT_FLOW, "share", "seat_hysteresis", 0.4, 0.9),
+    _no_name("laminar_line", _T.LINE_FLOW, "rate", "line_laminar", 150.0, 500.0),  # 1/s
+    _no_name("bent_sensor", _T.LINE_PRESSURE_SENSOR, "bow", "", 1 * MPA, 4 * MPA, -4 * MPA, step=bent_sensor),
+    _no_name("lift_leakage", _T.LINE_PRESSURE, "c", "lift_leakage", 3e-14, 1.5e-13),  # m3/(s Pa)
+)  # fmt: skip
+OUTSIDE = {kind.name: kind for kind in _UNNAMED}
 """What has no name in the vocabulary."""
 
 PAIRS = (
@@ -202,25 +170,3 @@ def known(name: str) -> HiddenKind:
 
 Parts = tuple[tuple[str, tuple[float, ...]], ...]
 """Effects that are there together, each with the sizes of its parameters."""
-
-
-def faults_of(parts: Parts) -> Faults:
-    """The plant with effects of these sizes, together."""
-    return Faults(**_fields_of(parts, Faults._fields))
-
-
-def laws_of(parts: Parts) -> Laws:
-    """What such a plant does beyond its equations."""
-    return Laws(**_fields_of(parts, Laws._fields))
-
-
-def _fields_of(parts: Parts, fields: Sequence[str]) -> dict[str, float]:
-    named: dict[str, float] = {}
-    for name, values in parts:
-        named |= known(name).named(values, fields)
-    return named
-
-
-def steps_of(parts: Parts) -> tuple[Step, ...]:
-    """What these effects do to the signals of sensors."""
-    return tuple(step for name, values in parts for step in known(name).steps(values))

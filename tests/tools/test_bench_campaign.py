@@ -11,8 +11,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import tools.benchmarks.__main__  # noqa: F401
 from observer_rt.foundation.errors import RunError, UserError
-from tools.benchmarks.__main__ import app
 from tools.benchmarks.campaign import (
     CHANCE,
     Bar,
@@ -25,8 +25,9 @@ from tools.benchmarks.campaign import (
     save_dots,
     table,
 )
+from tools.benchmarks.command_line import app
 
-ROWS = [
+ROWS: list[Row] = [
     {"label": "a 0", "kind": "a", "errors": [1.0, -3.0], "right": True, "wide": None},
     {"label": "a 1", "kind": "a", "errors": [2.0], "right": False, "wide": None},
     {"label": "b 0", "kind": "b", "errors": [], "right": True, "wide": None},

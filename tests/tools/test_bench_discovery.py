@@ -22,7 +22,7 @@ from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.nominal import calibration_error, detection_limit
 from tools.benchmarks.discovery.real_line import is_larger
 from tools.benchmarks.discovery.rigs import GIVEN, Rig
-from tools.benchmarks.discovery.scoring import held_intervals, injector_of, open_loop
+from tools.benchmarks.discovery.scoring import gaps, held_intervals, injector_of, open_loop
 from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, Parts
 
 SEEN = {"gain": 500.0, "mass_mg": 1.0, "pressure_mpa": 0.0, "beyond": True}
@@ -160,10 +160,14 @@ def test_the_true_effect_in_force_closes_the_gap(
 ) -> None:
     case = nominal_cases([effect], number + 1, [False], 1)[number]
     answering(monkeypatch, nominal, case.parts)
+    found: list[tuple[list[float], ...]] = []
+    monkeypatch.setattr(nominal, "gaps", lambda *given: found.append(gaps(*given)) or found[-1])
     row = nominal.score_nominal(case, NOMINAL_INJECTOR)
     assert row["grade"] is Grade.RIGHT
     assert row["held"] == [True] * len(case.parts[0][1])
-    assert row["gap_left"] < 0.05
+    for _, after, oracle in found[0]:
+        assert after < oracle + 0.01  # MPa, mg: steps and holds of two integrators
+    assert max(before for before, _, _ in found[0]) > 0.3
 
 
 def test_a_wrong_effect_leaves_the_gap(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from tools.benchmarks.discovery.scoring import faults_of
 from tools.benchmarks.discovery.vocabulary import HIDDEN
 
 
-def drawn(name: str, with_rate: bool, count: int) -> list[HiddenCase]:
+def cases_of(name: str, with_rate: bool, count: int) -> list[HiddenCase]:
     """Cases of one effect, or healthy ones."""
     cases = nominal_cases([] if name == HEALTHY else [name], count, [with_rate], 1)
     return [case for case in cases if case.name == name]
@@ -39,7 +39,7 @@ def test_every_effect_of_the_vocabulary_is_hidden_within_its_bounds() -> None:
 @pytest.mark.parametrize("name", [name for name, effect in HIDDEN.items() if effect.parameters])
 def test_sizes_are_log_uniform_with_both_signs_where_allowed(name: str) -> None:
     drawn = HIDDEN[name].parameters[0]
-    sizes = np.array([case.parts[0][1][0] for case in drawn(name, False, 200)])
+    sizes = np.array([case.parts[0][1][0] for case in cases_of(name, False, 200)])
     positive = sizes[sizes > 0.0]
     expected = np.sqrt(drawn.lowest * drawn.highest)
     spread = np.log(drawn.highest / drawn.lowest) / np.sqrt(12.0 * positive.size)
@@ -62,7 +62,7 @@ def test_cases_are_even_and_reproducible() -> None:
 
 def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
     gains, noise = [], []
-    for case in drawn(HEALTHY, True, 12):
+    for case in cases_of(HEALTHY, True, 12):
         for bench in nominal_benches(case, GIVEN[1:2]):
             outcome = record(bench)
             truth = outcome.truth.injection_rate
@@ -80,7 +80,7 @@ def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
     [HEALTHY, "lift_offset", "bulk_modulus", "line_pressure_sensor_lag", "channel_skew", "fuel_density"],
 )
 def test_oracle_is_white_with_the_true_effect(name: str, with_rate: bool) -> None:
-    case = drawn(name, with_rate, 2)[1]
+    case = cases_of(name, with_rate, 2)[1]
     recordings = [r for r, _ in record_all(nominal_benches(case, GIVEN), with_rate)]
     values = residuals(recordings, faults_of(case))
     assert np.mean(values**2) == pytest.approx(1.0, abs=4.5 * np.sqrt(2.0 / values.size))
@@ -88,7 +88,7 @@ def test_oracle_is_white_with_the_true_effect(name: str, with_rate: bool) -> Non
 
 
 def test_oracle_gains_by_the_square_of_a_small_effect() -> None:
-    healthy = nominal_benches(drawn(HEALTHY, False, 1)[0], GIVEN)
+    healthy = nominal_benches(cases_of(HEALTHY, False, 1)[0], GIVEN)
 
     def gain(size: float) -> float:
         faults = Faults(orifice_area=size)
@@ -100,7 +100,7 @@ def test_oracle_gains_by_the_square_of_a_small_effect() -> None:
 
 
 def test_rivals_of_an_exact_class_explain_alike_and_others_do_not() -> None:
-    case = next(c for c in drawn("bulk_modulus", False, 20) if abs(c.parts[0][1][0]) > 0.01)
+    case = next(c for c in cases_of("bulk_modulus", False, 20) if abs(c.parts[0][1][0]) > 0.01)
     recordings = [r for r, _ in record_all(nominal_benches(case, GIVEN[3:4]), with_rate=False)]
     true, same, other = (best_statistic(recordings, e) for e in ("bulk_modulus", "line_volume", "seat_area"))
     assert same_effect("bulk_modulus", "line_volume")

@@ -96,7 +96,7 @@ def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: float =
 
 def test_right_is_right(outcome: Outcome) -> None:
     found = scored(outcome, 1.01)
-    assert (found["wrong"], found["found_ms"], found["recovered_after"]) == (False, None, 1)
+    assert (found["is_wrong"], found["found_ms"], found["recovered_after"]) == (False, None, 1)
     assert all(found["free_valid"])
 
 
@@ -109,7 +109,7 @@ def test_wrong_while_valid_is_found_but_for_the_stated_time(outcome: Outcome) ->
 
 def test_figures_are_of_all_scenarios(outcome: Outcome) -> None:
     refused = scored(outcome, 1.5, is_valid=False)
-    assert (refused["wrong"], refused["recovered_after"], refused["found_ms"]) == (False, None, 0.0)
+    assert (refused["is_wrong"], refused["recovered_after"], refused["found_ms"]) == (False, None, 0.0)
     frame = frame_of([scored(outcome, 1.01), scored(outcome, 1.05), refused])
     verdict = judged(frame, BARS)
     assert verdict.loc["wrong_valid_samples", "value"] == scored(outcome, 1.05)["wrong_samples"]

@@ -170,7 +170,8 @@ def accuracy(
 
 def _on_worn_lines(cases: int, seed: int, jobs: int, out: Path, as_json: bool) -> None:
     """A plant whose fit is not adequate is left out: nothing would be valid."""
-    todo, left_out = {}, []
+    todo: dict[str, tuple[Any, ...]] = {}
+    left_out = []
     for discrepancy in Discrepancy:
         model = worn_lines.worn_model(discrepancy, seed, out)
         baseline = load_injector(model).baseline

@@ -155,9 +155,8 @@ def judged(frame: pd.DataFrame, bars: Sequence[Bar]) -> pd.DataFrame:
     """Figures by name: value, bar, met or not (None: nothing to judge), of how many values, where it is worst."""
     found = []
     for bar in bars:
-        rows = frame[frame["failed"].isna()]
-        rows = rows.query(bar.of) if bar.of and len(rows) else rows
-        groups = dict(iter(rows.groupby(bar.by, sort=False))) if bar.by else {"": rows}
+        rows = _counted(frame[frame["failed"].isna()], bar)
+        groups = dict(iter(rows.groupby(bar.by, sort=False))) if bar.by and len(rows) else {"": rows}
         values = {str(place): values_of(group, bar.column) for place, group in groups.items()}
         figures = {place: float(summed_up(each, bar.how)) for place, each in values.items()}
         known = {place: figure for place, figure in figures.items() if not math.isnan(figure)}
@@ -221,12 +220,12 @@ def save_dots(
     frame: pd.DataFrame, by: str, column: str, colour: str, label: str, path: Path, log: bool = True
 ) -> None:
     """PNG: a dot a value of a column over the groups of `by`, coloured by another one; none without values."""
-    rows = frame.explode(column).dropna(subset=[column])
-    if rows.empty:
+    if column not in frame or values_of(frame, column).empty:
         return
+    rows = frame.explode(column).dropna(subset=[column])
     names = list(dict.fromkeys(rows[by]))
     figure, axes = plt.subplots(figsize=(9.0, 1.5 + 0.24 * len(names)), layout="constrained")
-    for each, group in rows.groupby(colour, sort=False):
+    for each, group in rows.groupby(colour, sort=False, dropna=False):
         axes.plot(
             group[column].abs().astype(float), group[by].map(names.index), ".", alpha=0.6, label=str(each)
         )
@@ -238,6 +237,13 @@ def save_dots(
     figure.savefig(path, dpi=120)
     plt.close(figure)
     messages.print(f"figure: {path}", highlight=False)
+
+
+def _counted(rows: pd.DataFrame, bar: Bar) -> pd.DataFrame:
+    try:
+        return rows.query(bar.of) if bar.of and len(rows) else rows
+    except pd.errors.UndefinedVariableError:  # nothing of it was measured
+        return rows[:0]
 
 
 def _kept_rows(path: Path) -> dict[str, Row]:

@@ -51,7 +51,7 @@ def score_look(look: str, class_name: str, seed: int, number: int, model: Path |
         history = evaluate(bench, [recording_of(outcome)], learner_of=second.learner, curves_of=c)
         second.revise(history.evaluations)
     score = score_evaluation(case, outcome, bench, history.evaluations[0])
-    errors, row = np.abs(score.event_errors_pct()).tolist(), {"class_name": class_name, "look": look}
+    errors, row = np.abs(score.event_errors_pct()).tolist(), Row(class_name=class_name, look=look)
     for which, events in (("first_", range(FIRST)), ("", range(len(errors)))):
         valid = [event for event in events if score.valid[event]]
         row[f"{which}valid"] = [score.valid[event] for event in events]

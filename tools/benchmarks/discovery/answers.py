@@ -5,13 +5,15 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from tools.benchmarks.campaign import Row
+import pandas as pd
+
+from tools.benchmarks.campaign import How, Row
 
 TIME_LIMIT = 600  # s
 KEPT_MESSAGE = 400  # characters of a failed command's
@@ -26,6 +28,19 @@ class Grade(StrEnum):
     AMBIGUOUS = "ambiguous"  # rightly left open: what is hidden is among names that cannot be told from it
     WRONG = "wrong"
     NOT_LOOKED_FOR = "not looked for"  # too small to be asked for: whatever was answered
+
+
+def _counted(grade: Grade) -> Callable[[pd.Series], int]:
+    return lambda grades: int((grades == grade).sum())
+
+
+def tally(values: pd.Series) -> str:
+    """What there is, with how often, the most frequent first."""
+    return ", ".join(f"{value} {count}" for value, count in values.value_counts().items())
+
+
+GRADES: dict[str, tuple[str, How]] = {str(grade): ("grade", _counted(grade)) for grade in Grade}
+"""Columns of tables."""
 
 
 @dataclass(frozen=True)

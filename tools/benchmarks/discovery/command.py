@@ -88,8 +88,8 @@ def discovery(
     elif on_lines:
         _known_names(effects)
         count = real_line.CASES if cases is None else cases
-        chosen = [name for name in effects.split(",") if name]
-        frame = _run(real_line.score_real, real_cases(count, healthy, rates, plants, seed, chosen), jobs, out)
+        names = [name for name in effects.split(",") if name]
+        frame = _run(real_line.score_real, real_cases(count, healthy, rates, plants, seed, names), jobs, out)
         tables = {
             "effects, alone, in pairs and without a name": table(frame, "hidden", real_line.COLUMNS),
             "plants": table(frame, "discrepancy", real_line.PLANT_COLUMNS),

@@ -12,7 +12,7 @@ import pandas as pd
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95
-from tools.benchmarks.discovery.answers import AMBIGUOUS, NAMED, NONE, Answer, Grade, ask
+from tools.benchmarks.discovery.answers import AMBIGUOUS, GRADES, NAMED, NONE, Answer, Grade, ask, tally
 from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.kinds import same_effect
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all
@@ -129,10 +129,10 @@ BARS = (
     Bar("core_seconds_max", "core_seconds", "max"),
 )
 COLUMNS: dict[str, tuple[str, How]] = {
-    **{grade: ("grade", lambda grades, grade=grade: int((grades == grade).sum())) for grade in Grade},
+    **GRADES,
     "answered": (
         "answer",
-        lambda answers: ", ".join(f"{name} {n}" for name, n in answers.value_counts().items()),
+        tally,
     ),
     "found from, SI": ("found", detection_limit),
     "intervals hold": ("held", "of"),

@@ -9,7 +9,7 @@ import pandas as pd
 
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row
-from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN
+from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, tally
 from tools.benchmarks.discovery.cases import Asked, HiddenCase, outside_benches, taken_away
 from tools.benchmarks.discovery.kinds import (
     MOMENTUM,
@@ -182,5 +182,5 @@ COLUMNS: dict[str, tuple[str, How]] = {
     "worse": ("accepted_worse", "sum"),
     "seconds": ("seconds", "median"),
     "of a core, added": ("added_core_seconds", "median"),
-    "answered": ("said", lambda said: ", ".join(f"{each} {n}" for each, n in said.value_counts().items())),
+    "answered": ("said", tally),
 }

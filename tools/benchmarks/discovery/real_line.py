@@ -9,7 +9,18 @@ import pandas as pd
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row
-from tools.benchmarks.discovery.answers import AMBIGUOUS, CONFIDENT, NAMED, NONE, UNKNOWN, Answer, Grade, ask
+from tools.benchmarks.discovery.answers import (
+    AMBIGUOUS,
+    CONFIDENT,
+    GRADES,
+    NAMED,
+    NONE,
+    UNKNOWN,
+    Answer,
+    Grade,
+    ask,
+    tally,
+)
 from tools.benchmarks.discovery.cases import Asked, HiddenCase, real_benches
 from tools.benchmarks.discovery.kinds import near_tie, same_effect
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches, write_all
@@ -58,7 +69,9 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
         amended = injector_of(answer.amended_model)
         models = [solving(each) for each in (fitted, amended, with_effects(amended, truth))]
         found = gaps(real_benches(case, FURTHER, 0.0), models)
-        row["gap_larger"] = any(is_larger(*gap, each) for gap, each in zip(found, TOLERANCES, strict=True))
+        row["gap_larger"] = any(
+            is_larger(*gap, tolerance=each) for gap, each in zip(found, TOLERANCES, strict=True)
+        )
         row["gaps"] = "; ".join(
             f"{before:.3f} to {after:.3f} {unit} (with the true sizes {true:.3f})"
             for (before, after, true), unit in zip(found, ("MPa", "mg"), strict=True)
@@ -141,14 +154,11 @@ BARS = (
     Bar("seconds_max", "seconds", "max", most=30.0),
     Bar("core_seconds_max", "core_seconds", "max"),
 )  # fmt: skip
-_GRADES: dict[str, tuple[str, How]] = {
-    grade: ("grade", lambda grades, grade=grade: int((grades == grade).sum())) for grade in Grade
-}
 COLUMNS: dict[str, tuple[str, How]] = {
-    **_GRADES,
+    **GRADES,
     "answered": (
         "answer",
-        lambda answers: ", ".join(f"{name} {n}" for name, n in answers.value_counts().items()),
+        tally,
     ),
     "smallest visible, stated, SI": ("smallest", "median"),
     "smallest named": ("named_size", "min"),
@@ -156,7 +166,7 @@ COLUMNS: dict[str, tuple[str, How]] = {
 }
 PLANT_COLUMNS: dict[str, tuple[str, How]] = {
     "fit adequate": ("adequate", "of"),
-    **_GRADES,
+    **GRADES,
     "wrong and sure": ("wrong_and_sure", "sum"),
     "gap larger": ("gap_larger", "sum"),
     "seconds median": ("seconds", "median"),

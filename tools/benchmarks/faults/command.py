@@ -76,7 +76,7 @@ def score_scenario(task: Task, model: Path | None = None) -> Row:
 
 def is_faulty(row: Row) -> bool:
     """Whether a scenario misses a bar by itself."""
-    return bool(row["wrong"] or row["crash"] or row["is_named"] is False or row["in_time"] is False)
+    return bool(row["is_wrong"] or row["crash"] or row["is_named"] is False or row["in_time"] is False)
 
 
 def told(row: Row) -> str:
@@ -122,22 +122,15 @@ def faults(
         }
         (out / "struck.jsonl").unlink(missing_ok=True)
         frames.append(run_cases("struck", strike, struck, 1, out))
-    frame = pd.concat(frames, ignore_index=True)
-    if "fault" not in frame:
-        frame["fault"] = None
-    scenarios, kills = frame[frame["fault"].notna()], frame[frame["fault"].isna()]
-    save_dots(
-        scenarios.query("found_ms == found_ms"),
-        "fault",
-        "found_ms",
-        "verdict",
-        "first sample not valid, ms after the fault",
-        out / "found.png",
-    )
+    frame = pd.concat([each for each in frames if len(each)] or frames, ignore_index=True)
+    frame["fault"] = frame.get("fault")
+    scenarios, kills = frame[frame["fault"].notna()], frame[frame["fault"].isna() & frame["failed"].isna()]
+    title = "first sample not valid, ms after the fault"
+    save_dots(scenarios, "fault", "found_ms", "in_time", title, out / "found.png")
     tables = {"faults of sensors, bus, clocks and processes": table(scenarios, "fault", COLUMNS)}
     if daemons:
         tables["daemons struck"] = table(kills, "struck", STRUCK)
-    rows = scenarios[scenarios["failed"].isna()].astype(object)
+    rows = scenarios.astype(object)
     lines = [told(row) for row in rows.where(rows.notna(), None).to_dict("records") if is_faulty(row)]
-    lines += [f"{row.label}: {each}" for row in kills.itertuples() for each in row.what if daemons]
+    lines += [f"{row.label}: {each}" for row in kills.itertuples() for each in row.what]
     conclude(frame, BARS, tables, out, as_json, lines)

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +11,7 @@ import numpy as np
 import typer
 
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.campaign import Bar, How, conclude, frame_of, messages, table
+from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, messages, table
 from tools.benchmarks.speed.injectors import NUMBERS, measure_injectors
 from tools.benchmarks.speed.roundtrip import BUSY, OURS, measure_roundtrips
 from tools.benchmarks.speed.sustained import measure_startup, measure_sustained, soak_rows
@@ -82,7 +83,7 @@ def speed(
     with tempfile.TemporaryDirectory(prefix="speed-") as name:
         folder = Path(name)
         traffic = make_traffic(folder)
-        measures = {
+        measures: dict[Part, Callable[[], list[Row]]] = {
             Part.SUSTAINED: lambda: measure_sustained(folder, traffic, seconds or lasts[Part.SUSTAINED]),
             Part.ROUNDTRIP: lambda: measure_roundtrips(folder, lasts[Part.ROUNDTRIP]),
             Part.STARTUP: lambda: measure_startup(folder),

@@ -12,7 +12,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -119,8 +118,8 @@ def _send(to: Observer, pacer: Pacer, party: str, seconds: float, period: float)
 
 
 def _latencies(passages: Sequence[Passage], traffic: Traffic, open_only: bool) -> Array:
-    found: Any = np.concatenate([each.latencies(traffic, open_only=open_only) for each in passages])
-    return found
+    found = [each.latencies(traffic, open_only=open_only) for each in passages]
+    return np.asarray(np.concatenate(found), np.float64)
 
 
 if __name__ == "__main__":

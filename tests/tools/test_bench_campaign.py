@@ -22,7 +22,6 @@ from tools.benchmarks.campaign import (
     frame_of,
     judged,
     run_cases,
-    save_dots,
     table,
 )
 from tools.benchmarks.command_line import app
@@ -148,12 +147,6 @@ def test_what_is_printed_has_tables_figures_and_lines(
         )
     told = capsys.readouterr().out
     assert all(each in told for each in ("by kind", "largest", "MISSED", "a line", "b 1: ValueError: no"))
-
-
-def test_dots_are_drawn_where_there_are_values(frame: pd.DataFrame, tmp_path: Path) -> None:
-    for column, is_there in (("errors", True), ("wide", False)):
-        save_dots(frame, "kind", column, "right", "x", tmp_path / f"{column}.png")
-        assert (tmp_path / f"{column}.png").exists() is is_there
 
 
 @pytest.mark.parametrize(

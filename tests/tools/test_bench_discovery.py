@@ -161,7 +161,12 @@ def test_the_true_effect_in_force_closes_the_gap(
     case = nominal_cases([effect], number + 1, [False], 1)[number]
     answering(monkeypatch, nominal, case.parts)
     found: list[tuple[list[float], ...]] = []
-    monkeypatch.setattr(nominal, "gaps", lambda *given: found.append(gaps(*given)) or found[-1])
+
+    def noted(*given: Any) -> tuple[list[float], ...]:
+        found.append(gaps(*given))
+        return found[-1]
+
+    monkeypatch.setattr(nominal, "gaps", noted)
     row = nominal.score_nominal(case, NOMINAL_INJECTOR)
     assert row["grade"] is Grade.RIGHT
     assert row["held"] == [True] * len(case.parts[0][1])
@@ -257,7 +262,7 @@ def test_a_wrong_name_is_an_error_when_it_is_sure() -> None:
     ],
 )
 def test_a_gap_may_grow_within_tolerances(gap: tuple[float, float, float], larger: bool) -> None:
-    assert is_larger(*gap, tolerance=0.003) is larger
+    assert is_larger(gap, tolerance=0.003) is larger
 
 
 def test_a_case_on_a_real_line_is_scored_with_the_model_of_its_rig(monkeypatch: pytest.MonkeyPatch) -> None:

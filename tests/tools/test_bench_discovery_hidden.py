@@ -18,7 +18,7 @@ from tools.benchmarks.discovery.vocabulary import HIDDEN
 
 def cases_of(name: str, with_rate: bool, count: int) -> list[HiddenCase]:
     """Cases of one effect, or healthy ones."""
-    cases = nominal_cases([] if name == HEALTHY else [name], count, [with_rate], 1)
+    cases = nominal_cases(["seat_area" if name == HEALTHY else name], count, [with_rate], 1)
     return [case for case in cases if case.name == name]
 
 

@@ -19,7 +19,6 @@ from tools.benchmarks.campaign import (
     chance_of_95,
     conclude,
     run_cases,
-    save_dots,
     table,
 )
 from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, Group, make_case
@@ -162,7 +161,6 @@ def accuracy(
         for number in range(cases or CASES)
     }
     frame = with_magnitudes(run_cases("accuracy", score_case, todo, jobs, out))
-    save_dots(frame, "class_name", ERRORS, "group", "mass error of a valid injection [%]", out / "errors.png")
     conclude(
         frame, BARS, {"observer, from the fifth event on": table(frame, "class_name", COLUMNS)}, out, as_json
     )

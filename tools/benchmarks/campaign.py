@@ -18,7 +18,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import typer
@@ -203,9 +202,12 @@ def conclude(
     failures = [f"{row.label}: {row.failed}" for row in failed.itertuples()]
     frame.to_csv(out / "rows.csv", index=False)
     if as_json:
-        figures = {"cases": len(frame), **json.loads(verdict["value"].to_json())}
+        figures = {"cases": len(frame), **json.loads(verdict["value"].to_json(double_precision=15))}
         details: Row = {"missed": missed, "failed": failures, "lines": [*lines]}
-        details |= {title: json.loads(each.to_json(orient="index")) for title, each in tables.items()}
+        details |= {
+            title: json.loads(each.to_json(orient="index", double_precision=15))
+            for title, each in tables.items()
+        }
         print(json.dumps({"figures": figures, "details": details}, indent=2))
     else:
         shown = verdict.assign(met=verdict["met"].map({True: "met", False: "MISSED", None: ""}))
@@ -214,29 +216,6 @@ def conclude(
         print("", *lines, *(f"failed: {each}" for each in failures), f"rows: {out / 'rows.csv'}", sep="\n")
     if missed or failures:
         raise typer.Exit(1)
-
-
-def save_dots(
-    frame: pd.DataFrame, by: str, column: str, colour: str, label: str, path: Path, log: bool = True
-) -> None:
-    """PNG: a dot a value of a column over the groups of `by`, coloured by another one; none without values."""
-    if column not in frame or values_of(frame, column).empty:
-        return
-    rows = frame.explode(column).dropna(subset=[column])
-    names = list(dict.fromkeys(rows[by]))
-    figure, axes = plt.subplots(figsize=(9.0, 1.5 + 0.24 * len(names)), layout="constrained")
-    for each, group in rows.groupby(colour, sort=False, dropna=False):
-        axes.plot(
-            group[column].abs().astype(float), group[by].map(names.index), ".", alpha=0.6, label=str(each)
-        )
-    axes.set(xlabel=label, xscale="log" if log else "linear", yticks=range(len(names)))
-    axes.set_yticklabels(names, fontsize=7)
-    axes.invert_yaxis()
-    axes.legend(fontsize=8)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-    messages.print(f"figure: {path}", highlight=False)
 
 
 def _counted(rows: pd.DataFrame, bar: Bar) -> pd.DataFrame:

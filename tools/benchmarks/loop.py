@@ -36,7 +36,7 @@ def run_loop(seed: int, outside: bool) -> Row:
     hidden, begin = hidden_effect(seed, outside), time.monotonic()
     with TemporaryDirectory() as folder:
         try:
-            result = EffectDemo(Path(folder) / "demo", hidden, seed, SPEED, lambda _: None).run()
+            result = EffectDemo(Path(folder), hidden, seed, SPEED, lambda _: None).run()
         except ObserverError as error:
             said, before, after = str(error).splitlines()[0], [], []
         else:

@@ -13,7 +13,7 @@ import typer
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.campaign import Row, conclude, run_cases, save_dots, table
+from tools.benchmarks.campaign import Row, conclude, run_cases, table
 from tools.benchmarks.discovery import nominal, outside, real_line
 from tools.benchmarks.discovery.cases import (
     HEALTHY,
@@ -86,7 +86,7 @@ def discovery(
         }
         conclude(frame, outside.bars(str(tier)), tables, out, as_json, outside.misses(frame))
     elif on_lines:
-        _known_names(effects)
+        cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, HEALTHY), ())
         count = real_line.CASES if cases is None else cases
         names = [name for name in effects.split(",") if name]
         frame = _run(real_line.score_real, real_cases(count, healthy, rates, plants, seed, names), jobs, out)
@@ -99,9 +99,6 @@ def discovery(
         chosen = cli.chosen_names(effects, "--effects", HIDDEN, HIDDEN)
         hidden = nominal_cases(chosen, nominal.CASES if cases is None else cases, rates, seed)
         frame = _run(nominal.score_nominal, hidden, jobs, out)
-        save_dots(
-            frame, "hidden", "gain", "grade", "what the oracle gains in -2 log L", out / "detection.png"
-        )
         tables = {
             "hidden effects": table(frame, "hidden", nominal.COLUMNS),
             "with a measured rate": table(frame, "with_rate", nominal.COLUMNS),
@@ -116,9 +113,3 @@ def _run(work: Callable[..., Row], cases: Sequence[HiddenCase], jobs: int, out: 
         if rig is not None:
             models[rig] = real_line.model_of(rig, out)
     return run_cases("discovery", work, {case.label: (case, models[case.rig]) for case in cases}, jobs, out)
-
-
-def _known_names(effects: str) -> None:
-    for name in (name for text in effects.split(",") if text for name in text.split("+")):
-        if name not in (*EFFECTS, *OUTSIDE, HEALTHY):
-            raise UserError("--effects", f"unknown name '{name}'", "give one, one+other or healthy")

@@ -118,8 +118,6 @@ def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
     part, rail = real_part(int(rng.integers(2**62))), drawn_rail(rng)
     plant = Plant(part, LINES[Variant.PLAIN], rail)
     match discrepancy:
-        case Discrepancy.PLAIN:
-            return plant
         case Discrepancy.LENGTH:
             return replace(plant, part=_of_length(part, 1.0 + LENGTH_CHANGE * sign(rng)))
         case Discrepancy.TAPER:
@@ -133,10 +131,8 @@ def plant_of(discrepancy: Discrepancy, seed: int) -> Plant:
                     inlet_loss=rng.uniform(*INLET_LOSSES),
                 ),
             )
-        case Discrepancy.FRICTION:
-            return replace(plant, line=LINES[Variant.FRICTION])
-        case Discrepancy.STEP:
-            return replace(plant, line=LINES[Variant.STEP])
+        case Discrepancy.PLAIN | Discrepancy.FRICTION | Discrepancy.STEP:
+            return replace(plant, line=LINES[Variant(discrepancy)])
         case Discrepancy.MOUNTING:
             frequency, damping = rng.uniform(*MOUNTING_FREQUENCIES), rng.uniform(*MOUNTING_DAMPINGS)
             return replace(plant, mounting=(resonant_line(frequency, damping),))

@@ -69,9 +69,7 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
         amended = injector_of(answer.amended_model)
         models = [solving(each) for each in (fitted, amended, with_effects(amended, truth))]
         found = gaps(real_benches(case, FURTHER, 0.0), models)
-        row["gap_larger"] = any(
-            is_larger(*gap, tolerance=each) for gap, each in zip(found, TOLERANCES, strict=True)
-        )
+        row["gap_larger"] = any(is_larger(gap, each) for gap, each in zip(found, TOLERANCES, strict=True))
         row["gaps"] = "; ".join(
             f"{before:.3f} to {after:.3f} {unit} (with the true sizes {true:.3f})"
             for (before, after, true), unit in zip(found, ("MPa", "mg"), strict=True)
@@ -79,11 +77,13 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
     return row
 
 
-def is_larger(before: float, after: float, true: float, tolerance: float) -> bool:
+def is_larger(gap: Sequence[float], tolerance: float) -> bool:
     """Whether a gap grew by more than a tolerance in its unit, and by more than its share.
 
-    true: the best that naming can do: what the fitted model is off by may happen to cancel against an effect.
+    gap: before, after, and with the true sizes, the best that naming can do: what the fitted model is off by may
+    happen to cancel against an effect.
     """
+    before, after, true = gap
     least = max(before, true)
     return after > least + max(tolerance, GAP_TOLERANCE * least)
 

@@ -10,7 +10,7 @@ import typer
 from tests.observed_plants import bench_at
 from tests.plants.plant import record
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, run_cases, save_dots, table
+from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, run_cases, table
 from tools.benchmarks.faults import live as on_bus
 from tools.benchmarks.faults import player
 from tools.benchmarks.faults.daemons import Strike, strike
@@ -125,8 +125,6 @@ def faults(
     frame = pd.concat([each for each in frames if len(each)] or frames, ignore_index=True)
     frame["fault"] = frame.get("fault")
     scenarios, kills = frame[frame["fault"].notna()], frame[frame["fault"].isna() & frame["failed"].isna()]
-    title = "first sample not valid, ms after the fault"
-    save_dots(scenarios, "fault", "found_ms", "in_time", title, out / "found.png")
     tables = {"faults of sensors, bus, clocks and processes": table(scenarios, "fault", COLUMNS)}
     if daemons:
         tables["daemons struck"] = table(kills, "struck", STRUCK)

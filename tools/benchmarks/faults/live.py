@@ -66,22 +66,30 @@ def _away(bus: Bus) -> Iterator[None]:
 
 
 @contextmanager
-def _second_sender(bus: Bus) -> Iterator[None]:
-    with _sending(RATE_ID, 20.0):
-        yield
+def _sending(frame_id: int, rate: float) -> Iterator[None]:
+    """Another node's frames [1/s] on the bus."""
+    over = threading.Event()
 
+    def send() -> None:
+        rng = np.random.default_rng(1)
+        with open_link("socketcan", CHANNEL, True, []) as link:
+            while not over.wait(1.0 / rate):
+                link.send(frame_id, rng.bytes(64), False, True)
 
-@contextmanager
-def _busy(bus: Bus) -> Iterator[None]:
-    with _sending(BUSY_ID, BUSY_FRAMES):
+    sender = threading.Thread(target=send)
+    sender.start()
+    try:
         yield
+    finally:
+        over.set()
+        sender.join()
 
 
 _LIVE: dict[str, Callable[[Bus], AbstractContextManager[None]]] = {
     "process_stopped": _stopped,
     "interface_away": _away,
-    "second_sender": _second_sender,
-    "busy_bus": _busy,
+    "second_sender": lambda bus: _sending(RATE_ID, 20.0),
+    "busy_bus": lambda bus: _sending(BUSY_ID, BUSY_FRAMES),
 }
 ROWS = {
     name: Fault(name, Where.PROCESS, of.AWAY | ({"SECOND_SENDER"} if name == "second_sender" else set()))
@@ -159,26 +167,6 @@ def _reconnect(link: Link) -> None:
             time.sleep(0.01)
         else:
             return
-
-
-@contextmanager
-def _sending(frame_id: int, rate: float) -> Iterator[None]:
-    """Another node's frames [1/s] on the bus."""
-    over = threading.Event()
-
-    def send() -> None:
-        rng = np.random.default_rng(1)
-        with open_link("socketcan", CHANNEL, True, []) as link:
-            while not over.wait(1.0 / rate):
-                link.send(frame_id, rng.bytes(64), False, True)
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    try:
-        yield
-    finally:
-        over.set()
-        sender.join()
 
 
 def _set(state: str) -> None:

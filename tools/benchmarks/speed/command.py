@@ -95,9 +95,7 @@ def speed(
                 messages.print(f"{part} ...", highlight=False)
                 rows += measure()
     frame = frame_of(rows)
-    columns = [
-        name for name in frame if name not in ("part", "label", "party", "failed", "kept", "link", "said")
-    ]
+    columns = [name for name in frame if name not in ("part", "label", "party", "failed", "kept", "link")]
     tables = {
         part: table(frame[frame["part"] == part], "label", {n: (n, "max") for n in columns})
         .drop("all")

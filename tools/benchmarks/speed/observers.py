@@ -27,10 +27,9 @@ PAUSED_RUN = (*_DISTURBED, "paused", *RUN[-2:])
 
 @dataclass(frozen=True)
 class Observer:
-    """A running one. spoke_after, ready_after [s]: from its start until it said anything, and that it is ready."""
+    """A running one. ready_after [s]: from its start until it said so."""
 
     process: subprocess.Popen[str]
-    spoke_after: float
     ready_after: float
     said: list[str] = field(default_factory=list)
 
@@ -85,13 +84,11 @@ def observer(
     )
     said: list[str] = []
     ready = threading.Event()
-    said_at: list[float] = []
     ready_at: list[float] = []
 
     def listen() -> None:
         assert process.stdout is not None
         for line in process.stdout:
-            said_at.append(time.monotonic())
             said.append(line.rstrip())
             if READY.search(line) and not ready_at:
                 ready_at.append(time.monotonic())
@@ -103,7 +100,7 @@ def observer(
     try:
         if not ready.wait(START_TIMEOUT) or not ready_at:
             raise RunError("an observer did not get ready:\n" + "\n".join(said[-20:]))
-        yield Observer(process, said_at[0] - begin, ready_at[0] - begin, said)
+        yield Observer(process, ready_at[0] - begin, said)
     finally:
         process.send_signal(signal.SIGCONT)
         process.terminate()

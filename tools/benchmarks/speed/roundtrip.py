@@ -22,7 +22,6 @@ from tools.benchmarks.campaign import Row
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Pacer, Passage, latency_of
-from tools.benchmarks.speed.sustained import farewell
 from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
 
 ECHO, OURS, BUSY = "C echo", "observer_rt", "observer_rt, Python busy"
@@ -68,12 +67,7 @@ def run_parties(folder: Path, channel: str, seconds: float) -> None:
             for party in PARTS * tuple(PARTIES):  # one part after the other to every party
                 part = _send(running[party], pacers[party], party, seconds * SHARE[pace] / PARTS, period)
                 passages[pace][party].append(part)
-    said = {party: farewell(each) or (each.said[-1] if each.said else "") for party, each in running.items()}
-    rows = [
-        {"said": said[row["party"]], **row}
-        for pace, parties in passages.items()
-        for row in rows_of(pace, parties, traffic)
-    ]
+    rows = [row for pace, parties in passages.items() for row in rows_of(pace, parties, traffic)]
     (folder / ROWS).write_text(json.dumps(rows))
 
 

@@ -67,11 +67,11 @@ def measure_sustained(folder: Path, traffic: Traffic, seconds: float) -> list[Ro
 
 
 def measure_startup(folder: Path) -> list[Row]:
-    """Start it a few times: seconds until it is ready, until its first word, and of the processor; memory."""
+    """Start it a few times: seconds until it is ready, and of the processor; memory."""
     rows = []
     for number in range(STARTS):
         with daemon_on_sockets(folder / "startup") as (ours, _):
-            times = {"ready_s": ours.ready_after, "spoke_s": ours.spoke_after, "cpu_s": ours.cpu_time()}
+            times = {"ready_s": ours.ready_after, "cpu_s": ours.cpu_time()}
             rows.append(
                 {
                     "part": "startup",
@@ -95,11 +95,6 @@ def soak_rows(folder: Path, minutes: float) -> list[Row]:
             )
             messages.print(f"{minute:.1f} of {minutes:g} minutes", highlight=False)
     return rows
-
-
-def farewell(ours: Observer) -> str:
-    """What our daemon counted, by its last words."""
-    return next((line for line in reversed(ours.said) if "stopped after" in line), "")
 
 
 def _stretch(ours: Observer, pacer: Pacer, traffic: Traffic, seconds: float) -> Row:

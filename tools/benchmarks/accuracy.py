@@ -140,7 +140,10 @@ def with_magnitudes(frame: pd.DataFrame) -> pd.DataFrame:
     "tools/bench accuracy --tier B"
 )
 def accuracy(
-    cases: cli.CasesOption = None,
+    cases: Annotated[
+        int | None,
+        typer.Option(min=1, help=f"Of a class ({CASES}); of a line of tier B ({worn_lines.CASES})."),
+    ] = None,
     classes: Annotated[str, typer.Option(help="Tier A: classes, by commas (default: all).")] = "",
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
@@ -149,7 +152,7 @@ def accuracy(
     tier: cli.TierOption = cli.Tier.A,
     as_json: cli.JsonOption = False,
 ) -> None:
-    """Error of mass and rate on independent plants, against the true rate, class by class; cases: of a class."""
+    """Error of mass and rate on independent plants, against the true rate, class by class."""
     out = out or Path(f"build/accuracy-{tier}")
     if tier is cli.Tier.B:
         _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, as_json)

@@ -21,9 +21,8 @@ class Tier(StrEnum):
     B = "B"
 
 
-CasesOption = Annotated[
-    int | None, typer.Option(min=0, help="How many (default: as docs/benchmarks.md says).")
-]
+CasesOption = Annotated[int, typer.Option(min=0, help="How many; of `twice`: of each class.")]
+
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 JobsOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[

@@ -155,7 +155,7 @@ def _whole_content(kind: str, target: str) -> Sequence[object]:
 
 @cli.app.command(epilog="Example: tools/bench damage --cases 5000 --seed 1")
 def damage(
-    cases: cli.CasesOption = None,
+    cases: cli.CasesOption = CASES,
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
     out: cli.OutOption = None,
@@ -163,7 +163,7 @@ def damage(
 ) -> None:
     """What becomes of damaged files of every format, kind by kind in turn."""
     known, out = kinds(), out or Path("build/damage")
-    chosen = [(known[number % len(known)], seed, number) for number in range(cases or CASES)]
+    chosen = [(known[number % len(known)], seed, number) for number in range(cases)]
     frame = run_cases(
         "damage", convert_damaged, {" ".join(map(str, each)): each for each in chosen}, jobs, out
     )

@@ -62,7 +62,7 @@ def score_look(look: str, class_name: str, seed: int, number: int, model: Path |
 
 @cli.app.command(epilog="Examples: tools/bench twice; tools/bench twice --tier B --cases 5 --seed 7")
 def twice(
-    cases: cli.CasesOption = None,
+    cases: cli.CasesOption = CASES,
     classes: Annotated[str, typer.Option(help="Classes, by commas (default: those with wear).")] = "",
     seed: cli.SeedOption = 1,
     jobs: cli.JobsOption = cli.JOBS,
@@ -77,7 +77,7 @@ def twice(
     todo = {
         f"{name} {seed} {number} {look}": (look, name, seed, number, model)
         for name in names
-        for number in range(cases or CASES)
+        for number in range(cases)
         for look in (ONCE, TWICE)
     }
     frame = run_cases("twice", score_look, todo, jobs, out)

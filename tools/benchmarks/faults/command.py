@@ -91,7 +91,7 @@ def told(row: Row) -> str:
     "tools/vcan tools/bench faults --cases 0 --live 8 --daemons 6"
 )
 def faults(
-    cases: cli.CasesOption = None,
+    cases: cli.CasesOption = CASES,
     only: Annotated[str, typer.Option(help="Rows of the table, by commas.")] = "",
     tier: cli.TierOption = cli.Tier.A,
     seed: cli.SeedOption = 1,
@@ -106,10 +106,10 @@ def faults(
     as_json: cli.JsonOption = False,
 ) -> None:
     """Everything that may go wrong with sensors, bus, clocks and processes, every row of the table in turn."""
-    out, count = out or Path(f"build/faults-{tier}"), CASES if cases is None else cases
+    out = out or Path(f"build/faults-{tier}")
     names = entries(TABLE, cli.chosen_names(only, "--only", TABLE, TABLE))
-    model = plain_model(out, seed) if tier is cli.Tier.B and count else None
-    todo = {task.label: (task, model) for task in tasks(TABLE, names, count, seed)}
+    model = plain_model(out, seed) if tier is cli.Tier.B and cases else None
+    todo = {task.label: (task, model) for task in tasks(TABLE, names, cases, seed)}
     frames = [run_cases("faults", score_scenario, todo, jobs, out)]
     if live:
         frames.append(frame_of(on_bus.run_live(live, seed, out / "live")))

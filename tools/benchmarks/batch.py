@@ -1,7 +1,6 @@
 """`tools/bench batch`: what many recordings cost through `observer-rt batch`, of all processes from start to end."""
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -25,6 +24,13 @@ from tools.benchmarks.speed.traffic import PERIOD, SAMPLE_RATE
 INJECTIONS = 50  # 25 a second, of three pressures, that a file repeats
 STEP = 50e3  # Pa of rail pressure from file to file: what a CAN signal resolves, far from what matters
 ONE = ("--workers", "1")
+LAUNCHER = """
+import resource, subprocess, sys
+code = subprocess.call(sys.argv[1:])
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss, file=sys.stderr)
+sys.exit(code)
+"""  # small itself, for a process begins with the memory of the one that started it
 COLUMNS = ("work", "files", "injections", "clock", "processor", "peak_mib")
 BARS = (
     Bar("injections_per_s_per_core", "per_core", "max", of="work == 'many'"),
@@ -57,33 +63,18 @@ def run(work: str, sources: Path, files: int, injections: int, bench: Path, *opt
     """
     messages.print(f"{work} ...", highlight=False)
     with tempfile.TemporaryDirectory(prefix="batch-") as results:
-        words = [
-            sys.executable,
-            "-m",
-            "observer_rt",
-            "batch",
-            sources,
-            "--out",
-            f"{results}/out",
-            "--bench",
-            bench,
-        ]
+        words = ["batch", sources, "--out", f"{results}/out", "--bench", bench, "--json", *options]
+        command = [sys.executable, "-c", LAUNCHER, sys.executable, "-m", "observer_rt", *words]
         begin = time.perf_counter()
-        with (Path(results) / "said").open("w+") as said, (Path(results) / "told").open("w+") as told:
-            process = subprocess.Popen([*map(str, words), "--json", *options], stdout=told, stderr=said)
-            # reaped here, for only `wait4` tells what it and all that it waited for took
-            _, status, used = os.wait4(process.pid, 0)
-            clock = time.perf_counter() - begin
-            process.returncode = os.waitstatus_to_exitcode(status)
-            said.seek(0)
-            told.seek(0)
-            if process.returncode != 0:
-                raise RunError(f"batch ended with {process.returncode}: {said.read()}")
-            found = json.load(told)
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+        clock = time.perf_counter() - begin
+    if done.returncode != 0:
+        raise RunError(f"batch ended with {done.returncode}: {done.stderr}")
+    found, (processor, kibibytes) = json.loads(done.stdout), map(float, done.stderr.splitlines()[-1].split())
     # the first and the last may be cut off by the ends of a recording
     if found["done"] != files or found["injections"] < injections - 2 * files:
         raise RunError(f"batch found {found}, not {injections} injections of {files} files")
-    values = (work, work, files, injections, clock, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+    values = (work, work, files, injections, clock, processor, kibibytes / 1024.0)
     return dict(zip(("label", *COLUMNS), values, strict=True))
 
 

@@ -22,7 +22,6 @@ class Tier(StrEnum):
 
 
 CasesOption = Annotated[int, typer.Option(min=0, help="How many; of `twice`: of each class.")]
-
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 JobsOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[

@@ -48,6 +48,7 @@ BARS = (
     Bar("waves_valid_after_second", "valid_late", "sum", most=0, of="group == 'wave'"),
     Bar("healthy_excess_p95_pct", "excesses_pct", "p95", most=0.25, of="class_name == 'healthy'"),
     Bar("x3_mse_ratio_p5", "x3_ratio", "p5", least=40.0, of=_WORN),
+    Bar("x3_mse_ratio_min", "x3_ratio", "min", of=_WORN),
     Bar("first_useful_phi_share", "in_time", "mean", least=0.97, of="not changes"),
     Bar("recovered_after_three_share", "in_time", "mean", least=1.0, of="changes"),
     Bar("worse_than_nominal_share", "much_worse", "mean", most=0.002, of="group == 'stability'", by=_EACH),

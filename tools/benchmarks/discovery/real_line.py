@@ -142,10 +142,12 @@ def misses(frame: pd.DataFrame) -> list[str]:
     ]
 
 
-_LEAST = {Asked.HEALTHY: 0.98, Asked.SINGLE: 0.92, Asked.PAIR: 0.75, Asked.OUTSIDE: 0.95}
+_OF = "counted == True and kind == '{}'"
 BARS = (
-    *(Bar(f"{kind}_right_share", "right", "mean", least=least, of=f"counted == True and kind == '{kind}'")
-      for kind, least in _LEAST.items()),
+    Bar("healthy_right_share", "right", "mean", least=0.98, of=_OF.format("healthy")),
+    Bar("named_right_share", "right", "mean", least=0.92, of=_OF.format("single")),
+    Bar("pairs_right_share", "right", "mean", least=0.75, of=_OF.format("pair")),
+    Bar("unknown_right_share", "right", "mean", least=0.95, of=_OF.format("outside")),
     Bar("healthy_accused_with_confidence", "wrong_and_sure", "sum", most=0, of="kind == 'healthy'"),
     Bar("wrong_and_sure", "wrong_and_sure", "sum"),
     Bar("pairs_half_right", "half_right", "sum", of="kind == 'pair'"),

@@ -13,7 +13,7 @@ import typer
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Bar, How, Row, conclude, frame_of, messages, table
 from tools.benchmarks.speed.injectors import NUMBERS, measure_injectors
-from tools.benchmarks.speed.roundtrip import BUSY, OURS, measure_roundtrips
+from tools.benchmarks.speed.roundtrip import BUSY, OURS, PEER, measure_roundtrips
 from tools.benchmarks.speed.sustained import measure_startup, measure_sustained, soak_rows
 from tools.benchmarks.speed.traffic import make_traffic
 
@@ -32,11 +32,13 @@ SECONDS = {Part.SUSTAINED: (600.0, 10.0), Part.ROUNDTRIP: (50.0, 5.0), Part.INJE
 SETTLED = 0.2  # of the soak, after which nothing should grow any more
 FEWEST = 10  # stretches a line is put through
 _PARTY, _MOST = "party == '{}' and kept == True", f"label == '{NUMBERS[-1]} injectors'"
+_PEER = _PARTY + " and lost_samples == 0"
 _SUSTAINED, _STARTUP = "part == 'sustained'", "part == 'startup'"
 BARS = (
     Bar("roundtrip_p50_vs_c_echo", "vs_echo", "max", most=1.25, of=_PARTY.format(OURS)),
     Bar("roundtrip_busy_p50_vs_c_echo", "vs_echo", "max", most=2.0, of=_PARTY.format(BUSY)),
     Bar("roundtrip_busy_p50_vs_quiet", "vs_ours", "max", most=1.1, of=_PARTY.format(BUSY)),
+    Bar("roundtrip_speedup_vs_python_can", "vs_ours", "min", least=5.0, of=_PEER.format(PEER)),
     Bar("roundtrip_p999_excess", "excess", "max", most=1.5, of=_PARTY.format(OURS)),
     Bar("roundtrip_busy_p999_excess", "excess", "max", most=2.0, of=_PARTY.format(BUSY)),
     Bar("sustained_khz", "khz", "max", least=99.9, of=_SUSTAINED),
@@ -72,7 +74,7 @@ def speed(
     out: cli.OutOption = None,
     as_json: cli.JsonOption = False,
 ) -> None:
-    """How fast: round trip beside a C echo, load at 100 kHz, start, several injectors."""
+    """How fast: round trip beside a C echo and python-can, load at 100 kHz, start, several injectors."""
     parts, out, before = (
         cli.chosen_names(only, "--only", list(Part), list(Part)),
         out or Path("build/speed"),
@@ -103,16 +105,7 @@ def speed(
         for part in parts
     }
     load = f"load of the machine: {before[0]:.1f} before, {os.getloadavg()[0]:.1f} after"
-    conclude(
-        frame,
-        BARS,
-        tables,
-        out,
-        as_json,
-        [
-            load,
-        ],
-    )
+    conclude(frame, BARS, tables, out, as_json, [load])
 
 
 @cli.app.command(epilog="Example: tools/bench soak --minutes 60")

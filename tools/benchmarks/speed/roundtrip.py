@@ -1,4 +1,4 @@
-"""From the last input frame that a rate frame needs to that rate frame, on SocketCAN: ours, and an echo in C.
+"""From the last input frame that a rate needs to that rate, on SocketCAN: ours, an echo in C, and python-can.
 
 All are on one bus, each under its own identifiers, which the kernel sorts out; a part after the other sends to them
 in turn, so that what else the machine does meets all.
@@ -24,8 +24,8 @@ from tools.benchmarks.speed.observers import BUSY_RUN, RUN, Observer, observer
 from tools.benchmarks.speed.pace import Pacer, Passage, latency_of
 from tools.benchmarks.speed.traffic import Ids, Traffic, load_traffic, write_bench
 
-ECHO, OURS, BUSY = "C echo", "observer_rt", "observer_rt, Python busy"
-PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2)}
+ECHO, OURS, BUSY, PEER = "C echo", "observer_rt", "observer_rt, Python busy", "python-can, no observer"
+PARTIES = {ECHO: Ids(0), OURS: Ids(1), BUSY: Ids(2), PEER: Ids(3)}
 PACES = {"1.5 ms": 1.5e-3, "90 us": 90e-6}  # the one first at which nobody loses anything
 SHARE = {"1.5 ms": 1.0, "90 us": 0.2}  # of the time
 PARTS = 5  # of what is sent to each
@@ -90,7 +90,7 @@ def rows_of(pace: str, parties: dict[str, list[Passage]], traffic: Traffic) -> l
             "lost_samples": sum(each.lost(traffic) for each in passages),
             "kept": every[ECHO]["p50_us"] * MICROSECOND < PACES[pace],
             "vs_echo": opened[party]["p50_us"] / opened[ECHO]["p50_us"],
-            "vs_ours": opened[party]["p50_us"] / opened[OURS]["p50_us"],
+            "vs_ours": opened[party]["p50_us"] / opened[OURS]["p50_us"],  # counts where nothing is lost
             "excess": (every[party]["p999_us"] - every[ECHO]["p999_us"]) / every[party]["p50_us"],
         }
         for party, passages in parties.items()
@@ -101,8 +101,12 @@ def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list
     """What starts a party; what it needs is written into the folder."""
     ids = PARTIES[party]
     bench = write_bench(folder / f"party_{ids.place}", "socketcan", channel, ids)
+    numbers = [str(ids.input), str(ids.rate), str(traffic.ahead)]
     if party == ECHO:
-        return [native.program("echo", folder), channel, str(ids.input), str(ids.rate), str(traffic.ahead)]
+        return [native.program("echo", folder), channel, *numbers]
+    if party == PEER:
+        module = "tools.benchmarks.speed.python_peer"
+        return [sys.executable, "-m", module, channel, bench.parent / "observer_fd.dbc", *numbers]
     return [*(BUSY_RUN if party == BUSY else RUN), bench]
 
 

@@ -106,7 +106,7 @@ for inertance in (-0.15, 0.0, 0.15):
     for seed in range(3):
         event = stroke_of(other, samples=900, seed=seed)
         outcome = learner.learn(event, Standstill(0, 0.0, None), in_force(observer))
-        judge(observer, outcome.objections, outcome)
+        judge(observer, outcome.forward, outcome)
     shown = indicators_of(outcome.estimate, outcome.covariance, [0.9, 1.0, 0.8], [0.95, 0.9])["line_inertance"]
     line = observer.memory[0]["in_force"]["line"]
     found.append({

@@ -5,6 +5,7 @@ import math
 from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notify import Notifier
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
+from observer_rt.engine.reports.evidence import OF_MODEL
 from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
 from observer_rt.engine.reports.news import MeasuredMass, Mismatch, News, Notice
 from observer_rt.engine.stream.state import Reason
@@ -53,6 +54,8 @@ def line(report: InjectionReport) -> str:
     if Reason.OUTSIDE_LEARNED_RANGE in report.reasons:
         reasons.append(beyond_learned(report))
     verdict = "valid" if report.valid else f"not valid: {'; '.join(reasons)}"
+    if report.posterior and OF_MODEL.intersection(report.reasons):
+        verdict += f" ({report.posterior_text})"
     temperature = report.fuel_temperature
     fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
     mass = "mass unknown" if math.isnan(report.mass) else f"{report.mass / MILLIGRAM:.2f} mg"

@@ -48,7 +48,7 @@ def post_examined(
 def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured: bool = False) -> None:
     """Post what was learned from the `number`-th closed event; it goes before what was only examined."""
     _write_learned(observer, number % SLOTS, outcome)
-    _post(observer, number, "learned", outcome.objections, is_coloured, _loud(outcome))
+    _post(observer, number, "learned", outcome.forward, is_coloured, _loud(outcome))
 
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:

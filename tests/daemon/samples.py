@@ -8,10 +8,15 @@ from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.phases import Phase, PhaseStatistics, no_statistics
+from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
-from observer_rt.engine.learning.adequacy import Objection
+from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account.hypotheses import Hypothesis, Mode
+from observer_rt.engine.learning.account.scatter import Scatter
+from observer_rt.engine.learning.account.unexplained import Unexplained
+from observer_rt.engine.learning.account.velocity import Velocity
+from observer_rt.engine.learning.account.wander import Wander
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import (
     CoilCurrent,
@@ -29,15 +34,14 @@ from observer_rt.engine.learning.disturbances.colour import (
 from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
-from observer_rt.engine.learning.fallback import Freezer, Mistrust, Relapses
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.overdispersion import Overdispersion
-from observer_rt.engine.learning.pressure_lag import SlowedSensor, no_doubt
-from observer_rt.engine.learning.state import Checkpoint, LearnedInjector, LearningState
-from observer_rt.engine.learning.trend import RecentScores, Trend
+from observer_rt.engine.learning.pressure_lag import no_doubt
+from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import RestingLift
 from observer_rt.engine.stream.state import Reason, State
@@ -62,6 +66,8 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         ),
         active=frozenset(column for column in SCALARS.gate.columns if random.random() < 0.5),
         is_prior=False,
+        at_rest=RestingNoise(count=2.0),
+        learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
         colour=Colour(
             Whitening(
                 forgetting=0.96 if random.random() < 0.5 else None,
@@ -72,29 +78,32 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         ),
     )
     state = LearningState(
-        learned=learned,
+        account=Account(
+            (
+                Hypothesis(
+                    -0.1, learned, Mode.QUICK, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))
+                ),
+                Hypothesis(-2.4, learned, Mode.PASSING),
+            ),
+            settled=(learned,),
+            unobjected=4,
+            wander=Wander(point=learned.learned_at[0]),
+            unexplained=Unexplained(1e-5, 3.0),
+            scatter=Scatter(6.0, 7.0),
+        ),
         noise=noise,
-        passed_with=0.8 * in_force,
         lag_doubt=no_doubt(PARAMETERS),
         events=events,
-        learned_at=tuple(EventPoint(*point) for point in random.uniform(-1.0, 1.0, (3, 3)).tolist()),
         interval=1e-5,
-        checkpoint=Checkpoint(learned, PressureGains(seen=0.1), RestingNoise(count=3.0), failed=1, passed=0),
         gains=PressureGains(np.arange(6.0), seen=0.2),
-        at_rest=RestingNoise(count=2.0),
         slow_rail=SlowRail(1.0, 2.0),
         jitter=TimeJitter(np.arange(5.0), 0.04),
         outliers=OutlierSearch(
             (((3, 0.9),),), ((5, 6),), (EventEnds(1.1, (End(0.8, False), End(1.2, True))),)
         ),
         range_ends=EndsOfRange(((0.7,), (1.3, 1.4))),
-        trend=Trend(RecentScores(np.ones(2), 3.0), np.array([4, 0])),
         overdispersion=Overdispersion(12.0, 11.0),
         held_rail=HeldRail(0.95, 1),
-        freezer=Freezer(bad=seed),
-        mistrust=Mistrust(2, 0, 1, Objection(Reason.MODEL_INADEQUATE, Phase.OPEN)),
-        relapses=Relapses(2, 1),
-        slowed=SlowedSensor(2e-5),
         lift_lag=LiftLagSearch(3, 2.0, 1e3),
         energizing=Energizing(
             EdgeSearch(np.ones(4), np.ones(4), np.ones((2, 4))),

@@ -182,7 +182,7 @@ class Stream:
                     window, event_standstill(self.observer, number), in_force(self.observer)
                 )
             self.outcomes.append(outcome)
-            judge(self.observer, () if outcome is None else outcome.objections, outcome)
+            judge(self.observer, () if outcome is None else outcome.forward, outcome)
         self._keep()
 
     def _keep(self) -> None:

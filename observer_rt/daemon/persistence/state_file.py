@@ -21,6 +21,7 @@ from observer_rt.engine.estimation.scalars import SCALARS, sensor_lag
 from observer_rt.engine.learning.adequacy import LARGEST_LAG, is_worn_beyond_limits
 from observer_rt.engine.learning.disturbances.colour import ORDERS
 from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.memory import Count, NotAsExpectedError, kept_names, plain, restored
 from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift
@@ -29,11 +30,11 @@ from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
 from observer_rt.foundation.outputs import replacing
 from observer_rt.model.parameters import InjectorParameters
 
-VERSION = 5
+VERSION = 6
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
-_WHOLE = ("learned", "noise", "events", "learned_at", "interval")
+_WHOLE = ("account", "noise", "events", "interval")
 """Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
 _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
@@ -45,12 +46,26 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
 
     pressure_scale: p_0 [Pa], by which the bounds are counted. A file sees to it that numbers are finite.
     """
-    state, learned = knowledge.state, knowledge.state.learned
+    state = knowledge.state
     lowest, highest = SCALARS.bounds(pressure_scale)
     if np.any(knowledge.in_force < lowest) or np.any(knowledge.in_force > highest):
         return "the parameters in force lie beyond what an injector can do"
+    for learned in state.account.beliefs:
+        if problem := _problem_of_belief(learned, np.maximum(-lowest, highest)):
+            return problem
+    if odd := state.noise.implausible:
+        return f"the noise of the {odd[0].replace('_', ' ')} is {getattr(state.noise, odd[0]):g} (SI units)"
+    lift = knowledge.lift
+    is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
+    if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
+        return f"the lift of a shut needle shows more than a sensor's drift: {lift}"
+    return None
+
+
+def _problem_of_belief(learned: LearnedInjector, farthest: NDArray[np.float64]) -> str | None:
+    """The same of one belief; farthest: sizes (m,) that a parameter may have."""
     # the mean is free of the bounds' signs: it may say that a leak is slightly negative
-    if np.any(np.abs(learned.belief.mean) > np.maximum(-lowest, highest)):
+    if np.any(np.abs(learned.belief.mean) > farthest):
         return "the mean lies beyond what an injector can do"
     for name, covariance in (
         ("the covariance", learned.belief.covariance),
@@ -60,12 +75,6 @@ def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
             return f"{name} is not symmetric and positive definite"
     if any(np.any(sums < 0.0) for sums in vars(learned.statistics).values()):
         return "the statistics of the innovations are no sums of squares"
-    if odd := state.noise.implausible:
-        return f"the noise of the {odd[0].replace('_', ' ')} is {getattr(state.noise, odd[0]):g} (SI units)"
-    lift = knowledge.lift
-    is_drift = abs(lift.zero) <= FURTHEST_ZERO and 0.0 <= lift.wander <= FURTHEST_ZERO
-    if not (is_drift and abs(lift.crosstalk) <= MOST_CROSSTALK):
-        return f"the lift of a shut needle shows more than a sensor's drift: {lift}"
     if (colour := learned.colour) is None:
         return None
     whitening = colour.whitening
@@ -286,7 +295,7 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
         if document["sha256"] != _digest(document["content"]):
             raise _UnusableError("it was changed or damaged: its content does not match its checksum")
         start = no_state(LARGEST_NOISE, model.scaling.pressure)
-        content = restored(_Content, document["content"], SimpleNamespace(in_force=start.passed_with))
+        content = restored(_Content, document["content"], SimpleNamespace(in_force=start.learned.theta))
         if (other := content.model_sha256) != (this := model_hash(model)):
             raise _UnusableError(
                 f"it was learned for another injector model, SHA-256 {other[:8]}... instead of {this[:8]}..."
@@ -294,7 +303,7 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
         state = _state_in(content.state, start)
         if content.columns != SCALARS.names:
             raise _UnusableError("it is of a version that learned other parameters")
-        if not state.learned.active <= set(SCALARS.gate.columns):
+        if any(not each.active <= set(SCALARS.gate.columns) for each in state.account.beliefs):
             raise _UnusableError("it leaves out a parameter that cannot be left out")
         return Knowledge(state, content.in_force, content.phi_version, content.lift)
     except (ValueError, OverflowError, RecursionError, KeyError, TypeError, AttributeError) as error:
@@ -304,11 +313,10 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
 def _state_in(values: Mapping[str, Any], start: LearningState) -> LearningState:
     """State restored from what `plain` made of it; start: before any event."""
     hints = get_type_hints(LearningState, include_extras=True)
-    shapes = vars(start) | {"checkpoint": SimpleNamespace(learned=start.learned, at_rest=start.at_rest)}
-    found = {name: restored(hints[name], values[name], shapes[name], name) for name in _WHOLE}
+    found = {name: restored(hints[name], values[name], getattr(start, name), name) for name in _WHOLE}
     for name in values.keys() & set(kept_names(LearningState)) - set(_WHOLE):
         with suppress(NotAsExpectedError):
-            found[name] = restored(hints[name], values[name], shapes[name], name)
+            found[name] = restored(hints[name], values[name], getattr(start, name), name)
     return replace(start, **found)
 
 

@@ -22,8 +22,9 @@ from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, stretch_of
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
-from observer_rt.engine.learning.learner import Learner, setting_of
+from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.learning.overdispersion import TemperedEvent, overdispersion_of
+from observer_rt.engine.learning.posterior.reader import setting_of
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.files.signals.recording import Recording

@@ -6,6 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,12 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import BenchInjector
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
 from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.smoothing import TaughtEvent, smoothed
 from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, best_subset
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
-from observer_rt.engine.learning.fallback import Rehearsed
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.interval import (
     Resimulated,
@@ -38,7 +39,6 @@ from observer_rt.engine.learning.learned_range import (
     operating_point,
 )
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.learning.smoothing import TaughtEvent, smoothed
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.constants import EVENTS_REQUIRED
 from observer_rt.engine.service.learners import make_learner
@@ -52,13 +52,20 @@ _LIFTED = frozenset({Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason
 _MOST_POINTS = 64  # operating points among which a place is near
 
 
+class _Run(NamedTuple):
+    """What an event is run again with."""
+
+    window: Window
+    setting: Setting
+
+
 @dataclass(frozen=True, eq=False)
 class _Event:
     """An event that was learned from, as it is run again.
 
     taught: beliefs about it; start: position of its first sample; systematic: share of a volume that the model gets
-    wrong, but for places far from all learned at; unseen: variances (m,) as of `LearningState`; passed: without
-    objections.
+    wrong, but for places far from all learned at; unknown: more of it; unseen: variances (m,) as of `LearningState`;
+    passed: without objections.
     """
 
     taught: TaughtEvent
@@ -68,6 +75,7 @@ class _Event:
     noise: NoiseLevels
     by_coil: Matrix | float
     systematic: float
+    unknown: float
     unseen: Theta
     passed: bool
 
@@ -86,7 +94,7 @@ class SecondLook:
 
     def __init__(self) -> None:
         self._events: list[_Event] = []
-        self._rehearsed: Spool[Rehearsed] = Spool()
+        self._runs: Spool[_Run] = Spool()
         self._active: frozenset[int] = frozenset()
 
     def learner(self, fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
@@ -104,14 +112,13 @@ class SecondLook:
     def take(self, outcome: Outcome, interval: float) -> None:
         """Keep an event from which something was learned; interval: of its samples [s]."""
         state = outcome.knowledge.state
-        again, rehearsed = outcome.resimulated, state.last_event
-        if outcome.prior is None or again is None or rehearsed is None:
+        again, window, setting = outcome.resimulated, outcome.window, outcome.setting
+        if outcome.prior is None or again is None or window is None or setting is None:
             return
-        window = rehearsed.window
         point = operating_point(window, interval)
-        far = UNSEEN * extrapolation_sigma(point, state.learned_at[:-1])
+        far = UNSEEN * extrapolation_sigma(point, state.learned.learned_at[:-1])
         by_coil = state.energizing.current.covariance
-        self._rehearsed.append(replace(rehearsed, errors={}))
+        self._runs.append(_Run(window, setting))
         self._events.append(
             _Event(
                 TaughtEvent(outcome.prior, state.learned.belief),
@@ -121,8 +128,9 @@ class SecondLook:
                 state.noise,
                 0.0 if by_coil is None else by_coil,
                 math.sqrt(max(again.systematic**2 - far**2, 0.0)),
+                again.unknown,
                 state.unseen_variance,
-                not outcome.objections,
+                not outcome.forward,
             )
         )
         self._active = state.learned.active
@@ -160,15 +168,16 @@ class SecondLook:
 
     def _again(self, number: int, belief: Belief, learned_at: Sequence[EventPoint]) -> _Again:
         """An event run with what all events teach of it."""
-        event, rehearsed = self._events[number], self._rehearsed[number]
+        event, run = self._events[number], self._runs[number]
         theta, active = best_subset(
             belief.information, belief.information @ belief.mean, SCALARS.gate, self._active
         )
         gated = GatedBelief(belief, SCALARS.gate, active)
         carried = gated.carried(theta) + event.by_coil
-        again = resimulated(rehearsed.window, rehearsed.setting, event.noise, theta, carried, carried)
+        again = resimulated(run.window, run.setting, event.noise, theta, carried, carried)
         far = UNSEEN * extrapolation_sigma(event.point, learned_at)
-        again = replace(again, systematic=math.hypot(event.systematic, far))
+        unknown = min(event.unknown, self._events[-1].unknown)  # later events told
+        again = replace(again, systematic=math.hypot(event.systematic, far), unknown=unknown)
         return _Again(again, theta, gated.covariance + np.diag(event.unseen))
 
 

@@ -153,6 +153,10 @@ class EventCost:
         """Number of squares that J sums."""
         return (self._window.output.size - self.burn_in) // self._together
 
+    def of_offset(self, theta: NDArray[np.float64]) -> float:
+        """Part of J, before it is divided, by the sensor's offset at rest."""
+        return 0.5 * self._offset_weight * float(theta[_OFFSET] - self._offset) ** 2
+
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
         learned = learned_of(theta, self._setting.coefficients)
@@ -189,5 +193,5 @@ class EventCost:
             self.unfiltered -= self._expected
         self.innovations = self.whitened(self.unfiltered)
         cost = robust_cost(self.innovations, self.burn_in, self.sigma, self._together)
-        cost += 0.5 * self._offset_weight * (theta[_OFFSET] - self._offset) ** 2
+        cost += self.of_offset(theta)
         return cost / self.temper if math.isfinite(cost) else math.inf

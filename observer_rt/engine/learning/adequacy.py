@@ -109,6 +109,12 @@ def tempering(statistics: PhaseStatistics) -> float:
     return max(found)
 
 
+def sensor_objections(offset: float, lag: float) -> list[Reason]:
+    """Objections to the line-pressure sensor with an offset [Pa] and a lag [s]."""
+    reasons = [Reason.PRESSURE_OFFSET] if abs(offset) > LARGEST_OFFSET else []
+    return [*reasons, Reason.SENSOR_LAG] if lag > LARGEST_LAG else reasons
+
+
 def objections(
     statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED
 ) -> list[Objection]:
@@ -116,11 +122,7 @@ def objections(
 
     Empty: it passed. What names a cause comes first.
     """
-    result = []
-    if abs(offset) > LARGEST_OFFSET:
-        result.append(Objection(Reason.PRESSURE_OFFSET))
-    if lag > LARGEST_LAG:
-        result.append(Objection(Reason.SENSOR_LAG))
+    result = [Objection(reason) for reason in sensor_objections(offset, lag)]
     phase = inadequate_phase(statistics)
     if phase is not None or not healthy.adequate:
         result.append(Objection(Reason.MODEL_INADEQUATE, phase))

@@ -24,7 +24,8 @@ class Resimulated:
 
     run: over the event's window; by_inputs: by the noise of the inputs. covariance: of the error of the theta it was
     run with (m, m); carried_covariance: of the theta in force when the rate was published. interval: of the samples
-    [s]. systematic: standard deviation, as a share, of what the model gets wrong of a healthy injector.
+    [s]. systematic: standard deviation, as a share, of what the model gets wrong of a healthy injector; unknown: of
+    what recent events say that it gets wrong of this one.
     """
 
     run: OpenLoop
@@ -33,6 +34,12 @@ class Resimulated:
     carried_covariance: NDArray[np.float64]
     interval: float
     systematic: float = 0.0
+    unknown: float = 0.0
+
+    @property
+    def model_share(self) -> float:
+        """Standard deviation, as a share, of a volume by both."""
+        return math.hypot(self.systematic, self.unknown)
 
 
 class VolumeBudget(NamedTuple):
@@ -78,7 +85,7 @@ def volume_budget(event: Resimulated, window: slice) -> VolumeBudget:
     return VolumeBudget(
         math.sqrt(max(float(gradient @ event.covariance @ gradient), 0.0)),
         math.sqrt(float(event.by_inputs.volume[window][-1])),
-        event.systematic * volume_in(event, window),
+        event.model_share * volume_in(event, window),
     )
 
 
@@ -93,7 +100,7 @@ def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
     slopes = event.run.slopes[window]
     by_parameters = np.einsum("ki,ij,kj->k", slopes, event.carried_covariance, slopes)
     by_hold = HOLD_SHARE * np.gradient(event.run.rate)[window]
-    by_model = event.systematic * event.run.rate[window]
+    by_model = event.model_share * event.run.rate[window]
     variance = by_parameters + event.by_inputs.rate[window] + by_hold**2 + by_model**2
     return np.asarray(np.sqrt(variance), np.float64)
 

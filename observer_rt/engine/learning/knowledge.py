@@ -9,24 +9,24 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.interval import Resimulated
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift, Standstill
-from observer_rt.engine.stream.state import Constants
+from observer_rt.engine.stream.state import Constants, Reason
 
 
 class Adoption(StrEnum):
     """Result of learning from an event."""
 
     ADOPTED = "adopted"
-    REJECTED = "rejected"  # the new theta does not lower the re-simulated output error
+    REJECTED = (
+        "rejected"  # what was in force stays: the event is at fault, or the paper's theta does no better
+    )
     FAILED = "failed"  # singular information, or no finite cost
-    SET_ASIDE = "set aside"  # events in a row are not explained: what explains them best is carried meanwhile
-    FROZEN = "frozen"  # the standstill contradicts the model: nothing learned from it may be used
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,21 @@ def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
 class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and the event's report.
 
-    knowledge: its `in_force` is the new theta when adopted, else the old one. estimate: the new theta in any case,
+    knowledge: its `in_force` is the new theta when adopted, else the old one. forward: objections to what is carried
+    on, objections: to the event's own mass, too. estimate: the new theta in any case,
     with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
     estimate, None where nothing usable was learned from it.
     outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
     square of its innovations where it is loudest over that at rest, by what is known of its noise. known:
     where the flow is known well enough by what is to be carried. prior: belief before the event, drift included.
+    window, setting: with which it was run again. change: that an event
+    showed which passed. posterior: what the event may be, in words, and how probable.
     """
 
     adoption: Adoption
     knowledge: Knowledge
     schedule: GainSchedule
+    forward: tuple[Objection, ...]
     objections: tuple[Objection, ...]
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64] | None
@@ -71,6 +75,10 @@ class Outcome:
     loudest: float = 1.0
     known: KnownFlow = EVERYWHERE
     prior: Belief | None = None
+    window: Window | None = None
+    setting: Setting | None = None
+    change: Reason = Reason.NONE
+    posterior: tuple[tuple[str, float], ...] = ()
 
 
 class EventLearner(Protocol):

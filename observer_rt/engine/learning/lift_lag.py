@@ -22,6 +22,7 @@ from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, freed, theta_limits
 from observer_rt.engine.stream.state import Reason
 
+UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.CONTRADICTED)
 STEP = 5e-6  # s, either way, by which the lift is moved for a slope
 FARTHEST = 30e-6  # s, by which one step goes at most
 USUAL = 20e-6  # s, of an amplifier or a filter ahead of a converter
@@ -108,10 +109,9 @@ class LiftLagSearch:
     ) -> tuple["LiftLagSearch", tuple[Objection, ...]]:
         """Adds an event, if it is refused and its turn is to be asked; returns the objections to it, too.
 
-        A model that is inadequate by a lift that is late, or early, gets that reason. ask: by the lag [s] that is
-        expected.
+        What is unexplained by a lift that is late, or early, gets that reason. ask: by the lag [s] that is expected.
         """
-        inadequate = [o for o in found if o.reason is Reason.MODEL_INADEQUATE and o.phase is not None]
+        inadequate = [o for o in found if o.reason in UNEXPLAINED and o.phase is not None]
         if not inadequate:
             return replace(self, asked=0), tuple(found)
         search = replace(self, asked=self.asked + 1)

@@ -51,6 +51,10 @@ def restored(hint: Any, value: Any, like: Any = None, place: str = "") -> Any:
             return None
     if get_origin(hint) is np.ndarray:
         return _array(value, get_args(get_args(hint)[1])[0], like, place)
+    args = get_args(hint)
+    if get_origin(hint) is tuple and args[-1] is ... and is_dataclass(args[0]) and isinstance(value, list):
+        likes = like or (None,)
+        return tuple(restored(args[0], each, likes[0], f"{place}.{i}") for i, each in enumerate(value))
     if not is_dataclass(hint):
         try:
             return _adapter(hint).validate_json(json.dumps(value), strict=True)

@@ -18,7 +18,6 @@ from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import Parameter, learned_of, sensor_lag
 from observer_rt.engine.learning.fitting import EventFit, freed
-from observer_rt.engine.learning.trend import RecentScores
 
 LEAST_LAG = 5e-6  # s, below which the two are the same to the eye
 REMEMBERED = 0.85  # weight of the score before this event
@@ -29,7 +28,6 @@ RELEVANT_RATE = 0.01
 # Standard deviations of an innovation: the model with the delay is not stable, and shows nothing.
 DIVERGED = 1e6
 LEAST_RATE = 0.02  # of the peak, from which on it counts as injection
-SLOWED = 50e-6  # s by which a sensor of the line pressure becomes slower from one event to the next: it is at fault
 
 
 class LagScore(NamedTuple):
@@ -109,6 +107,22 @@ def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
 
 
 @dataclass(frozen=True, eq=False)
+class RecentScores:
+    """Sums of scores (k,), each standard normal unless something is contradicted, older events counting less."""
+
+    sums: NDArray[np.float64]
+    variance: float = 0.0
+
+    def after(self, scores: NDArray[np.float64], remembered: float) -> "RecentScores":
+        """Adds an event's scores (k,); remembered: weight of those before."""
+        return RecentScores(remembered * self.sums + scores, remembered**2 * self.variance + 1.0)
+
+    def beyond(self, sigmas: float) -> NDArray[np.bool_]:
+        """Marks sums (k,) that are further from 0 than this many of their standard deviations."""
+        return np.asarray(np.abs(self.sums) > sigmas * math.sqrt(self.variance))
+
+
+@dataclass(frozen=True, eq=False)
 class LagDoubt:
     """Evidence of recent events that their lag is none, and that it matters.
 
@@ -157,28 +171,3 @@ class LagDoubt:
 def no_doubt(width: int) -> LagDoubt:
     """Evidence before any event with a lag; width: columns of theta."""
     return LagDoubt(RecentScores(np.zeros(1)), 0.0, 0.0, 0.0, np.zeros(width))
-
-
-@dataclass(frozen=True)
-class SlowedSensor:
-    """Whether the line-pressure sensor has become slower all at once.
-
-    So large a lag is learned with an error of the mass of some percent, where the operating point does not vary.
-    before: its lag [s] until it did, None: it did not.
-    """
-
-    before: float | None = None
-
-    @property
-    def is_slowed(self) -> bool:
-        """Whether it has."""
-        return self.before is not None
-
-    def after(self, before: float, lag: float, is_sudden: bool) -> "SlowedSensor":
-        """Adds an event that found a lag [s]; before: the one believed until then.
-
-        is_sudden: the event contradicts what was believed.
-        """
-        since = before if is_sudden and self.before is None else self.before
-        # what is believed may be of a sensor that leads, which none does: beyond that no lag would come back
-        return SlowedSensor(None if since is not None and lag < max(since, 0.0) + SLOWED else since)

@@ -58,7 +58,8 @@ class InjectionReport:
     deviation of the published rate at the n samples from start to end; `rail_pressure` [Pa] at the opening;
     `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is
     None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which the flow
-    was known when it opened.
+    was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty where
+    nothing was learned from it.
     """
 
     number: int
@@ -85,6 +86,14 @@ class InjectionReport:
     commanded: CommandedOpening | None
     further: tuple[Reason, ...] = ()
     known_rails: tuple[float, float] = (-math.inf, math.inf)
+    posterior: Sequence[tuple[str, float]] = ()
+
+    @property
+    def posterior_text(self) -> str:
+        """What its event may be, in words."""
+        return ", ".join(
+            f"{name} {probability:.2f}".replace("0.", ".") for name, probability in self.posterior
+        )
 
     @property
     def mass_bound(self) -> float:
@@ -134,6 +143,7 @@ def report_of(
         InjectionFacts(
             of_samples=Reason(int(injection["reason"])),
             of_event=Reason.NONE if passed else judged.objections[0].reason,
+            of_change=Reason.NONE if outcome is None else outcome.change,
             of_inputs=Reason(int(event["fault"])),
             was_outlier=passed and outcome is not None and outcome.outliers > 0,
             is_revised=revised,
@@ -165,6 +175,7 @@ def report_of(
         fuel_temperature=judged.fuel.temperature,
         commanded=commanded,
         further=reasons[1:],
+        posterior=outcome.posterior if belongs and outcome is not None else (),
     )
 
 
@@ -271,6 +282,7 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("valid", bool, lambda r, _: r.valid),
     Field("reasons", list, lambda r, _: [reason.name for reason in r.reasons]),
     Field("state", str, lambda r, _: r.state.name),
+    Field("posterior", str, lambda r, _: r.posterior_text),
     Field("phi_version", int, lambda r, _: r.phi_version),
     Field("fuel_temperature_degC", float, lambda r, _: r.fuel_temperature and r.fuel_temperature - ZERO_CELSIUS),
     *_COMMAND,

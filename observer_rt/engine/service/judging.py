@@ -255,9 +255,7 @@ class Judging:
             closed.window, closed.innovations, closed.known.in_force, closed.fuel.constants
         )
         closed.earlier, self._late = self._late, None
-        closed.objections = closed.examined.objections or (
-            closed.earlier.objections if closed.earlier else ()
-        )
+        closed.objections = closed.examined.objections or (closed.earlier.forward if closed.earlier else ())
         colour = closed.earlier.knowledge.state.learned.colour if closed.earlier else examiner.colour
         is_coloured = colour is not None
         post_examined(self._compiled.observer, closed.number, closed.objections, is_coloured, closed.earlier)
@@ -279,7 +277,7 @@ class Judging:
         if taken is Taken.LEARNED and closed.learning is not None:
             outcome = closed.learning.result()
             objections = outcome.objections
-            self._examiner.take(Examination(objections, outcome.knowledge.state.learned.statistics))
+            self._examiner.take(Examination(outcome.forward, outcome.knowledge.state.learned.statistics))
             self._put_into_force(outcome, event)
         elif taken is Taken.EXAMINED and closed.examined is not None:
             objections = closed.objections

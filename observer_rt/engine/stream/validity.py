@@ -18,7 +18,7 @@ class InjectionFacts:
 
     of_samples: the first reason of its samples; of_event: that the event did not pass; of_inputs: that the event's
     samples are not to be trusted; was_outlier: what contradicted it was taken for outliers; is_revised: what was
-    learned changes its mass.
+    learned changes its mass; of_change: that shows in an event which passed.
     """
 
     of_samples: Reason
@@ -26,13 +26,16 @@ class InjectionFacts:
     of_inputs: Reason
     was_outlier: bool
     is_revised: bool
+    of_change: Reason = Reason.NONE
 
 
 def reason_of_injection(facts: InjectionFacts) -> Reason:
     """Why the injection is not valid: the judgement may know better than its samples could."""
     reason = facts.of_samples
     if reason in (Reason.NONE, Reason.CONTRADICTED):
-        reason = Reason.NONE if facts.was_outlier else facts.of_event or reason
+        reason = (
+            Reason.NONE if facts.was_outlier else facts.of_event or (reason and (facts.of_change or reason))
+        )
     if facts.of_inputs and reason in (Reason.NOT_JUDGED, *_NOT_KNOWN_YET):
         reason = facts.of_inputs
     if reason is Reason.NONE and facts.is_revised:

@@ -122,9 +122,9 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
 def test_what_cannot_be_true_is_not_blamed_on_the_disk(learner: Kept) -> None:
     good = learner.knowledge
     with learner.kept():
-        learned = good.state.learned
-        belief = replace(learned.belief, mean=np.full_like(learned.belief.mean, 1e3))
-        learner.knowledge = replace(good, state=replace(good.state, learned=replace(learned, belief=belief)))
+        belief = good.state.learned.belief
+        belief = replace(belief, mean=np.full_like(belief.mean, 1e3))
+        learner.knowledge = replace(good, state=good.state.each(lambda each: replace(each, belief=belief)))
         until(lambda: bool(learner.told))
         learner.learn(2)
     assert "the mean lies beyond what an injector can do\n  remedy: check the sensors" in learner.told[0]

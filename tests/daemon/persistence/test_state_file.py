@@ -20,10 +20,9 @@ from observer_rt.config.bench import load_injector
 from observer_rt.daemon.persistence.state_file import Restored, load_knowledge, model_hash, save_knowledge
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
-from observer_rt.engine.learning.fallback import Relapses
+from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.learning.memory import plain
-from observer_rt.engine.learning.state import Checkpoint
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.model.sensor import LAG_UNIT
@@ -43,8 +42,7 @@ def bits(knowledge: Knowledge) -> str:
 
 def with_learned(knowledge: Knowledge, **changes: Any) -> Knowledge:
     """With other values of what was learned."""
-    learned = replace(knowledge.state.learned, **changes)
-    return replace(knowledge, state=replace(knowledge.state, learned=learned))
+    return replace(knowledge, state=knowledge.state.each(lambda learned: replace(learned, **changes)))
 
 
 class StateFile:
@@ -136,9 +134,9 @@ def put(*keys: str | int, value: Any) -> Change:
     return change
 
 
-def remove(*keys: str) -> Change:
+def remove(*keys: str | int) -> Change:
     def change(document: dict[str, Any]) -> None:
-        target = document["content"]
+        target: Any = document["content"]
         for key in keys[:-1]:
             target = target[key]
         del target[keys[-1]]
@@ -146,22 +144,26 @@ def remove(*keys: str) -> Change:
     return change
 
 
-MEAN = ("state", "learned", "belief", "mean")
-COVARIANCE = ("state", "learned", "belief", "covariance")
+LEARNED = ("state", "account", "hypotheses", 0, "learned")
+MEAN = (*LEARNED, "belief", "mean")
+COVARIANCE = (*LEARNED, "belief", "covariance")
 NOT_RESTORED = {
-    "older version": (lambda document: document.update(version=1), r"version 1, not 5 (observer_rt "),
-    "newer version": (lambda document: document.update(version=6), "format is version 6, not 5"),
+    "older version": (lambda document: document.update(version=1), r"version 1, not 6 (observer_rt "),
+    "newer version": (lambda document: document.update(version=7), "format is version 7, not 6"),
     "another parameter": (put("columns", 0, value="lag"), "other parameters"),
     "a parameter too few": (put("columns", value=list(SCALARS.names[:-1])), "other parameters"),
     "model": (put("model_sha256", value="0" * 64), "another injector model"),
     "short mean": (put(*MEAN, value=[0.0] * (PARAMETERS - 1)), "learned.belief.mean: shape"),
     "flat covariance": (put(*COVARIANCE, value=[1.0] * PARAMETERS), "shape"),
-    "ragged": (put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]), "not as expected (learned.belief.covariance"),
-    "text": (put(*MEAN, value="none"), "not as expected (learned.belief.mean"),
+    "ragged": (
+        put(*COVARIANCE, value=[[1.0], [1.0, 2.0]]),
+        "(account.hypotheses.0.learned.belief.covariance",
+    ),
+    "text": (put(*MEAN, value="none"), "not as expected (account.hypotheses.0.learned.belief.mean"),
     "nan": (put(*MEAN, 0, value=float("nan")), "not as expected"),
     "too large a number": (put(*MEAN, 0, value=10**400), "not as expected"),
     "negative error": (
-        put("state", "learned", "belief", "error_covariance", 2, 2, value=-1.0),
+        put(*LEARNED, "belief", "error_covariance", 2, 2, value=-1.0),
         "error's covariance",
     ),
     "asymmetric": (put(*COVARIANCE, 0, 1, value=0.9), "symmetric"),
@@ -170,20 +172,20 @@ NOT_RESTORED = {
     "impossible leak": (put("in_force", int(Parameter.GUIDE_LEAKAGE), value=-1e-9), "beyond"),
     "slower than any sensor": (put(*MEAN, int(Parameter.SENSOR_LAG), value=0.3e-3 / LAG_UNIT), "0.3 ms"),
     "nozzle at its limit": (put(*MEAN, int(Parameter.NOZZLE_BIAS), value=1.5), "at the limit"),
-    "active network": (put("state", "learned", "active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
+    "active network": (put(*LEARNED, "active", value=[int(Parameter.NOZZLE_BIAS)]), "left out"),
     "active fraction": (
-        put("state", "learned", "active", value=[float(Parameter.SENSOR_LAG)]),
-        "not as expected (learned.active",
+        put(*LEARNED, "active", value=[float(Parameter.SENSOR_LAG)]),
+        "not as expected (account.hypotheses.0.learned.active",
     ),
-    "endless filter": (put("state", "learned", "colour", "whitening", "taps", value=[0.1] * 30), "no filter"),
+    "endless filter": (put(*LEARNED, "colour", "whitening", "taps", value=[0.1] * 30), "no filter"),
     "high pass that grows": (
-        put("state", "learned", "colour", "whitening", "forgetting", value=1.5),
+        put(*LEARNED, "colour", "whitening", "forgetting", value=1.5),
         "high pass",
     ),
-    "noise of no level": (put("state", "learned", "colour", "sigma", value=0.0), "no level"),
-    "short statistics": (put("state", "learned", "statistics", "squares", value=[1.0]), "shape"),
+    "noise of no level": (put(*LEARNED, "colour", "sigma", value=0.0), "no level"),
+    "short statistics": (put(*LEARNED, "statistics", "squares", value=[1.0]), "shape"),
     "negative statistics": (
-        put("state", "learned", "statistics", "blocks", 0, 0, value=-1.0),
+        put(*LEARNED, "statistics", "blocks", 0, 0, value=-1.0),
         "sums of squares",
     ),
     "offset beyond bounds": (put("in_force", int(Parameter.LINE_PRESSURE_OFFSET), value=-0.101), "beyond"),
@@ -214,22 +216,20 @@ def test_what_cannot_be_used_is_set_aside(state: StateFile, change: Change, reas
     assert not state.path.exists()
 
 
-def without_checkpoint(known: Knowledge) -> Knowledge:
-    return replace(known, state=replace(known.state, checkpoint=Checkpoint()))
+def without_held_rail(known: Knowledge) -> Knowledge:
+    return replace(known, state=replace(known.state, held_rail=HeldRail()))
 
 
-def without_relapses(known: Knowledge) -> Knowledge:
-    return replace(known, state=replace(known.state, relapses=Relapses()))
+def without_settled(known: Knowledge) -> Knowledge:
+    return replace(known, state=replace(known.state, account=replace(known.state.account, settled=())))
 
 
 LOST: dict[str, tuple[Change, Callable[[Knowledge], Knowledge]]] = {
     # the cases above do not fail for being rewritten
     "no change": (put("package_version", value="0.0.1"), lambda known: known),
-    "a colour": (remove("state", "learned", "colour"), lambda known: with_learned(known, colour=None)),
-    "a checkpoint": (remove("state", "checkpoint"), without_checkpoint),
-    "its width": (put("state", "checkpoint", "learned", "theta", value=[0.0]), without_checkpoint),
-    "relapses": (remove("state", "relapses"), without_relapses),
-    "a name in it": (remove("state", "checkpoint", "learned", "theta"), without_checkpoint),
+    "what was settled": (remove("state", "account", "settled"), without_settled),
+    "a held rail": (remove("state", "held_rail"), without_held_rail),
+    "its kind": (put("state", "held_rail", "events", value="many"), without_held_rail),
 }
 
 
@@ -243,7 +243,7 @@ def test_what_a_file_does_not_tell_is_not_known(
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b'{"version": 5, "sha256": ' + b"[" * 200_000, b'{"version": 9' * 5_000, bytes(2 << 20)]
+    "content", [b"", b'{"version": 6, "sha256": ' + b"[" * 200_000, b'{"version": 9' * 5_000, bytes(2 << 20)]
 )
 def test_what_is_left_of_a_state_is_set_aside(state: StateFile, content: bytes) -> None:
     state.path.write_bytes(content)

@@ -71,7 +71,7 @@ def test_what_is_of_one_run_is_not_kept() -> None:
         ({"sums": {"values": [[1.0], 2.0]}}, "sums.values"),
         ({"sums": {"count": 1.5}}, "sums.count"),
         ({"sums": {"of_a_later_version": 3.0}}, "sums"),
-        ({"levels": [{"pressure": "high", "reason": None}]}, "levels"),
+        ({"levels": [{"pressure": "high", "reason": None}]}, "levels.0.pressure"),
         ({"levels": 3}, "levels"),
         ({"before": {"values": {}}}, "before.values"),
     ],

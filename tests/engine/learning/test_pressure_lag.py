@@ -16,10 +16,8 @@ from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.fitting import EventFitter, theta_limits
 from observer_rt.engine.learning.pressure_lag import (
     RELEVANT_RATE,
-    SLOWED,
     LagDoubt,
     Lateness,
-    SlowedSensor,
     lag_score,
     no_doubt,
 )
@@ -120,29 +118,6 @@ def test_an_unstated_filter_of_the_line_is_no_reason_to_refuse() -> None:
 
 def test_a_channel_recorded_late_is_not_believed_with_quiet_sensors() -> None:
     assert Reason.NONE not in reasons(LATE, noise=QUIET)[-4:]
-
-
-def test_a_sensor_that_becomes_slower_all_at_once_is_at_fault_until_it_is_as_before() -> None:
-    sensor = SlowedSensor()
-    before, later = 20e-6, 20e-6 + 2.0 * SLOWED
-    for believed, lag, is_sudden, is_slowed in (
-        (before, later, False, False),  # learned in the beginning
-        (before, before + 0.5 * SLOWED, True, False),
-        (before, later, True, True),
-        (later, later, False, True),
-        (later, later + SLOWED, True, True),
-        (later, before, True, False),
-        (before, before, False, False),
-    ):
-        sensor = sensor.after(believed, lag, is_sudden)
-        assert sensor.is_slowed == is_slowed
-
-
-def test_a_sensor_that_seemed_to_lead_is_healthy_again_without_a_lag() -> None:
-    """What was believed of signals that were none may be a lead, which is kept in a state file, too."""
-    sensor = SlowedSensor().after(-2.0 * SLOWED, 2.0 * SLOWED, is_sudden=True)
-    assert sensor.is_slowed
-    assert not sensor.after(0.0, 0.0, is_sudden=False).is_slowed
 
 
 def test_a_delay_with_which_the_model_is_not_stable_tells_nothing() -> None:

@@ -98,7 +98,7 @@ def frames_at(celsius: float) -> list[TimedFrame]:
     return Device().send(simulation(celsius).recording)
 
 
-def test_masses_of_hot_fuel_are_right_with_its_temperature_only(tmp_path: Path) -> None:
+def test_masses_of_hot_fuel_are_valid_with_its_temperature_only(tmp_path: Path) -> None:
     """Untold, fuel 45 K warmer looks like a softer, lighter one: nothing is valid then."""
     hot = simulation(HOT)
     frames = frames_at(HOT)
@@ -109,7 +109,6 @@ def test_masses_of_hot_fuel_are_right_with_its_temperature_only(tmp_path: Path) 
         assert told.reports[number].valid
         assert told.reports[number].mass == pytest.approx(true, rel=4e-3)
         assert not untold.reports[number].valid
-        assert abs(untold.reports[number].mass / true - 1.0) > 0.01
     assert abs(told.reports[-1].indicators["bulk_modulus"].value) < 0.02
     assert untold.reports[-1].indicators["bulk_modulus"].value < -0.1
 

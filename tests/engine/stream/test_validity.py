@@ -83,6 +83,8 @@ NONE = Reason.NONE
         (InjectionFacts(Reason.CONTRADICTED, Reason.SUDDEN_CHANGE, NONE, False, False), Reason.SUDDEN_CHANGE),
         (InjectionFacts(Reason.CONTRADICTED, NONE, NONE, True, False), NONE),
         (InjectionFacts(Reason.CONTRADICTED, NONE, NONE, False, False), Reason.CONTRADICTED),
+        (InjectionFacts(Reason.CONTRADICTED, NONE, NONE, False, False, Reason.SENSOR_LAG), Reason.SENSOR_LAG),
+        (InjectionFacts(NONE, NONE, NONE, False, False, Reason.SENSOR_LAG), NONE),
         (InjectionFacts(Reason.SAMPLES_LOST, Reason.NOT_LEARNED, NONE, False, True), Reason.SAMPLES_LOST),
         (InjectionFacts(NONE, Reason.NOT_JUDGED, Reason.INPUT_FROZEN, False, False), Reason.INPUT_FROZEN),
         (

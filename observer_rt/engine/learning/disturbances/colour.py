@@ -64,6 +64,17 @@ class Colour:
     sigma: float
 
 
+def is_same(one: Colour | None, other: Colour | None) -> bool:
+    """Whether two colours are one, or both are none."""
+    if one is None or other is None:
+        return one is other
+    return one is other or (
+        (one.sigma, one.interval, one.whitening.forgetting)
+        == (other.sigma, other.interval, other.whitening.forgetting)
+        and np.array_equal(one.whitening.taps, other.whitening.taps)
+    )
+
+
 @dataclass(frozen=True)
 class SlowRail:
     """Strength of the rail pressure's noise where the line hears it, older events counting less."""

@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.prediction_error import EventCost
-from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter
-from observer_rt.engine.learning.disturbances.noise_levels import mask_of
+from observer_rt.engine.learning.memory import Count
 
 REMEMBERED = 0.9  # weight of the events before an event
 ENOUGH = 4.0  # events by these weights, before a gain is spoken of: five
@@ -24,8 +22,6 @@ FLOW_SHARE = 0.4  # of the difference, what the flow is unsure by: half of it at
 # An offset that was seen at one pressure may be a gain of the line sensor in whole, as flows see it.
 UNTOLD_SHARE = 0.6
 SEAT_SHARE = 2.0  # v_S is as much less certain than v_H
-SIGNIFICANT_WALK = 5.0  # standard deviations
-_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,21 +31,29 @@ class PressureGains:
     From a line and a rail pressure alone it is not known whose gain is wrong: half of the difference is taken for the
     line sensor's, so that flows are wrong by half of it at the most, whoever's it is. difference: by which the gain
     of the line sensor is larger (share), 0 while nothing tells; change: of it, by the last event; seen: offset of
-    that over its rail pressure.
+    that over its rail pressure; pressure: that; moves: events in a row that moved the offset, as a gain that is not
+    known yet makes it.
     """
 
     sums: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
     difference: float = 0.0
     seen: float = 0.0
     change: float = 0.0
+    pressure: float = 0.0
+    moves: Count = 0
 
-    def after(self, offset: float, pressure: float) -> "PressureGains":
-        """Adds an event's line over rail pressure, as recorded, and its rail pressure [p_0]."""
+    def after(self, offset: float, pressure: float, has_moved: bool = False) -> "PressureGains":
+        """Adds an event's line over rail pressure, as recorded, and its rail pressure [p_0].
+
+        has_moved: the offset, which says nothing of what it was before.
+        """
         o, p = offset, pressure
-        sums = REMEMBERED * self.sums + np.array([1.0, p, o, p * p, p * o, o * o])
+        kept = REMEMBERED if self.moves or not has_moved else 0.0
+        sums = kept * self.sums + np.array([1.0, p, o, p * p, p * o, o * o])
+        moves = self.moves + 1 if has_moved else 0
         difference = _difference_in(sums)
         seen = abs(offset) / pressure if pressure > 0.0 else 0.0
-        return PressureGains(sums, difference, seen, difference - self.difference)
+        return PressureGains(sums, difference, seen, difference - self.difference, p, moves)
 
     def as_recorded(self, offset: float, pressure: float) -> float:
         """Line over rail pressure as recorded, where it is `offset` after the line's share is undone."""
@@ -65,18 +69,23 @@ class PressureGains:
 
     @property
     def is_too_large(self) -> bool:
-        """Whether the level of flows depends on whose gain is wrong."""
-        return abs(self.difference) > LARGEST_GAIN
+        """Whether the level of flows depends on whose gain is wrong, also where that is seen by the offset only."""
+        seen = self.seen if self.moves > 1 else 0.0
+        return max(abs(self.difference), seen) > LARGEST_GAIN
 
     @property
     def flow_share(self) -> float:
         """Standard deviation of flows, as a share, by what is not known of the gains."""
-        return FLOW_SHARE * abs(self.difference)
+        return FLOW_SHARE * max(abs(self.difference), self.seen if self.moves else 0.0)
 
     def wear_variance(self, width: int) -> NDArray[np.float64]:
         """Variances (width,) of theta's wear by the gains: an offset may be a gain where none was stated."""
         share = self.flow_share if self.difference else UNTOLD_SHARE * self.seen
         return _of_wear(share, width) ** 2
+
+    def move_to(self, pressure: float) -> float:
+        """Move of the offset [p_0] that is left of a sensor at another rail pressure, by the rail's share."""
+        return 0.5 * self.difference * (pressure - self.pressure)
 
     def rescaled(self, belief: Belief) -> Belief:
         """Belief about flows after the last event changed what is undone, less sure by as much."""
@@ -108,25 +117,3 @@ def _of_wear(share: float, width: int) -> NDArray[np.float64]:
     result[Parameter.NOZZLE_BIAS] = share
     result[Parameter.SEAT_BIAS] = SEAT_SHARE * share
     return result
-
-
-def offset_move(window: Window, cost: EventCost) -> float:
-    """Correction of the offset [p_0] that an event was linearised at, by its samples at rest; 0 within noise.
-
-    Innovations rather than pressures, for a leak lowers the line pressure at rest, too.
-    """
-    counts = window.resting & ~mask_of(window)
-    counts[: cost.burn_in] = False
-    slopes, innovations = cost.slopes[counts, _OFFSET], cost.innovations[counts]
-    information = float(slopes @ slopes)
-    if not information > 0.0:
-        return 0.0
-    move = -float(slopes @ innovations) / information
-    return move if abs(move) * math.sqrt(information) > SIGNIFICANT_WALK * cost.sigma else 0.0
-
-
-def moved(prior: Belief, move: float) -> Belief:
-    """A belief whose offset has moved by about so much [p_0]."""
-    change = np.zeros_like(prior.mean)
-    change[_OFFSET] = move
-    return Belief(prior.mean + change, prior.covariance, prior.error_covariance).widened(change)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.desk.evaluation.smoothing import TaughtEvent, smoothed
 from observer_rt.engine.estimation.gating import Belief, prior_belief
-from observer_rt.engine.learning.smoothing import TaughtEvent, smoothed
 
 DRIFT = np.array([0.3, 0.1])
 START = np.diag([4.0, 9.0])

@@ -1,0 +1,57 @@
+"""Densities of an event's innovations beside that of the model's noise: nearly white, and at fault.
+
+A model that leaves innovations a little louder, or a little coloured, is adequate: that costs it nothing. An event at
+fault leaves them as loud, in some phase and over some length of blocks, as they are; the density for that is broad.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.phases import PHASES, PhaseStatistics
+from observer_rt.engine.learning.account.constants import NEARLY_WHITE, NEARLY_WHITE_BLOCKS
+from observer_rt.engine.learning.healthy import Healthy
+
+Table = NDArray[np.float64]
+
+
+class Densities(NamedTuple):
+    """Nats by which innovations are more likely, being nearly white, and cost [nats] of an event at fault."""
+
+    nearly_white: float
+    at_fault: float
+
+
+def densities(
+    statistics: PhaseStatistics, clipped: PhaseStatistics, temper: float, healthy: Healthy
+) -> Densities:
+    """Densities by sums over innovations, in standard deviations, and over clipped ones.
+
+    temper: what events scatter beyond noise; healthy: whose innovations are louder than noise, too.
+    """
+    squares, count = _sums(statistics)
+    squares, clipped_squares = squares / temper, _sums(clipped)[0] / temper
+    white, some = 0.5 * squares[0], np.maximum(count, 1e-9)
+    loud = np.maximum(squares / some, 1.0)
+    costs = white - _gain(squares, loud, count) + 0.5 * np.log(np.maximum(count, 1.0))
+    usual = np.vstack((NEARLY_WHITE * healthy.variance, NEARLY_WHITE_BLOCKS * healthy.colour.T))
+    gains = _gain(clipped_squares, np.clip(clipped_squares / some, 1.0, usual), count)
+    loudest = math.log(len(costs)) - np.logaddexp.reduce(-costs, axis=0)
+    # as likely white as not in every phase, but not in all
+    anyhow = float((math.log(2.0) - np.logaddexp(-white, -loudest)).sum())
+    nowhere = float(white.sum()) + PHASES * math.log(2.0)
+    at_fault = anyhow - math.log(-math.expm1(anyhow - nowhere)) + math.log1p(-(2.0**-PHASES))
+    return Densities(float(gains.max(axis=0).sum()), at_fault)
+
+
+def _gain(squares: Table, loud: Table, count: Table) -> Table:
+    """Nats by which squares are more likely of so many numbers that are louder than noise; 0 of none."""
+    return 0.5 * squares * (1.0 - 1.0 / loud) - 0.5 * count * np.log(loud)
+
+
+def _sums(statistics: PhaseStatistics) -> tuple[Table, Table]:
+    """Squares and how many of them, (1 + len(BLOCKS), PHASES): of samples and of blocks of every length."""
+    squares = np.vstack((statistics.squares, statistics.block_squares.T))
+    return squares, np.vstack((statistics.samples, statistics.blocks.T))

@@ -1,0 +1,149 @@
+"""Table of what an event may be. A new kind of change is a row."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache
+
+import numpy as np
+
+from observer_rt.engine.estimation.gating import Belief
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
+from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning.account.velocity import Velocity
+from observer_rt.engine.learning.learned_injector import LearnedInjector
+from observer_rt.engine.stream.state import Reason
+
+P = Parameter
+FLOWS = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS))
+_BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
+WEAR = (int(P.NOZZLE_BIAS), *range(P.NOZZLE_WEIGHT, P.SEAT_BIAS), int(P.SEAT_BIAS), *_BACK_PRESSURE)
+SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG))
+LINE = tuple(column for column, _ in SCALARS.laws)
+
+
+class Mode(StrEnum):
+    """How things stand after an event; which of them explain events is `is_good`."""
+
+    STEADY = "steady"  # wear drifts as usual
+    QUICK = "quick"  # it moves on
+    PASSING = "passing"  # an input is at fault
+    LASTING = "lasting"  # the model is inadequate
+
+    @property
+    def is_good(self) -> bool:
+        """Whether an event is explained, and learned from."""
+        return self in (Mode.STEADY, Mode.QUICK)
+
+
+STAYS = {
+    Mode.STEADY: 0.0,
+    Mode.QUICK: 1.0 - c.QUICK_ENDS,
+    Mode.PASSING: c.FAULT_STAYS,
+    Mode.LASTING: c.INADEQUATE_STAYS,
+}
+"""Probability that a mode goes on to the next event, whatever else may begin."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What an event may be: its name in reports, the mode after it, its rate an event.
+
+    columns: of theta that it moves, by a share of their prior, by usual drifts, and by a number (one sigma each);
+    reason: of events that it explains, None: they are as believed.
+    """
+
+    name: str
+    mode: Mode
+    rate: float
+    columns: Sequence[int] = ()
+    of_prior: float = 0.0
+    drifts: float = 0.0
+    size: float = 0.0
+    reason: Reason | None = Reason.SUDDEN_CHANGE
+
+    def widths(self, wide: Theta, drift: Theta) -> Theta:
+        """Standard deviations (m,) by which theta moves; wide, drift: of the prior, and of usual drift."""
+        columns, result = list(self.columns), np.zeros_like(wide)
+        result[columns] = np.hypot(np.hypot(self.of_prior * wide, self.drifts * drift), self.size)[columns]
+        return result
+
+
+# fmt: off
+BEFORE = Kind("as before", Mode.STEADY, math.nan, reason=None)  # its rate is what the others leave
+QUICK = Kind("moving on", Mode.QUICK, c.QUICK_BEGINS, FLOWS, drifts=c.QUICKER, reason=None)  # coking, in hours
+CHANGED = Kind("changed", Mode.STEADY, 0.5 * c.CHANGES, WEAR, of_prior=1.0)  # another nozzle, a broken tip
+NUDGED = Kind("changed a little", Mode.STEADY, 0.5 * c.CHANGES, FLOWS, size=c.NUDGE)  # a hole that closes
+SENSOR_CHANGED = Kind("sensor changed", Mode.STEADY, c.CHANGES, SENSOR, of_prior=1.0,
+                      reason=Reason.PRESSURE_OFFSET)  # or its lag: whichever moved more
+LINE_CHANGED = Kind("line changed", Mode.STEADY, c.LINE_CHANGES, LINE, of_prior=1.0,
+                    reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it
+SHIFTED = Kind("shifted a little", Mode.STEADY, c.SHIFTS, (*WEAR, *SENSOR, *LINE), drifts=c.SHIFT,
+               reason=None)  # the model, from one operating point to another
+SETTLED = Kind("as when settled", Mode.STEADY, c.RETURNS)  # what came after is forgotten
+AT_FAULT = Kind("at fault", Mode.PASSING, c.FAULT_BEGINS, reason=Reason.CONTRADICTED)  # nothing is learned
+INADEQUATE = Kind("model inadequate", Mode.LASTING, c.INADEQUATE_BEGINS, reason=Reason.MODEL_INADEQUATE)
+# fmt: on
+HYPOTHESES = (
+    BEFORE,
+    QUICK,
+    CHANGED,
+    NUDGED,
+    SENSOR_CHANGED,
+    LINE_CHANGED,
+    SHIFTED,
+    SETTLED,
+    AT_FAULT,
+    INADEQUATE,
+)
+NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, SHIFTED)
+BELIEVED = (BEFORE, QUICK, SETTLED, SHIFTED)
+"""Kinds of events that came as something believed of the injector said."""
+
+
+def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
+    """Kinds of the next event and their probabilities; is_prior: nothing was learned yet that could change."""
+    begins = {QUICK: QUICK.rate, AT_FAULT: AT_FAULT.rate, INADEQUATE: INADEQUATE.rate}
+    stays, of_fault = STAYS[mode], AT_FAULT.rate + INADEQUATE.rate
+    if mode is Mode.QUICK:
+        begins[QUICK] = stays * (1.0 - of_fault - sum(kind.rate for kind in NEW))
+    else:
+        begins = {kind: (1.0 - stays) * rate + (kind.mode is mode) * stays for kind, rate in begins.items()}
+    if is_prior:
+        del begins[QUICK]
+    else:
+        begins |= {kind: kind.rate for kind in NEW}
+    yield BEFORE, max(1.0 - sum(begins.values()), 1e-3)
+    yield from begins.items()
+
+
+@lru_cache
+def widths_of(kind: Kind, pressure_scale: float) -> Theta:
+    """Widths (m,) of a kind; pressure_scale p_0 [Pa]."""
+    return kind.widths(SCALARS.prior(pressure_scale), SCALARS.drift(pressure_scale))
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What may be so after an event: the logarithm of its weight, and what is then believed; velocity: of wear."""
+
+    log_weight: float
+    learned: LearnedInjector
+    mode: Mode = Mode.STEADY
+    velocity: Velocity | None = None
+
+
+def is_alike(one: Belief, other: Belief) -> bool:
+    """Whether two beliefs say the same of injector and sensor, as surely."""
+    variances, columns = np.array([np.diag(one.covariance), np.diag(other.covariance)]), [*WEAR, *SENSOR]
+    ratio = (variances[0] / variances[1])[list(FLOWS)]
+    is_as_sure = np.all(np.maximum(ratio, 1.0 / ratio) < c.ALIKE_VARIANCE)
+    is_near = np.abs(one.mean - other.mean) <= c.ALIKE * np.sqrt(variances.min(axis=0))
+    return bool(is_as_sure and np.all(is_near[columns]))
+
+
+def is_compatible(one: Belief, other: Belief) -> bool:
+    """Whether two beliefs may be about the same injector and sensor, one of them surer than the other."""
+    away = one.mean - other.mean
+    return float(away @ np.linalg.solve(one.covariance + other.covariance, away)) < c.COMPATIBLE

@@ -1,0 +1,62 @@
+"""Wander of a model from operating point to operating point: how much its masses scatter that it never shows.
+
+A model that is right at every point by itself, with another theta, is wrong at the next one. What the theta that led
+before an event makes of its mass, over what the theta does that was learned from it, tells how much.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning.learned_range import REACH, EventPoint
+
+Vector = NDArray[np.float64]
+SIZES = np.append(
+    0.0, c.WANDER_LEAST * 2.0 ** (0.5 * np.arange(c.WANDER_STEPS))
+)  # standard deviations, of a mass
+_SHARES = np.append(1.0 - c.WANDER_PRIOR, c.WANDER_PRIOR / SIZES[1:] / np.sum(1.0 / SIZES[1:]))
+_LEAST_VARIANCE = 1e-8  # of a ratio of masses
+_HALVINGS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Wander:
+    """Belief (SIZES,) about the standard deviation of masses between distant points; point: of the last event."""
+
+    weights: Vector = field(default_factory=lambda: _SHARES.copy())
+    point: EventPoint | None = None
+
+    def after(self, moved: float, variance: float, point: EventPoint) -> "Wander":
+        """Adds an event at a point, whose mass is a share larger than the last theta says, with a variance."""
+        weights = c.WANDER_KEPT * self.weights + (1.0 - c.WANDER_KEPT) * _SHARES
+        spread = max(variance, _LEAST_VARIANCE) + self._apart(point) * SIZES**2
+        usual = np.exp(-0.5 * moved**2 / spread) / np.sqrt(spread)
+        changed = math.exp(-0.5 * (moved / c.CHANGE_SIZE) ** 2) / c.CHANGE_SIZE
+        weights = weights * ((1.0 - c.REALLY_CHANGED) * usual + c.REALLY_CHANGED * changed + 1e-30)
+        return Wander(weights / weights.sum(), point)
+
+    def at(self, point: EventPoint) -> "Wander":
+        """Moves on to an event of which nothing is compared."""
+        return replace(self, point=point)
+
+    def widened(self, variance: float) -> float:
+        """Standard deviation of a normal distribution whose 95 % interval is that of a mass with such a variance."""
+        sigmas = np.sqrt(variance + SIZES**2)
+        low, high = math.sqrt(variance), 4.0 * float(sigmas.max())
+        weights = list(zip(self.weights.tolist(), (math.sqrt(2.0) * sigmas).tolist(), strict=True))
+        for _ in range(_HALVINGS):
+            half = 0.5 * (low + high)
+            beyond = sum(weight * math.erfc(half / spread) for weight, spread in weights)
+            low, high = (half, high) if beyond > 1.0 - 0.95 else (low, half)
+        return max(half / c.INTERVAL, math.sqrt(variance))
+
+    def _apart(self, point: Sequence[float]) -> float:
+        """Variance of the difference between the last point and this one, over that of distant ones, 1: 0 .. 2."""
+        if self.point is None:
+            return 0.0
+        distance = (np.array(point) - np.array(self.point)) / REACH
+        return 2.0 * (1.0 - math.exp(-0.5 * float(distance @ distance)))

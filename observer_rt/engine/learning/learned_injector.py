@@ -1,0 +1,57 @@
+"""Estimate of an injector and of the noise of its bench, as one frozen value."""
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from observer_rt.engine.estimation.gating import Belief, GatedBelief
+from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
+from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise
+from observer_rt.engine.learning.healthy import SAME_RATE
+from observer_rt.engine.learning.learned_range import EventPoint
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedInjector:
+    """What is believed of injector and noise.
+
+    belief: about all parameters jointly; theta (m,): where the last event was explained; statistics: of recent
+    innovations; active: the gated columns in use; is_prior: nothing was learned yet, or all of it was forgotten;
+    colour: of the innovations, None while they are white; at_rest: by which it is found; learned_at: the operating
+    points of the last events.
+    """
+
+    belief: Belief
+    theta: Theta
+    statistics: PhaseStatistics = field(default_factory=no_statistics)
+    active: frozenset[int] = frozenset()
+    is_prior: bool = True
+    colour: Colour | None = None
+    at_rest: RestingNoise = field(default_factory=RestingNoise)
+    learned_at: tuple[EventPoint, ...] = ()
+
+    @cached_property
+    def gated(self) -> GatedBelief:
+        """The belief as the estimate has it."""
+        return GatedBelief(self.belief, SCALARS.gate, self.active)
+
+    def colour_at(self, interval: float) -> Colour | None:
+        """The colour, if it was found at this sample interval [s]."""
+        colour = self.colour
+        if colour is None or not math.isclose(colour.interval, interval, rel_tol=SAME_RATE):
+            return None
+        return colour
+
+    def with_offset_moved(self, move: float) -> "LearnedInjector":
+        """What holds of a line-pressure sensor whose offset is another by so much [p_0]."""
+        step = np.zeros_like(self.theta)
+        step[Parameter.LINE_PRESSURE_OFFSET] = 0.0 if self.is_prior else move
+        belief = replace(self.belief, mean=self.belief.mean + step)
+        return replace(self, belief=belief, theta=self.theta + step)
+
+    def begun(self, interval: float) -> "LearnedInjector":
+        """What holds at a sample interval [s], whatever the one before was."""
+        return replace(self, colour=self.colour_at(interval), at_rest=RestingNoise())

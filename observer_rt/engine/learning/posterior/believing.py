@@ -1,0 +1,143 @@
+"""What is believed after an event, if it was what an explanation says."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import best_subset
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account.hypotheses import Hypothesis, Mode, is_alike, is_compatible
+from observer_rt.engine.learning.adequacy import pooled
+from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
+from observer_rt.engine.learning.learned_injector import LearnedInjector
+from observer_rt.engine.learning.learned_range import EventPoint, remembered
+from observer_rt.engine.learning.posterior.explaining import Explanation
+from observer_rt.engine.learning.posterior.reader import EventReader, Follows
+from observer_rt.engine.learning.state import LearningState
+
+
+class Noise(NamedTuple):
+    """Noise while the needle is shut, and its colour."""
+
+    at_rest: RestingNoise
+    colour: Colour | None
+
+
+Continued = tuple[Explanation, Hypothesis]
+"""An explanation of an event, and the hypothesis that goes on from it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Believing:
+    """Learns from one event; state: before it, point: of the event."""
+
+    reader: EventReader
+    state: LearningState
+    point: EventPoint
+    _noises: dict[tuple[int, int], Noise] = field(default_factory=dict)
+
+    def after(self, explanation: Explanation) -> Hypothesis:
+        """The hypothesis that goes on from an explanation. Raises numpy.linalg.LinAlgError when singular."""
+        hypothesis, kind = explanation.hypothesis, explanation.kind
+        log_weight = math.log(explanation.weight)
+        if kind.mode.is_good:
+            learned = self._learned(explanation)
+            velocity = None if explanation.moving is None else explanation.moving.after(learned.belief)
+            return Hypothesis(log_weight, learned, kind.mode, velocity)
+        learned = hypothesis.learned
+        if not learned.is_prior:
+            learned = replace(learned, belief=explanation.prior)
+        elif kind.mode is Mode.LASTING:  # else a wrong ring-down is taken for the colour of the noise
+            learned = self._with_noise(learned, explanation)
+        return Hypothesis(log_weight, learned, kind.mode)
+
+    def _learned(self, explanation: Explanation) -> LearnedInjector:
+        before, cost = explanation.hypothesis.learned, explanation.cost
+        if explanation.fit is not None:
+            theta, active = explanation.theta, explanation.fit.active
+        else:
+            information, mean = explanation.prior.information, explanation.prior.mean
+            theta, active = best_subset(
+                information + cost.information, information @ mean + cost.vector, SCALARS.gate, before.active
+            )
+            theta = np.clip(theta, self.reader.limits.lowest, self.reader.limits.highest)
+        reading = explanation.reading
+        statistics = reading.leaves(explanation.theta, explanation.fit).statistics
+        temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
+        learned = LearnedInjector(
+            belief=explanation.prior.updated(cost.information / temper, cost.vector / temper),
+            theta=theta,
+            statistics=pooled(before.statistics, statistics),
+            active=active,
+            is_prior=False,
+            colour=before.colour,
+            at_rest=before.at_rest,
+            learned_at=remembered(before.learned_at, self.point),
+        )
+        return self._with_noise(learned, explanation)
+
+    def _with_noise(self, learned: LearnedInjector, explanation: Explanation) -> LearnedInjector:
+        """Adds what the event shows of the noise while the needle is shut."""
+        reading, fit = explanation.reading, explanation.fit
+        key = id(learned.at_rest), id(reading)
+        if key not in self._noises:
+            unfiltered = reading.unfiltered if fit is None else fit.unfiltered
+            self._noises[key] = noise_after(learned, reading.window, unfiltered, reading.follows, self.reader)
+        at_rest, colour = self._noises[key]
+        return replace(learned, at_rest=at_rest, colour=colour)
+
+
+def noise_after(
+    learned: LearnedInjector,
+    window: Window,
+    unfiltered: NDArray[np.float64],
+    follows: Follows,
+    reader: EventReader,
+) -> Noise:
+    """Noise by what is believed, and what an event's innovations (n,) show of it."""
+    stretches = resting_segments(window, reader.burn_in, reader.resting)
+    at_rest = learned.at_rest.after([unfiltered[each] for each in stretches], reader.interval)
+    return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, follows.sigmas.innovation))
+
+
+def carried_on(found: Sequence[Continued]) -> list[Continued]:
+    """What is carried on of explanations, the likeliest first: one belief in its modes, what is alike made one.
+
+    The first of the result is carried by the observer: it explains the event, if one of them does.
+    """
+    merged: list[Continued] = []
+    for explanation, one in found:
+        for i, (first, other) in enumerate(merged):
+            if other.mode is one.mode and is_alike(other.learned.belief, one.learned.belief):
+                weight = float(np.logaddexp(other.log_weight, one.log_weight))
+                merged[i] = first, replace(other, log_weight=weight)
+                break
+        else:
+            merged.append((explanation, one))
+    merged.sort(key=lambda each: -each[1].log_weight)
+    best = merged[0][1].learned
+    kept = [
+        (explanation, each)
+        for explanation, each in merged
+        if is_alike(best.belief, each.learned.belief) and is_same(best.colour, each.learned.colour)
+    ]
+    total = float(np.logaddexp.reduce([each.log_weight for _, each in kept]))
+    kept.sort(key=lambda each: not each[0].is_good)
+    return [(explanation, replace(each, log_weight=each.log_weight - total)) for explanation, each in kept]
+
+
+def settled_after(account: Account, learned: LearnedInjector, is_as_believed: bool) -> Account:
+    """Account that remembers a belief with which some events came as believed, and without objection."""
+    unobjected = account.unobjected + 1 if is_as_believed else 0
+    settled = account.settled
+    if unobjected >= c.SETTLED_AFTER:
+        others = [each for each in settled if not is_compatible(each.belief, learned.belief)]
+        settled = (learned, *others)[: c.MOST_SETTLED]
+    return replace(account, settled=settled, unobjected=unobjected)

@@ -1,0 +1,244 @@
+"""Explains an event by every hypothesis and every kind that it may be, and weighs them against each other."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from observer_rt.engine.estimation.gating import Belief
+from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.estimation.scalars import SCALARS, Theta
+from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account.evidence import evidence, evidences
+from observer_rt.engine.learning.account.fault_density import Densities
+from observer_rt.engine.learning.account.hypotheses import (
+    AT_FAULT,
+    BEFORE,
+    INADEQUATE,
+    QUICK,
+    SETTLED,
+    Hypothesis,
+    Kind,
+    is_compatible,
+    transitions,
+    widths_of,
+)
+from observer_rt.engine.learning.account.velocity import Moving, moving
+from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
+from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
+from observer_rt.engine.learning.fitting import EventFit, EventFitter
+from observer_rt.engine.learning.posterior.reader import EventReader
+from observer_rt.engine.learning.posterior.reading import Reading
+
+_OWN = (BEFORE, QUICK)
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """An event as one kind of what it may be, after a hypothesis: prior, and where it is explained best.
+
+    log_weight: of it; weight: over those of all. cost: round theta (m,), where that was fitted, fit: that;
+    kind: `SETTLED` of hypotheses that come back, mode: after it. moving: where wear moves on.
+    """
+
+    hypothesis: Hypothesis
+    kind: Kind
+    log_weight: float
+    reading: Reading
+    prior: Belief
+    cost: Linearisation
+    theta: Theta
+    fit: EventFit | None
+    moving: Moving | None
+    weight: float = 0.0
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the event is explained, and learned from."""
+        return self.kind.mode.is_good
+
+    def fitted(self, reader: EventReader) -> "Explanation":
+        """The same, fitted."""
+        if self.fit is not None:
+            return self
+        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.prior, c.STEPS)
+        return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
+
+
+@dataclass(eq=False)
+class _Found:
+    """A kind's evidence: its logarithm, where, the cost there; a fit where the closed form does not serve."""
+
+    prior: Belief
+    log: float
+    theta: Theta
+    cost: Linearisation
+    fit: EventFit | None = None
+
+    def left_of(self, reading: Reading) -> Densities:
+        """Densities of what is left of the event there."""
+        return reading.leaves(self.theta, self.fit).densities
+
+
+def fitter_of(hypothesis: Hypothesis, reading: Reading, reader: EventReader) -> EventFitter:
+    """Fits an event from what a hypothesis believes."""
+    return EventFitter(reading.cost, SCALARS.gate, hypothesis.learned.active, reader.limits)
+
+
+def coming_back(account: Account, reader: EventReader) -> list[Hypothesis]:
+    """Hypotheses that all is as it was when it was settled, where no other one says so."""
+    current = [
+        h.learned.belief
+        for h in account.hypotheses
+        if h.mode.is_good and h.log_weight > math.log(c.FORGOTTEN)
+    ]
+    others = [each for each in account.settled if not any(is_compatible(one, each.belief) for one in current)]
+    return [
+        Hypothesis(
+            math.log(SETTLED.rate / len(others)),
+            replace(each, belief=each.belief.drifted(reader.drift)),
+        )
+        for each in others
+    ]
+
+
+Offers = Mapping[Kind, float]
+"""Kinds of an event, and logarithms of their weights before it."""
+
+
+def offered(hypotheses: Sequence[Hypothesis]) -> list[Offers]:
+    """Offers of hypotheses, the likeliest first, which are one belief in its modes.
+
+    Each offers that all goes on; anything else, which needs no mode, is offered by the likeliest for all of them.
+    """
+    logs = [
+        {
+            kind: each.log_weight + math.log(rate)
+            for kind, rate in transitions(each.mode, each.learned.is_prior)
+        }
+        for each in hypotheses
+    ]
+    of_all = {
+        kind: float(np.logaddexp.reduce([each[kind] for each in logs if kind in each]))
+        for kind in {kind: None for each in logs for kind in each}
+        if kind not in _OWN
+    }
+    own = [{kind: log for kind, log in each.items() if kind in _OWN} for each in logs]
+    return [own[0] | of_all, *own[1:]]
+
+
+class Weighing:
+    """Weighs what an event may be, hypothesis after hypothesis, the likeliest first."""
+
+    def __init__(self, reader: EventReader, gains: PressureGains) -> None:
+        """gains: those of the line pressure against the rail's, as far as they are known."""
+        self._reader, self._gains = reader, gains
+        self._best = -math.inf
+        self._found: list[Explanation] = []
+
+    def add(self, hypothesis: Hypothesis, reading: Reading, logs: Offers) -> None:
+        """Explain the event by what a hypothesis offers. Raises numpy.linalg.LinAlgError when singular."""
+        moved, priors = self._priors(hypothesis, logs)
+        found = {
+            kind: _Found(prior, *one, reading.first)
+            for (kind, prior), one in zip(
+                priors.items(),
+                evidences(reading.first, list(priors.values()), self._reader.limits),
+                strict=True,
+            )
+        }
+        before = found.get(BEFORE) or found[SETTLED]
+
+        def log_of(kind: Kind) -> float:
+            return logs[kind] - reading.level + found[kind].log
+
+        promised = max(self._best, *(log_of(kind) for kind in found), -math.inf)
+        for kind, one in found.items():
+            self._fit(hypothesis, reading, before, one, log_of(kind) - promised)
+            promised = max(promised, log_of(kind))
+        self._best = max(self._best, *(log_of(kind) for kind in found), -math.inf)
+        likely = {kind: one for kind, one in found.items() if log_of(kind) > self._best - c.REFINED}
+        if not likely:
+            return
+        explained = {kind: one.log + self._nearly_white(reading, one, before) for kind, one in likely.items()}
+        if AT_FAULT in logs:  # it pays for where it is fitted, too
+            at_fault = before.log + before.cost.expected(before.theta) - before.left_of(reading).at_fault
+            explained |= dict.fromkeys((AT_FAULT, INADEQUATE), at_fault)
+        for kind, log in explained.items():
+            one = found.get(kind, before)
+            if kind.mode.is_good and is_worn_beyond_limits(one.theta):
+                continue
+            self._found.append(
+                Explanation(
+                    hypothesis,
+                    kind,
+                    logs[kind] - reading.level + log,
+                    reading,
+                    one.prior,
+                    one.cost,
+                    one.theta,
+                    one.fit,
+                    moved if kind is QUICK else None,
+                )
+            )
+
+    def fit_of(self, hypothesis: Hypothesis) -> EventFit | None:
+        """Where the event was fitted with what a hypothesis believes, if it was."""
+        return next(
+            (each.fit for each in self._found if each.hypothesis is hypothesis and each.kind is BEFORE), None
+        )
+
+    def explanations(self) -> list[Explanation]:
+        """Explanations worth carrying on, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
+        if not self._found:
+            raise np.linalg.LinAlgError("no finite fit")
+        logs = np.array([each.log_weight for each in self._found])
+        weights = np.exp(logs - logs.max())
+        weights /= weights.sum()
+        order = np.argsort(-weights, kind="stable")
+        return [replace(self._found[i], weight=float(weights[i])) for i in order if weights[i] >= c.LIVE]
+
+    def _priors(
+        self, hypothesis: Hypothesis, kinds: Collection[Kind]
+    ) -> tuple[Moving | None, Mapping[Kind, Belief]]:
+        """Beliefs before the event by kind, and how wear moves on."""
+        learned, reader = hypothesis.learned, self._reader
+        if learned.is_prior:
+            return None, {BEFORE: learned.belief}
+        before = self._gains.rescaled(learned.belief.drifted(reader.drift))
+        priors = {
+            kind: before.widened(widths_of(kind, reader.pressure_scale)) if kind.columns else before
+            for kind in kinds
+            if kind.mode.is_good
+        }
+        if QUICK not in priors:
+            return None, priors
+        moved = moving(priors[QUICK], reader.drift, hypothesis.velocity)
+        return moved, priors | {QUICK: moved.belief}
+
+    def _nearly_white(self, reading: Reading, one: _Found, before: _Found) -> float:
+        """Nats by which what a kind leaves is more likely, being nearly white; as before, if it leaves as much."""
+        leaves, as_before = (each.cost.expected(each.theta) for each in (one, before))
+        alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else one
+        return alike.left_of(reading).nearly_white
+
+    def _fit(
+        self, hypothesis: Hypothesis, reading: Reading, before: _Found, one: _Found, behind: float
+    ) -> None:
+        """Fit a kind by itself, where it may matter and its closed form does not serve; behind: nats to the best."""
+        first = reading.first
+        far = float(np.max(np.abs(one.theta - first.theta) / self._reader.limits.longest_step))
+        falls = first.value - first.expected(one.theta)
+        is_new = hypothesis.learned.is_prior
+        if not (far > c.NEAR or falls > c.FALLS or is_new):
+            return
+        if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
+            return
+        start = first if before.fit is None else before.fit.linearisation
+        steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
+        one.fit = fitter_of(hypothesis, reading, self._reader).fit(start, one.prior, steps)
+        one.cost = one.fit.linearisation
+        one.log, _ = evidence(one.cost, one.prior, self._reader.limits)
+        one.theta = one.cost.theta

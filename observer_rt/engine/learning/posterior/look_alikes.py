@@ -1,0 +1,228 @@
+"""Look-alikes of wear that theta cannot hold: each is tested by itself, whatever the posterior says.
+
+The ends of the line pressure's range, outliers, the coil, sensors whose gains differ, a delay taken for a lag, an
+inertance taken for wear, a lift that is late. What they are followed by moves only while events are explained.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.phases import no_statistics
+from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import Parameter, Theta, sensor_lag
+from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account.hypotheses import BELIEVED, SENSOR_CHANGED
+from observer_rt.engine.learning.adequacy import (
+    Objection,
+    inadequate_phase,
+    looks_like_inertance,
+    of_standstill,
+    sensor_objections,
+)
+from observer_rt.engine.learning.disturbances.colour import RestingNoise, resting_segments
+from observer_rt.engine.learning.indicators import nozzle_change
+from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.learned_injector import LearnedInjector
+from observer_rt.engine.learning.lift_lag import UNEXPLAINED, LiftLag, lift_lag_of
+from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.engine.learning.posterior.explaining import Explanation
+from observer_rt.engine.learning.posterior.reader import EventReader
+from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
+from observer_rt.engine.learning.state import LearningState
+from observer_rt.engine.stream.state import Reason
+
+Unsure = NDArray[np.float64] | float
+"""Covariance (m, m) of theta, or 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class LookAlikes:
+    """Findings of one event beside its posterior.
+
+    state: after it, but for the account; objections: whatever the posterior says; is_ending: the range of the line
+    pressure ends in the event, which is why there are others; begins_anew: all that was believed was of other line
+    pressures than those that come.
+    """
+
+    state: LearningState
+    objections: tuple[Objection, ...]
+    is_ending: bool
+    begins_anew: bool
+
+    @property
+    def by_coil(self) -> Unsure:
+        """What is not known of the coil's pulse."""
+        covariance = self.state.energizing.current.covariance
+        return 0.0 if covariance is None else covariance
+
+
+def look_alikes_in(found: ExplainedEvent, again: Resimulated, reader: EventReader) -> LookAlikes:
+    """Look-alikes in an event that was run again."""
+    explanation, lead = found.carried[0]
+    state, is_ending = _with_range(found, reader)
+    if not explanation.is_good or explanation.fit is None:
+        return LookAlikes(state, (), is_ending, begins_anew=False)
+    reading = explanation.reading
+    lag = lag_score(found.window, reading.follows.setting, explanation.fit, reading.cost, reader.wide)
+    lateness = None if lag is None else lateness_of(lag, again.run)
+    state = replace(state, lag_doubt=state.lag_doubt.after(lateness))
+    if found.fault_weight < 0.5:
+        state = _followed(state, found, explanation, reader)
+    state, is_disturbed, begins_anew = _with_coil(state, found, explanation, reader)
+    return LookAlikes(
+        state, _objections(state, found.window, lead.learned, is_disturbed, reader), is_ending, begins_anew
+    )
+
+
+def named(
+    state: LearningState,
+    against: Sequence[Objection],
+    is_ending: bool,
+    found: ExplainedEvent,
+    reader: EventReader,
+) -> tuple[LearningState, tuple[Objection, ...]]:
+    """Objections to an event with what is known of the line pressure first, and with a lift that is late."""
+    against = tuple(_with_phase(each, found) for each in against)
+    if is_ending and against:
+        against = (Objection(Reason.INPUT_CLIPPED), *against)
+    ask = partial(_lift_lag, state, found, reader)
+    lift_lag, against = state.lift_lag.after(against, ask)
+    return replace(state, lift_lag=lift_lag), tuple(against)
+
+
+def _with_phase(objection: Objection, found: ExplainedEvent) -> Objection:
+    """An objection to an event that is not explained, with the phase in which that shows."""
+    if objection.reason not in UNEXPLAINED or objection.phase is not None:
+        return objection
+    explanation, _ = found.carried[0]
+    left = explanation.reading.leaves(explanation.theta, explanation.fit)
+    return replace(objection, phase=inadequate_phase(left.statistics))
+
+
+def _with_range(found: ExplainedEvent, reader: EventReader) -> tuple[LearningState, bool]:
+    """Adds an event to outliers and ends of the range; whether that ends in it, too.
+
+    Events in which that showed were at fault by their clipped samples.
+    """
+    explanation, _ = found.carried[0]
+    state, reading = found.state, explanation.reading
+    sigmas = reading.follows.sigmas_in(explanation.hypothesis.learned)
+    innovations = reading.innovations_at(explanation.theta, explanation.fit)
+    outliers = state.outliers.after(found.window, innovations, sigmas, reader.burn_in)
+    range_ends = state.range_ends.after(found.unmasked, sigmas)
+    is_new = range_ends.is_known and not state.range_ends.is_known
+    state = replace(state, outliers=outliers, range_ends=range_ends)
+    is_ending = outliers.is_clipped(sigmas) or range_ends.is_known
+    return state.each(_but_clipped) if is_new else state, is_ending
+
+
+def _but_clipped(learned: LearnedInjector) -> LearnedInjector:
+    """What is believed of noise, without what clipped samples said."""
+    statistics = of_standstill(learned.statistics)
+    return replace(learned, statistics=statistics, colour=None, at_rest=RestingNoise())
+
+
+def _followed(
+    state: LearningState, found: ExplainedEvent, explanation: Explanation, reader: EventReader
+) -> LearningState:
+    """Adds an event that is explained to what is followed."""
+    reading, fit, first = explanation.reading, explanation.fit, reader.burn_in
+    assert fit is not None
+    sigma = reading.follows.sigmas.innovation
+    rail_pressure = float(found.window.inputs[:, 0].mean())
+    offset = float(explanation.theta[Parameter.LINE_PRESSURE_OFFSET])
+    rest = resting_segments(found.window, first, reader.resting)
+    overdispersion = state.overdispersion
+    if explanation.kind in BELIEVED and not explanation.hypothesis.learned.is_prior:
+        overdispersion = overdispersion.after(reading.first.score(explanation.prior.covariance))
+    return replace(
+        state,
+        events=state.events + 1,
+        overdispersion=overdispersion,
+        gains=state.gains.after(
+            state.gains.as_recorded(offset, rail_pressure), rail_pressure, explanation.kind is SENSOR_CHANGED
+        ),
+        jitter=state.jitter.after(found.window, fit.unfiltered, sigma, first),
+        slow_rail=state.slow_rail.after([found.window.inputs[part, 0] for part in rest], reader.interval),
+    )
+
+
+def _with_coil(
+    state: LearningState, found: ExplainedEvent, explanation: Explanation, reader: EventReader
+) -> tuple[LearningState, bool, bool]:
+    """Whether energizing the coil shows in an event that had all of it, and whether it is taken out from now on.
+
+    Then what was learned so far was of other line pressures than those that come.
+    """
+    reading, learned, fit = explanation.reading, explanation.hypothesis.learned, explanation.fit
+    assert fit is not None
+    unaware = replace(reading.follows, offset=None)
+    energizing, is_disturbed = state.energizing.after(
+        found.window._replace(output=found.recorded.output),
+        fit,
+        reading.cost.sigma,
+        lambda window: reader.cost_of(found.state, learned, window, unaware),
+        reader.wide,
+        reader.interval,
+    )
+    begins_anew = energizing.is_known and not state.energizing.is_known
+    state = replace(state, energizing=energizing)
+    if begins_anew:
+        believed = found.carried[0][1].learned
+        believed = replace(
+            believed,
+            belief=believed.belief.widened(reader.wide),
+            statistics=no_statistics(),
+            colour=None,
+            at_rest=RestingNoise(),
+        )
+        state = replace(state, account=Account.of(believed))
+    return state, is_disturbed, begins_anew
+
+
+def _objections(
+    state: LearningState, window: Window, learned: LearnedInjector, is_disturbed: bool, reader: EventReader
+) -> tuple[Objection, ...]:
+    """Objections to an event, after which `learned` is believed; what names a cause first.
+
+    Innovations that recent events leave alike, a little too loud or coloured, speak against the model together: in
+    each by itself that is no more likely than noise, for an event at fault pays for its loudness anew.
+    """
+    theta = learned.theta
+    reasons = [Reason.CONTRADICTED] if is_disturbed else []
+    offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * reader.pressure_scale
+    reasons += sensor_objections(offset, sensor_lag(theta))
+    if state.gains.is_too_large and Reason.PRESSURE_OFFSET not in reasons:
+        reasons.append(Reason.PRESSURE_OFFSET)
+    if state.lag_doubt.is_relevant:
+        reasons.append(Reason.TIME_BASE)
+    if looks_like_inertance(_open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])):
+        reasons.append(Reason.AMBIGUOUS_SCALE)
+    found = tuple(Objection(reason) for reason in reasons)
+    phase = inadequate_phase(learned.statistics)
+    if phase is not None or not reader.healthy.adequate:
+        return (*found, Objection(Reason.MODEL_INADEQUATE, phase))
+    return found
+
+
+def _open_nozzle_change(theta: Theta, window: Window) -> float:
+    """N_H with the needle as open as it was in an event, at the steady sac pressure of the rail pressure."""
+    widest = int(np.argmax(window.inputs[:, 1]))
+    u = window.inputs[widest]
+    return nozzle_change(theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0]
+
+
+def _lift_lag(state: LearningState, found: ExplainedEvent, reader: EventReader, expected: float) -> LiftLag:
+    """The lag of the lift that explains an event best; expected: [s]."""
+    explanation, _ = found.carried[0]
+    reading, learned = explanation.reading, explanation.hypothesis.learned
+    return lift_lag_of(
+        found.window,
+        reading.follows.setting,
+        lambda window: reader.cost_of(state, learned, window, reading.follows),
+        expected,
+    )

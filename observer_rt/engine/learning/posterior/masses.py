@@ -1,0 +1,115 @@
+"""What an event injected, by the hypothesis that is carried and by the others, and how well that is known."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.predictor import follow
+from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
+from observer_rt.engine.estimation.scalars import Theta, learned_of
+from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account.hypotheses import FLOWS
+from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.posterior.event import ExplainedEvent
+
+LEAD = 15  # samples before the opening
+LEAST = 1e-13  # m3, of which shares are taken
+
+
+@dataclass(frozen=True, eq=False)
+class EventMass:
+    """Volume [m3] of an event, run again with theta (m,), and its slopes (m,), as shares of it."""
+
+    window: Window
+    setting: Setting
+    theta: Theta
+    volume: float
+    slopes: Theta
+    by_inputs: float
+
+    def moved(self, theta: Theta) -> float:
+        """Share by which the volume is larger with another theta (m,), along its slopes."""
+        return float(self.slopes @ (theta - self.theta))
+
+    def moved_far(self, theta: Theta) -> float:
+        """The same, open loop where flows are others by much."""
+        if np.max(np.abs(theta - self.theta)[list(FLOWS)]) <= c.FAR_FLOW:
+            return self.moved(theta)
+        return self.ratio(theta) - 1.0
+
+    def ratio(self, theta: Theta) -> float:
+        """Volume with another theta (m,), open loop, over this one."""
+        if np.array_equal(theta, self.theta):
+            return 1.0
+        learned = learned_of(theta, self.setting.coefficients)
+        rate, errors = np.empty((2, self.window.output.size))
+        follow(self.window, self.setting, learned, self.window.opening, errors, rate, None, NO_SLOPES)
+        return float(np.trapezoid(rate[_part(self.window)])) * self.setting.interval / max(self.volume, LEAST)
+
+    def variance(self, covariance: NDArray[np.float64]) -> float:
+        """Variance of the volume, as a share, by a covariance (m, m) of theta."""
+        return max(float(self.slopes @ covariance @ self.slopes), 0.0)
+
+
+def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulated) -> EventMass:
+    """Mass of an event that was run again with theta (m,)."""
+    part = _part(window)
+    volume = float(np.trapezoid(again.run.rate[part])) * setting.interval
+    slopes = np.asarray(np.trapezoid(again.run.slopes[part], axis=0), np.float64)
+    slopes *= setting.interval / max(volume, LEAST)
+    by_inputs = float(again.by_inputs.volume[-1]) / max(volume, LEAST) ** 2
+    return EventMass(window, setting, theta, volume, slopes, by_inputs)
+
+
+def _part(window: Window) -> slice:
+    """Samples in which something is injected."""
+    return slice(max(window.opening - LEAD, 0), window.output.size)
+
+
+class Shares(NamedTuple):
+    """Standard deviations of a volume, as shares: by belief, inputs and model; and with all that is not in these."""
+
+    known: float
+    whole: float
+
+    @property
+    def beside(self) -> float:
+        """The second beyond the first."""
+        return math.sqrt(max(self.whole**2 - self.known**2, 0.0))
+
+
+def within_of(shares: Shares) -> float:
+    """Share within which hypotheses agree on a mass."""
+    return c.INTERVAL * shares.known + c.OWN_SHARE
+
+
+def shares_of(mass: EventMass, account: Account, found: ExplainedEvent, systematic: float) -> Shares:
+    """How well the mass of an event is known.
+
+    systematic: share that the model gets wrong of a healthy injector, or far from where it was learned.
+    """
+    by_belief = mass.variance(found.carried[0][1].learned.gated.covariance)
+    known = by_belief + mass.by_inputs + systematic**2
+    factor = account.scatter.factor
+    whole = known + (factor - 1.0) * by_belief + account.unexplained.variance
+    mixed = _between(mass, by_belief, factor, found)
+    whole = max(whole + mixed, c.LEAST_OF_MIXED * whole)
+    return Shares(math.sqrt(known), account.wander.widened(whole))
+
+
+def _between(mass: EventMass, by_belief: float, factor: float, found: ExplainedEvent) -> float:
+    """Variance that hypotheses about one injector have beyond that of the one that leads."""
+    good = [(each.weight, one.learned) for each, one in found.found if each.is_good]
+    total, mixed = sum(weight for weight, _ in good), 0.0
+    for weight, learned in good:
+        if weight < c.LEAST_PART * total:
+            continue
+        moved = mass.moved(learned.theta)
+        if abs(moved) > c.OTHER_INJECTOR:
+            moved = 0.0
+        mixed += weight / total * (factor * (mass.variance(learned.gated.covariance) - by_belief) + moved**2)
+    return mixed

@@ -1,0 +1,113 @@
+"""What follows from an explained event: what is carried, how well its mass is known, what speaks against it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.scalars import Theta
+from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account.hypotheses import BELIEVED, FLOWS, QUICK, widths_of
+from observer_rt.engine.learning.interval import resimulated
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow
+from observer_rt.engine.learning.posterior.believing import settled_after
+from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, named
+from observer_rt.engine.learning.posterior.masses import EventMass, mass_of, shares_of, within_of
+from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
+from observer_rt.engine.learning.posterior.verdict import posterior_of, verdict_of
+
+
+def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -> Outcome:
+    """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
+    explanation, lead = found.carried[0]
+    learned, setting = lead.learned, explanation.reading.follows.setting
+    theta, covariance = learned.theta, learned.gated.covariance
+    again = resimulated(found.window, setting, found.state.noise, theta, covariance, covariance)
+    mass = mass_of(found.window, setting, theta, again)
+    beside = look_alikes_in(found, again, reader)
+    account = found.state.account
+    if explanation.is_good:
+        account = _compared(account, found, mass, reader)
+    systematic = math.hypot(
+        reader.healthy.mass_share,
+        UNSEEN * extrapolation_sigma(found.point, explanation.hypothesis.learned.learned_at),
+        beside.state.gains.flow_share,
+    )
+    shares = shares_of(mass, account, found, systematic)
+    verdict = verdict_of(found, mass, shares, event.in_force, beside.objections, reader.wide)
+    state, forward = named(beside.state, verdict.forward, beside.is_ending, found, reader)
+    if not beside.begins_anew:
+        account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
+        state = replace(state, account=replace(account, hypotheses=tuple(one for _, one in found.carried)))
+    in_force = _carried(found, reader)
+    covariance = covariance + _apart(found, mass, within_of(shares)) + beside.by_coil
+    again = replace(
+        again,
+        covariance=covariance,
+        carried_covariance=learned.gated.carried(event.in_force) + beside.by_coil,
+        systematic=math.hypot(systematic, state.lag_doubt.volume_share),
+        unknown=shares.beside,
+    )
+    return Outcome(
+        adoption=Adoption.REJECTED if np.array_equal(in_force, event.in_force) else Adoption.ADOPTED,
+        knowledge=Knowledge(state, in_force),
+        schedule=reader.gains(theta, state.noise, event.constants),
+        forward=forward,
+        objections=forward or verdict.own,
+        estimate=theta,
+        covariance=covariance + np.diag(state.unseen_variance),
+        resimulated=again,
+        outliers=int(found.window.masked.sum()) - int(found.unmasked.masked.sum()),
+        loudest=state.jitter.loudest(found.window, explanation.reading.follows.sigmas.innovation),
+        known=known_flow(again, theta, covariance, found.point),
+        prior=explanation.prior if explanation.is_good else None,
+        window=found.window,
+        setting=setting,
+        change=verdict.change,
+        posterior=posterior_of(found.found),
+    )
+
+
+def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: EventReader) -> Account:
+    """Account after an explained event was compared with what was believed and carried before it."""
+    (explanation, _), carried, point = found.carried[0], account.lead, found.point
+    first, setting = reader.burn_in, mass.setting
+    unexplained = account.unexplained.after(found.window, setting, mass.theta, first)
+    wander, scatter = account.wander.at(point), account.scatter
+    if explanation.kind in BELIEVED and not carried.learned.is_prior:
+        theta = carried.learned.theta.copy()
+        if carried.velocity is not None:
+            theta[list(FLOWS)] += carried.velocity.mean
+        belief = found.state.gains.rescaled(carried.learned.belief.drifted(reader.drift))
+        if explanation.kind is QUICK:
+            belief = belief.widened(widths_of(QUICK, reader.pressure_scale))
+        variance = mass.variance(replace(carried.learned, belief=belief).gated.covariance)
+        wander = account.wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
+    if explanation.kind in BELIEVED and not explanation.hypothesis.learned.is_prior:
+        scatter = scatter.after(explanation.reading.first.score(explanation.prior.covariance))
+    return replace(account, unexplained=unexplained, wander=wander, scatter=scatter)
+
+
+def _apart(found: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:
+    """Covariance (m, m) by hypotheses that agree on the mass with another theta."""
+    total = np.zeros((mass.theta.size, mass.theta.size))
+    for explanation, one in found.found:
+        away = one.learned.theta - mass.theta
+        if explanation.is_good and abs(mass.moved(one.learned.theta)) <= within:
+            total += explanation.weight * np.outer(away, away)
+    return total
+
+
+def _carried(found: ExplainedEvent, reader: EventReader) -> Theta:
+    """Theta (m,) to carry: where wear moves on, ahead of what was learned, for it is carried later."""
+    explanation, lead = found.carried[0]
+    theta, velocity = lead.learned.theta, lead.velocity
+    if velocity is None:
+        return theta
+    theta = theta.copy()
+    theta[list(FLOWS)] += c.AHEAD * explanation.weight * velocity.mean
+    return np.clip(theta, reader.limits.lowest, reader.limits.highest)

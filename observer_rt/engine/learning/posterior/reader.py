@@ -1,0 +1,153 @@
+"""What learning reads of an event: gains, its cost by what is known of noise and range, what does not count of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
+from observer_rt.engine.estimation.phases import PhaseStatistics
+from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.engine.estimation.scalars import SCALARS, Theta, learned_of
+from observer_rt.engine.learning.adequacy import BURN_IN, tempering
+from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
+from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of
+from observer_rt.engine.learning.fitting import Limits, theta_limits
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.learned_injector import LearnedInjector
+from observer_rt.engine.learning.state import LearningState
+from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.engine.stream.state import Constants
+
+COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
+RAIL_TEMPER = 2.0
+
+
+class ClosedEvent(NamedTuple):
+    """A closed event; standstill: when it ended; in_force (m,), constants: during it."""
+
+    window: Window
+    standstill: Standstill
+    in_force: Theta
+    constants: Constants
+
+
+@dataclass(frozen=True, eq=False)
+class Follows:
+    """How x~ follows an event: setting; sigmas: if its noise is white; offset [p_0] at rest before, None: unknown."""
+
+    setting: Setting
+    sigmas: Sigmas
+    offset: float | None
+
+    def sigmas_in(self, learned: LearnedInjector) -> Sigmas:
+        """Standard deviations of the innovations as they count."""
+        colour = learned.colour
+        return self.sigmas if colour is None else replace(self.sigmas, innovation=colour.sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class EventReader:
+    """What is fixed for an injector.
+
+    interval: of samples [s]; pressure_scale: p_0 [Pa]; healthy: what the model leaves unexplained of a healthy one;
+    gains_for: `gain_schedule`, which most events ask for the same.
+    """
+
+    interval: float
+    pressure_scale: float
+    healthy: Healthy = NOT_FITTED
+    gains_for: Callable[..., GainSchedule] = gain_schedule
+
+    @cached_property
+    def burn_in(self) -> int:
+        """Samples of an event's window before innovations count."""
+        return round(BURN_IN / self.interval)
+
+    @cached_property
+    def resting(self) -> int:
+        """Fewest samples of rest that tell something of the noise."""
+        return max(round(SEGMENT / self.interval), LAGS + 1)
+
+    @cached_property
+    def wide(self) -> NDArray[np.float64]:
+        """Standard deviations (m,) of theta before any event."""
+        return SCALARS.prior(self.pressure_scale)
+
+    @cached_property
+    def drift(self) -> NDArray[np.float64]:
+        """Standard deviations (m,) of the change of theta from event to event."""
+        return SCALARS.drift(self.pressure_scale)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of theta."""
+        return theta_limits(self.pressure_scale)
+
+    def gains(self, theta: Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
+        """Those of x~ with theta (m,): with others a line with waves may swing ever higher."""
+        learned = learned_of(theta, constants.coefficients)
+        sensor, rate = constants.sensor, 1.0 / constants.interval
+        lag = sensor.lag + float(learned.sensor[0])
+        return self.gains_for(learned.coefficients, noise, rate, lag, sensor.fraction, constants.rail_every)
+
+    def cost_of(
+        self, state: LearningState, learned: LearnedInjector, window: Window, follows: Follows
+    ) -> EventCost:
+        """Cost of an event with the colour in use."""
+        colour = learned.colour
+        return EventCost(
+            window,
+            follows.setting,
+            follows.sigmas_in(learned).innovation,
+            self.burn_in,
+            None if colour is None else colour.whitening,
+            follows.offset,
+            state.jitter.levels(window, follows.sigmas.innovation),
+            state.overdispersion.factor,
+            self.healthy.expected(window, follows.setting.coefficients, self.interval),
+        )
+
+    def masked(
+        self, state: LearningState, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas
+    ) -> tuple[LearningState, Window]:
+        """The window without what stands out by its innovations (n,), or lies at an end of the range."""
+        range_ends, ended = state.range_ends.masked(window, innovations, sigmas, self.burn_in)
+        if (ended & ~mask_of(window)).any():
+            window = window._replace(masked=ended)
+        innovations = np.where(ended, 0.0, innovations)
+        found = state.outliers.masked(window, innovations, sigmas, self.burn_in)
+        if found is not None:
+            window = window._replace(masked=found)
+        return replace(state, range_ends=range_ends), window
+
+    def temper_in(
+        self, state: LearningState, learned: LearnedInjector, statistics: PhaseStatistics, temper: float
+    ) -> float:
+        """Factor, beside that of the cost, on the variance of an event's innovations.
+
+        Coloured noise of the rail pressure drives the model, too: it does not stay an error of its output. A rail
+        that really moves is no noise, but then the innovations are white.
+        """
+        rail_noise = state.noise.rail_pressure / self.pressure_scale
+        is_rail = learned.colour is not None and state.slow_rail.sigma > COLOURED_RAIL * rail_noise
+        return max(max(tempering(statistics), RAIL_TEMPER if is_rail else 1.0) / temper, 1.0)
+
+
+def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:
+    """Setting by which x~ is followed over an event."""
+    sensor = constants.sensor
+    return Setting(
+        interval=constants.interval,
+        substeps=constants.substeps,
+        coefficients=constants.coefficients,
+        gain=schedule.gains[-1].copy(),
+        late=sensor.fraction,
+        lag=sensor.lag,
+        offset=sensor.offset,
+        program=constants.program,
+    )

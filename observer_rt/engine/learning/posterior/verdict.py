@@ -1,0 +1,100 @@
+"""Verdicts on an event, from the posterior: on what is carried into the next one, and on its own published mass.
+
+The event that showed a change was published with what was believed before and is refused; the next one is not.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from observer_rt.engine.estimation.scalars import Parameter, Theta
+from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning.account.hypotheses import BELIEVED, SENSOR_CHANGED, SETTLED, STAYS, Kind
+from observer_rt.engine.learning.adequacy import Objection
+from observer_rt.engine.learning.posterior.believing import Continued
+from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.engine.learning.posterior.explaining import Explanation
+from observer_rt.engine.learning.posterior.masses import EventMass, Shares, within_of
+from observer_rt.engine.stream.state import Reason
+
+Posterior = tuple[tuple[str, float], ...]
+"""Names of what an event may be, and their probabilities, the largest first."""
+SHOWN = 0.005  # probability, below which nothing is said
+
+
+class Verdict(NamedTuple):
+    """Objections to what is carried on, and to the event's own published mass; change: that it showed, if any."""
+
+    forward: tuple[Objection, ...]
+    own: tuple[Objection, ...]
+    change: Reason
+
+
+def posterior_of(found: Sequence[Continued]) -> Posterior:
+    """Probabilities by kind."""
+    summed: dict[str, float] = {}
+    for explanation, _ in found:
+        summed[explanation.kind.name] = summed.get(explanation.kind.name, 0.0) + explanation.weight
+    named = sorted(summed.items(), key=lambda each: -each[1])
+    return tuple((name, weight) for name, weight in named if weight >= SHOWN)
+
+
+def verdict_of(
+    found: ExplainedEvent,
+    mass: EventMass,
+    shares: Shares,
+    in_force: Theta,
+    contradictions: Sequence[Objection],
+    wide: Theta,
+) -> Verdict:
+    """Verdicts; in_force (m,): that the mass was published with; wide: standard deviations (m,) of the prior.
+
+    contradictions: what no theta can hold.
+    """
+    lead, within = found.carried[0], within_of(shares)
+    published = mass.moved_far(in_force)
+    agree = own = 0.0
+    against: dict[Reason, float] = {}
+    for explanation, hypothesis in found.found:
+        moved = mass.moved(hypothesis.learned.theta)
+        agrees = explanation.is_good and abs(moved) <= within
+        goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]
+        agree += explanation.weight * (agrees or goes_on)
+        own += explanation.weight * (explanation.is_good and abs(moved - published) <= max(within, c.KNOWN))
+        is_leading = explanation is lead[0] and explanation.kind not in BELIEVED
+        if not agrees or is_leading:
+            reason = _reason_of(explanation, hypothesis.learned.theta, wide)
+            against[reason] = against.get(reason, 0.0) + explanation.weight
+    most = max(against, key=lambda reason: against[reason], default=Reason.SUDDEN_CHANGE)
+    forward = tuple(contradictions)
+    if agree < c.AGREED or not lead[0].is_good:
+        forward += (Objection(most),)
+    is_change = lead[0].is_good and lead[0].kind not in BELIEVED
+    change = _reason_of(lead[0], lead[1].learned.theta, wide) if is_change else Reason.NONE
+    return Verdict(forward, forward or _own_objections(own, against, lead[0].kind, shares), change)
+
+
+def _own_objections(
+    own: float, against: Mapping[Reason, float], kind: Kind, shares: Shares
+) -> tuple[Objection, ...]:
+    """Objections to a published mass with which hypotheses agree to `own`, led by one of a kind."""
+    if own < c.AGREED:
+        reason, weight = max(against.items(), key=lambda each: each[1], default=(Reason.NONE, 0.0))
+        if 2.0 * weight <= 1.0 - own:
+            reason = Reason.SUDDEN_CHANGE if kind is SETTLED else Reason.REVISED
+        return (Objection(reason),)
+    if c.INTERVAL * shares.known > c.KNOWN:
+        return (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
+    if c.INTERVAL * shares.whole > c.KNOWN:
+        return (Objection(Reason.MODEL_INADEQUATE),)
+    return ()
+
+
+def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:
+    """Reason of an event that is what an explanation says, after which theta (m,) is believed."""
+    if explanation.kind is SENSOR_CHANGED:
+        moved = np.abs(theta - explanation.hypothesis.learned.theta) / wide
+        is_lag = moved[Parameter.SENSOR_LAG] > moved[Parameter.LINE_PRESSURE_OFFSET]
+        return Reason.SENSOR_LAG if is_lag else Reason.PRESSURE_OFFSET
+    return explanation.kind.reason or Reason.SUDDEN_CHANGE

@@ -1,0 +1,124 @@
+"""Changes, faults and drifts of injectors by other equations: named, over soon, and never valid and wrong."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.engine.stream.state import Reason
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import (
+    FIRST_EVENT,
+    LINE,
+    PERIOD,
+    Bench,
+    Event,
+    Needle,
+    Shot,
+    Surroundings,
+    record,
+    seen_as,
+)
+from tests.plants.windows import windows_of
+
+RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
+DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
+BEGINS = 7  # event, from 0
+WARM = 3  # events, before which nothing is known
+WRONG = 0.03  # of a mass
+HEALTHY = Faults()
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Reports of injections, and how wrong their masses are."""
+
+    reports: tuple[InjectionReport, ...]
+    errors: NDArray[np.float64]
+
+    @property
+    def valid(self) -> list[bool]:
+        return [report.valid for report in self.reports]
+
+    @property
+    def covered(self) -> float:
+        """Share of the valid masses that lie in their intervals."""
+        found = []
+        for report, error in zip(self.reports, self.errors, strict=True):
+            if report.valid and report.mass_ci95 is not None:
+                low, high = report.mass_ci95
+                found.append(low <= report.mass / (1.0 + error) <= high)
+        return float(np.mean(found))
+
+
+def seen(faults_at: Callable[[int], Faults], events: int, around: Surroundings = Surroundings()) -> Seen:  # noqa: B008
+    """Single injections at changing operating points, of an injector with such faults."""
+    schedule = tuple(
+        Event(RAIL_PRESSURES[k % 5], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), faults_at(k))
+        for k in range(events)
+    )
+    bench = Bench(Injector(), Needle(), schedule, seed=23, around=around)
+    outcome = record(bench)
+    reports = evaluate(bench_at(bench.sample_rate), [recording_of(outcome)]).evaluations[0].reports
+    windows = windows_of(outcome, bench.sample_rate)
+    true = 1e-6 * np.array(windows.event_masses_mg(outcome.truth.injection_rate, bench.injector.density))
+    found = Seen(reports, np.array([report.mass for report in reports]) / true - 1.0)
+    wrong = np.abs(found.errors) > WRONG
+    assert not (wrong & found.valid).any()
+    return found
+
+
+CHANGES = {
+    "nozzle": (Faults(orifice_area=-0.1), Reason.SUDDEN_CHANGE),
+    "tip gone": (Faults(orifice_area=0.3), Reason.SUDDEN_CHANGE),
+    "seat": (Faults(seat_area=0.2), Reason.SUDDEN_CHANGE),
+    "offset": (Faults(line_pressure_sensor_offset=1e6), Reason.PRESSURE_OFFSET),
+    "lag": (Faults(line_pressure_sensor_lag=60e-6), Reason.SENSOR_LAG),
+    "gain": (Faults(line_pressure_sensor_gain=0.01), Reason.PRESSURE_OFFSET),
+}
+
+
+@pytest.mark.parametrize(("faults", "reason"), CHANGES.values(), ids=CHANGES)
+def test_a_change_is_named_and_the_next_event_is_valid(faults: Faults, reason: Reason) -> None:
+    found = seen(lambda k: faults if k >= BEGINS else HEALTHY, 13)
+    assert all(found.valid[WARM:BEGINS] + found.valid[BEGINS + 1 :])
+    assert (
+        found.valid[BEGINS] or found.reports[BEGINS].reason is reason
+    )  # a slow sensor changes no mass by much
+    assert found.reports[BEGINS].posterior[0][1] > 0.9
+    assert found.covered >= 0.9
+
+
+@pytest.mark.parametrize("lasts", [1, 4])
+def test_after_a_fault_the_injector_is_as_it_was(lasts: int) -> None:
+    """A line pressure recorded late by .2 ms: no parameter does that."""
+    begins, ends = (FIRST_EVENT + PERIOD * (number - 0.2) for number in (BEGINS, BEGINS + lasts))
+
+    def late(time: NDArray[np.float64], pressure: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where((time >= begins) & (time < ends), np.interp(time - 0.2e-3, time, pressure), pressure)
+
+    found = seen(lambda _: HEALTHY, BEGINS + lasts + 4, Surroundings(before_noise=(seen_as(LINE, late),)))
+    assert not any(found.valid[BEGINS : BEGINS + lasts])
+    assert all(found.valid[BEGINS + lasts + 1 :])
+    assert found.reports[BEGINS].posterior[0][0] == "at fault"
+    assert found.reports[-1].indicators["orifice_area"].value == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_slow_drift_is_covered() -> None:
+    """A third of a percent an event, which a random walk of the usual size would lag behind."""
+    found = seen(lambda k: Faults(orifice_area=-0.2 * k / 60.0), 36)
+    assert sum(found.valid) >= 33
+    assert found.covered >= 0.93
+    assert np.abs(found.errors[WARM:]).max() < 0.015
+
+
+def test_an_injector_that_comes_back_is_known() -> None:
+    found = seen(lambda k: Faults(orifice_area=0.15) if BEGINS <= k < BEGINS + 6 else HEALTHY, BEGINS + 10)
+    changed = (BEGINS, BEGINS + 6)
+    assert found.valid[WARM:] == [k not in changed for k in range(WARM, BEGINS + 10)]
+    assert found.reports[BEGINS + 6].posterior[0][0] == "as when settled"

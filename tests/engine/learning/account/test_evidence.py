@@ -1,0 +1,84 @@
+"""Evidence in closed form, against integrals by numbers."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.learning.account.constants import BEYOND
+from observer_rt.engine.learning.account.evidence import evidence
+from observer_rt.engine.learning.fitting import Limits
+
+FAR = np.full(2, 1e3)
+ANYWHERE = Limits(-FAR, FAR, FAR)
+numbers = st.floats(-2.0, 2.0)
+
+
+def parabola(entries: list[float]) -> Linearisation:
+    """A cost of theta (2,), by seven numbers."""
+    root = np.array([[entries[0], 0.0], [entries[1], entries[2]]])
+    return Linearisation(np.array(entries[3:5]), 1.0, np.array(entries[5:7]), root @ root.T + 0.1 * np.eye(2))
+
+
+def prior(mean: list[float], sigma: list[float], correlation: float) -> Belief:
+    covariance = np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]])
+    return prior_belief(np.array(mean), covariance)
+
+
+def integral(cost: Linearisation, belief: Belief) -> tuple[float, NDArray[np.float64]]:
+    """Logarithm of the integral of exp(-cost) over a prior, and the mean of theta after it, on a grid."""
+    grid = np.linspace(-12.0, 12.0, 601)
+    theta = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
+    away, step = theta - belief.mean, theta - cost.theta
+    logs = -0.5 * np.einsum("ki,ij,kj->k", away, belief.information, away) - cost.value - step @ cost.gradient
+    logs -= 0.5 * np.einsum("ki,ij,kj->k", step, cost.information, step)
+    weights = np.exp(logs - logs.max())
+    whole = math.log(weights.sum() * (grid[1] - grid[0]) ** 2) + float(logs.max())
+    norm = math.log(2.0 * math.pi) + 0.5 * math.log(float(np.linalg.det(belief.covariance)))
+    return whole - norm, weights @ theta / weights.sum()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(numbers, min_size=7, max_size=7),
+    st.lists(numbers, min_size=2, max_size=2),
+    st.lists(st.floats(0.4, 1.5), min_size=2, max_size=2),
+    st.floats(-0.7, 0.7),
+)
+def test_it_is_the_integral(
+    entries: list[float], mean: list[float], sigma: list[float], correlation: float
+) -> None:
+    cost, belief = parabola(entries), prior(mean, sigma, correlation)
+    found, (log, theta) = evidence(cost, belief, ANYWHERE), integral(cost, belief)
+    assert found.log == pytest.approx(log, abs=1e-3)
+    np.testing.assert_allclose(found.theta, theta, atol=1e-3)
+
+
+def test_a_prior_pays_for_its_width() -> None:
+    """Where the event says nothing that the narrow one does not say as well."""
+    cost = Linearisation(np.zeros(2), 0.0, np.zeros(2), 100.0 * np.eye(2))
+    narrow, wide = (evidence(cost, prior([0.0, 0.0], [s, s], 0.0), ANYWHERE).log for s in (0.1, 1.0))
+    assert narrow - wide == pytest.approx(math.log(101.0 / 2.0), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [Limits(np.array([-1.0, -1.0]), np.array([0.5, 1.0]), FAR), Limits(-FAR, FAR, np.array([0.1, 0.1]))],
+    ids=["a limit", "slopes that do not hold"],
+)
+def test_of_what_lies_beyond_little_is_believed(limits: Limits) -> None:
+    cost = Linearisation(np.zeros(2), 50.0, np.array([-40.0, 0.0]), 20.0 * np.eye(2))
+    belief = prior([0.0, 0.0], [1.0, 1.0], 0.0)
+    found, free = evidence(cost, belief, limits), evidence(cost, belief, ANYWHERE)
+    reached = np.clip(
+        free.theta / max(1.0, float(np.max(free.theta / limits.longest_step))), None, limits.highest
+    )
+    total = cost.expected(reached) + 0.5 * float(reached @ reached)
+    price = free.log + cost.expected(free.theta) + 0.5 * float(free.theta @ free.theta)
+    assert found.log == pytest.approx(price - total + BEYOND, rel=1e-6)
+    assert found.log < free.log

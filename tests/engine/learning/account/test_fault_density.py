@@ -1,0 +1,65 @@
+"""Densities of innovations that are white, nearly white, and none of either."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
+from observer_rt.engine.learning.account.fault_density import Densities, densities
+from observer_rt.engine.learning.adequacy import CLIP
+from observer_rt.engine.learning.healthy import NOT_FITTED
+
+PHASE_SAMPLES = {
+    Phase.STANDSTILL: 500,
+    Phase.OPENING: 30,
+    Phase.OPEN: 150,
+    Phase.CLOSING: 30,
+    Phase.AFTER: 200,
+}
+PHASE_OF = np.repeat(np.arange(PHASES, dtype=np.int8), [PHASE_SAMPLES[phase] for phase in Phase])
+SEEDS = range(40)
+
+
+def white(seed: int) -> NDArray[np.float64]:
+    return np.random.default_rng(seed).normal(size=PHASE_OF.size)
+
+
+def densities_of(innovations: NDArray[np.float64]) -> Densities:
+    plain, clipped = (
+        phase_statistics(innovations, 1.0, PHASE_OF, 0, None, limit) for limit in (math.inf, CLIP)
+    )
+    return densities(plain, clipped, 1.0, NOT_FITTED)
+
+
+def against_fault(innovations: NDArray[np.float64]) -> float:
+    """Nats by which noise explains them better than a fault does."""
+    found = densities_of(innovations)
+    return found.at_fault - 0.5 * float(innovations @ innovations) + found.nearly_white
+
+
+def test_white_innovations_are_of_no_fault() -> None:
+    found = [against_fault(white(seed)) for seed in SEEDS]
+    assert np.median(found) > 3.0
+    assert np.mean(np.array(found) < 0.0) < 0.05
+
+
+@pytest.mark.parametrize("phase", [Phase.OPEN, Phase.AFTER])
+def test_a_phase_that_swings_is_at_fault(phase: Phase) -> None:
+    swing = 1.5 * np.sin(np.arange(PHASE_OF.size) / 8.0) * (phase == PHASE_OF)
+    found = [against_fault(white(seed) + swing) for seed in SEEDS]
+    assert max(found) < -10.0
+
+
+def test_a_little_too_loud_is_nearly_white() -> None:
+    found = [against_fault(math.sqrt(1.1) * white(seed)) for seed in SEEDS]
+    assert np.median(found) > 2.0
+
+
+def test_one_outlier_is_no_tolerance() -> None:
+    """It is clipped there: a spike does not make the rest of an event nearly white."""
+    spiked = white(1)
+    spiked[600] = 40.0
+    assert densities_of(spiked).nearly_white < densities_of(white(1)).nearly_white + 8.0
+    assert against_fault(spiked) < -100.0

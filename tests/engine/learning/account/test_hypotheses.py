@@ -1,0 +1,57 @@
+"""The table of what an event may be."""
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.gating import prior_belief
+from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.learning.account.hypotheses import (
+    BEFORE,
+    HYPOTHESES,
+    NEW,
+    Kind,
+    Mode,
+    is_alike,
+    is_compatible,
+    transitions,
+)
+
+SCALE = 1e8  # Pa
+WIDE, DRIFT = SCALARS.prior(SCALE), SCALARS.drift(SCALE)
+MOVING = [kind for kind in HYPOTHESES if kind.columns]
+
+
+@pytest.mark.parametrize("is_prior", [False, True])
+@pytest.mark.parametrize("mode", Mode)
+def test_one_of_them_an_event_is(mode: Mode, is_prior: bool) -> None:
+    found = dict(transitions(mode, is_prior))
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert min(found.values()) > 0.0
+    assert BEFORE in found
+    assert is_prior != any(kind in found for kind in NEW)
+
+
+@pytest.mark.parametrize("kind", MOVING, ids=[kind.name for kind in MOVING])
+def test_it_moves_its_columns_and_no_other(kind: Kind) -> None:
+    widths = kind.widths(WIDE, DRIFT)
+    assert np.all((widths > 0.0) == np.isin(np.arange(SCALARS.width), kind.columns))
+    assert np.all(widths <= WIDE)
+
+
+def test_every_column_may_change() -> None:
+    assert {column for kind in NEW for column in kind.columns} == set(range(SCALARS.width))
+
+
+def test_names_tell_them_apart() -> None:
+    assert len({kind.name for kind in HYPOTHESES}) == len(HYPOTHESES)
+
+
+def test_an_older_belief_is_of_the_same_injector_and_not_alike() -> None:
+    """Surer by later events, whose mean lies within what it said."""
+    older = prior_belief(np.zeros(SCALARS.width), np.diag((0.2 * WIDE) ** 2))
+    surer = prior_belief(np.full(SCALARS.width, 1e-5), np.diag((0.01 * WIDE) ** 2))
+    assert is_compatible(older, surer)
+    assert not is_alike(older, surer)
+    assert is_alike(surer, surer)
+    worn = prior_belief(surer.mean + 0.5 * WIDE, surer.covariance)
+    assert not is_compatible(older, worn)

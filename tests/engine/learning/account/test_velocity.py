@@ -1,0 +1,59 @@
+"""The velocity of wear, against a Kalman filter of theta and velocity together."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter
+from observer_rt.engine.learning.account.constants import SPEED, TURNS
+from observer_rt.engine.learning.account.velocity import Velocity, moving
+
+WIDTH = SCALARS.width
+FLOWS = [int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)]
+DRIFT = SCALARS.drift(1e8)
+SIGMA = 0.004  # of a flow, by one event
+
+
+def event_at(flows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Information and vector of an event that measures both flows."""
+    information = np.zeros((WIDTH, WIDTH))
+    information[FLOWS, FLOWS] = SIGMA**-2
+    vector = np.zeros(WIDTH)
+    vector[FLOWS] = flows / SIGMA**2
+    return information, vector
+
+
+def test_it_is_that_of_the_filter_of_both() -> None:
+    random = np.random.default_rng(2)
+    belief, velocity = prior_belief(np.zeros(WIDTH), 1e-4 * np.eye(WIDTH)), None
+    mean, covariance = np.zeros(4), np.diag([1e-4, 1e-4, *(SPEED * DRIFT[FLOWS]) ** 2])
+    step = np.eye(4)
+    step[:2, 2:] = np.eye(2)
+    turning = np.diag([0.0, 0.0, *(TURNS * DRIFT[FLOWS]) ** 2])
+    for number in range(8):
+        flows = 0.003 * number + random.normal(0.0, SIGMA, 2)
+        moved = moving(belief, DRIFT, velocity)
+        information, vector = event_at(flows)
+        belief = moved.belief.updated(information, vector)
+        velocity = moved.after(belief)
+        covariance = step @ (covariance + (turning if number else 0.0)) @ step.T
+        mean = step @ mean
+        gain = covariance[:, :2] @ np.linalg.inv(covariance[:2, :2] + SIGMA**2 * np.eye(2))
+        mean = mean + gain @ (flows - mean[:2])
+        covariance = covariance - gain @ covariance[:2]
+        np.testing.assert_allclose(belief.mean[FLOWS], mean[:2], atol=1e-9)
+        np.testing.assert_allclose(velocity.mean, mean[2:], atol=1e-9)
+        np.testing.assert_allclose(velocity.covariance, covariance[2:, 2:], atol=1e-12)
+
+
+def test_a_ramp_is_followed_without_lag() -> None:
+    belief: Belief = prior_belief(np.zeros(WIDTH), 1e-6 * np.eye(WIDTH))
+    velocity: Velocity | None = None
+    for number in range(1, 30):
+        moved = moving(belief, DRIFT, velocity)
+        belief = moved.belief.updated(*event_at(np.full(2, 0.003 * number)))
+        velocity = moved.after(belief)
+    assert velocity is not None
+    assert velocity.mean == pytest.approx([0.003, 0.003], rel=0.05)
+    assert belief.mean[FLOWS] == pytest.approx(np.full(2, 0.003 * 29), abs=3e-4)

@@ -272,12 +272,3 @@ def propagate_noise(
                 for i in range(size):
                     covariance[end, i] = 0.0
                     covariance[i, end] = 0.0
-
-
-def sum_of_squares(const double[:] errors) -> float:
-    """In the order of the samples."""
-    cdef double total = 0.0
-    cdef int64_t k
-    for k in range(errors.shape[0]):
-        total += errors[k] * errors[k]
-    return total

@@ -23,6 +23,7 @@ from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
+TOLD = 1e-10  # of the most that an event tells of a direction, below which it tells nothing
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
@@ -86,18 +87,14 @@ class Linearisation:
     def score(self, covariance: NDArray[np.float64]) -> float:
         """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
 
-        chi2 with m degrees of freedom when the belief is right.
+        chi2, when the belief is right, with as many degrees of freedom as directions that the event tells of:
+        parameters that it cannot tell apart are no singularity. Raises numpy.linalg.LinAlgError without a root of C.
         """
-        return float(self.gradient @ np.linalg.solve(self._spread(covariance), self.gradient))
-
-    def standard_scores(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Upward pull on each parameter (m,), in standard deviations, tested alone as in `score`; 0 without data."""
-        sigma = np.sqrt(np.diag(self._spread(covariance)))
-        return np.divide(-self.gradient, sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
-
-    def _spread(self, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Covariance (m, m) of the gradient when a belief is right."""
-        return self.information + self.information @ covariance @ self.information
+        root = np.linalg.cholesky(covariance)
+        told, directions = np.linalg.eigh(root.T @ self.information @ root)
+        pulls = directions.T @ (root.T @ self.gradient)
+        counts = told > TOLD * told[-1]
+        return float(np.sum(pulls[counts] ** 2 / (told[counts] * (1.0 + told[counts]))))
 
 
 class EventCost:

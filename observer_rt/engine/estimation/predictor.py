@@ -93,13 +93,3 @@ def innovations_with_sensitivity(
     learned = learned_of(theta, setting.coefficients)
     gradient = gradient_of(theta, setting.coefficients, learned)
     follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)
-
-
-def open_loop_errors(window: Window, setting: Setting, learned: Learned) -> NDArray[np.float64]:
-    """Output errors (n,) of the observer re-simulated over a window, through the sensor's lag.
-
-    x^ follows x~ up to the opening and runs open loop from there, as it does live.
-    """
-    errors = np.empty(window.output.size)
-    follow(window, setting, learned, window.opening, errors, NO_RATE, None, NO_SLOPES)
-    return errors

@@ -107,29 +107,15 @@ def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
 
 
 @dataclass(frozen=True, eq=False)
-class RecentScores:
-    """Sums of scores (k,), each standard normal unless something is contradicted, older events counting less."""
-
-    sums: NDArray[np.float64]
-    variance: float = 0.0
-
-    def after(self, scores: NDArray[np.float64], remembered: float) -> "RecentScores":
-        """Adds an event's scores (k,); remembered: weight of those before."""
-        return RecentScores(remembered * self.sums + scores, remembered**2 * self.variance + 1.0)
-
-    def beyond(self, sigmas: float) -> NDArray[np.bool_]:
-        """Marks sums (k,) that are further from 0 than this many of their standard deviations."""
-        return np.asarray(np.abs(self.sums) > sigmas * math.sqrt(self.variance))
-
-
-@dataclass(frozen=True, eq=False)
 class LagDoubt:
     """Evidence of recent events that their lag is none, and that it matters.
 
-    Sums of squares of the shares of rate and volume, and of the change of theta (m,).
+    Sums of scores (and its variance, where it is a lag), and of squares: of the shares of rate and volume, and of the
+    change of theta (m,).
     """
 
-    scores: RecentScores
+    score: float
+    variance_of_score: float
     events: float
     rate_squares: float
     volume_squares: float
@@ -140,7 +126,8 @@ class LagDoubt:
         if event is None:
             return no_doubt(self.change_squares.size)
         return LagDoubt(
-            self.scores.after(np.array([event.score]), REMEMBERED),
+            REMEMBERED * self.score + event.score,
+            REMEMBERED**2 * self.variance_of_score + 1.0,
             REMEMBERED * self.events + 1.0,
             REMEMBERED * self.rate_squares + event.rate_share**2,
             REMEMBERED * self.volume_squares + event.volume_share**2,
@@ -150,7 +137,7 @@ class LagDoubt:
     @property
     def is_no_lag(self) -> bool:
         """Whether recent events contradict a lag."""
-        return bool(self.scores.beyond(SIGNIFICANT)[0])
+        return abs(self.score) > SIGNIFICANT * math.sqrt(self.variance_of_score)
 
     @property
     def is_relevant(self) -> bool:
@@ -170,4 +157,4 @@ class LagDoubt:
 
 def no_doubt(width: int) -> LagDoubt:
     """Evidence before any event with a lag; width: columns of theta."""
-    return LagDoubt(RecentScores(np.zeros(1)), 0.0, 0.0, 0.0, np.zeros(width))
+    return LagDoubt(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(width))

@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.core.model.model import changes_and_activations, rest_state
 from observer_rt.engine.estimation.prediction_error import EventCost
-from observer_rt.engine.estimation.predictor import Window, open_loop_errors
+from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line.interface import stiffened
@@ -182,31 +182,6 @@ def test_meaning_of_a_parameter_vector() -> None:
     nozzle, seat, _ = changes_and_activations(x, u, network_of(theta))
     assert nozzle == pytest.approx(0.2 + 0.05 * math.tanh(4 * u[1] - 3.2))
     assert seat == -0.1
-
-
-def test_open_loop_error_is_lowest_for_the_truth(case: Case) -> None:
-    theta = worn_theta()
-    window = simulated_event(case, theta, event_inputs())
-
-    def error(of: NDArray[np.float64]) -> float:
-        errors = open_loop_errors(window, case.setting, learned_of(of, case.c))
-        return float(np.sum(errors[window.opening :] ** 2))
-
-    assert error(theta) < 1e-20
-    for parameter in range(PARAMETERS):
-        wrong = theta.copy()
-        wrong[parameter] += 0.05
-        assert error(wrong) > 1e-5
-
-
-def test_open_loop_error_leaves_the_time_before_the_opening_out(nominal: Case) -> None:
-    """A disturbance that the predictor has corrected before the needle opens costs next to nothing."""
-    window = simulated_event(nominal, HEALTHY, event_inputs())
-    start = window.start.copy()
-    start[[0, 3]] += 0.01
-    window = window._replace(start=start)
-    errors = open_loop_errors(window, nominal.setting, learned_of(HEALTHY, nominal.c))
-    assert np.sum(errors[window.opening :] ** 2) < 0.02 * 0.01**2 * window.output.size
 
 
 @pytest.mark.parametrize("together", [1, 3, 5])

@@ -33,7 +33,6 @@ LEFT_ALIKE = 1.0  # nats of the cost, within which two fits leave the same innov
 FALL_COUNTS = 0.2  # of the fall, by which the closed form may be wrong; M
 BEYOND = 2.0  # nats that may lie beyond limits and the reach of a linearisation; I
 LIVE = 5e-3  # weight from which on a hypothesis is carried on; M
-FORGOTTEN = 1e-3  # weight of a hypothesis, below which it does not stand for what was settled; M
 FIRST_STEPS, STEPS = 8, 2  # Gauss-Newton iterations: of a fit from far, and of one from near
 
 # Two of one mode are one.

@@ -88,20 +88,11 @@ def fitter_of(hypothesis: Hypothesis, reading: Reading, reader: EventReader) -> 
 
 
 def coming_back(account: Account, reader: EventReader) -> list[Hypothesis]:
-    """Hypotheses that all is as it was when it was settled, where no other one says so."""
-    current = [
-        h.learned.belief
-        for h in account.hypotheses
-        if h.mode.is_good and h.log_weight > math.log(c.FORGOTTEN)
-    ]
-    others = [each for each in account.settled if not any(is_compatible(one, each.belief) for one in current)]
-    return [
-        Hypothesis(
-            math.log(SETTLED.rate / len(others)),
-            replace(each, belief=each.belief.drifted(reader.drift)),
-        )
-        for each in others
-    ]
+    """Hypotheses that all is as it was when it was settled, where what is carried does not say so."""
+    belief = account.lead.learned.belief
+    others = [each for each in account.settled if not is_compatible(belief, each.belief)]
+    drifted = (replace(each, belief=each.belief.drifted(reader.drift)) for each in others)
+    return [Hypothesis(math.log(SETTLED.rate / len(others)), each) for each in drifted]
 
 
 Offers = Mapping[Kind, float]

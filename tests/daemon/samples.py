@@ -12,9 +12,9 @@ from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.hypotheses import Hypothesis, Mode
+from observer_rt.engine.learning.account.hypotheses import Mode, Possibility
 from observer_rt.engine.learning.account.scatter import Scatter
-from observer_rt.engine.learning.account.unexplained import Unexplained
+from observer_rt.engine.learning.account.unexplained import UnexplainedPressure
 from observer_rt.engine.learning.account.velocity import Velocity
 from observer_rt.engine.learning.account.wander import Wander
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
@@ -80,15 +80,15 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
     state = LearningState(
         account=Account(
             (
-                Hypothesis(
+                Possibility(
                     -0.1, learned, Mode.QUICK, Velocity(np.ones(2), np.ones((PARAMETERS, 2)), np.eye(2))
                 ),
-                Hypothesis(-2.4, learned, Mode.PASSING),
+                Possibility(-2.4, learned, Mode.PASSING),
             ),
             settled=(learned,),
             unobjected=4,
             wander=Wander(point=learned.learned_at[0]),
-            unexplained=Unexplained(1e-5, 3.0),
+            unexplained=UnexplainedPressure(1e-5, 3.0),
             scatter=Scatter(6.0, 7.0),
         ),
         noise=noise,

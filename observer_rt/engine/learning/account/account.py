@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from observer_rt.engine.learning.account.hypotheses import Hypothesis
+from observer_rt.engine.learning.account.hypotheses import Possibility
 from observer_rt.engine.learning.account.scatter import Scatter
-from observer_rt.engine.learning.account.unexplained import Unexplained
+from observer_rt.engine.learning.account.unexplained import UnexplainedPressure
 from observer_rt.engine.learning.account.wander import Wander
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.memory import Count
@@ -19,20 +19,20 @@ class Account:
     row without objection; wander, unexplained, scatter: what makes a mass less certain than a belief says.
     """
 
-    hypotheses: tuple[Hypothesis, ...]
+    hypotheses: tuple[Possibility, ...]
     settled: tuple[LearnedInjector, ...] = ()
     unobjected: Count = 0
     wander: Wander = field(default_factory=Wander)
-    unexplained: Unexplained = field(default_factory=Unexplained)
+    unexplained: UnexplainedPressure = field(default_factory=UnexplainedPressure)
     scatter: Scatter = field(default_factory=Scatter)
 
     @classmethod
     def of(cls, learned: LearnedInjector) -> "Account":
         """Account with one hypothesis: it is so."""
-        return cls((Hypothesis(0.0, learned),))
+        return cls((Possibility(0.0, learned),))
 
     @property
-    def lead(self) -> Hypothesis:
+    def lead(self) -> Possibility:
         """The hypothesis that is carried."""
         return self.hypotheses[0]
 

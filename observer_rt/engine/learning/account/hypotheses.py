@@ -125,7 +125,7 @@ def widths_of(kind: Kind, pressure_scale: float) -> Theta:
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis:
+class Possibility:
     """What may be so after an event: the logarithm of its weight, and what is then believed; velocity: of wear."""
 
     log_weight: float

@@ -17,7 +17,7 @@ FEWEST = 5  # samples with the needle open
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class UnexplainedPressure:
     """Mean square of the share, over recent events: sum, and of how many stretches."""
 
     squares: float = 0.0
@@ -28,7 +28,7 @@ class Unexplained:
         """Variance of a mass, as a share, by it."""
         return c.UNEXPLAINED_COUNTS * self.squares / self.count if self.count else 0.0
 
-    def after(self, window: Window, setting: Setting, theta: Theta, first: int) -> "Unexplained":
+    def after(self, window: Window, setting: Setting, theta: Theta, first: int) -> "UnexplainedPressure":
         """Adds an event explained with theta (m,), from sample `first` on.
 
         Means of the recorded less the indicated line pressure, with no gain, over the injection and over stretches of
@@ -51,4 +51,6 @@ class Unexplained:
             means += blocks.mean(axis=1).tolist()
         shares = np.array(means) / (2.0 * float(window.inputs[window.opening, 0]))
         kept = c.UNEXPLAINED_KEPT
-        return Unexplained(kept * self.squares + float(shares @ shares), kept * self.count + shares.size)
+        return UnexplainedPressure(
+            kept * self.squares + float(shares @ shares), kept * self.count + shares.size
+        )

@@ -13,7 +13,7 @@ from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.hypotheses import Hypothesis, Mode, is_alike, is_compatible
+from observer_rt.engine.learning.account.hypotheses import Mode, Possibility, is_alike, is_compatible
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
 from observer_rt.engine.learning.learned_injector import LearnedInjector
@@ -30,7 +30,7 @@ class Noise(NamedTuple):
     colour: Colour | None
 
 
-Continued = tuple[Explanation, Hypothesis]
+Continued = tuple[Explanation, Possibility]
 """An explanation of an event, and the hypothesis that goes on from it."""
 
 
@@ -43,20 +43,20 @@ class Believing:
     point: EventPoint
     _noises: dict[tuple[int, int], Noise] = field(default_factory=dict)
 
-    def after(self, explanation: Explanation) -> Hypothesis:
+    def after(self, explanation: Explanation) -> Possibility:
         """The hypothesis that goes on from an explanation. Raises numpy.linalg.LinAlgError when singular."""
         hypothesis, kind = explanation.hypothesis, explanation.kind
         log_weight = math.log(explanation.weight)
         if kind.mode.is_good:
             learned = self._learned(explanation)
             velocity = None if explanation.moving is None else explanation.moving.after(learned.belief)
-            return Hypothesis(log_weight, learned, kind.mode, velocity)
+            return Possibility(log_weight, learned, kind.mode, velocity)
         learned = hypothesis.learned
         if not learned.is_prior:
             learned = replace(learned, belief=explanation.prior)
         elif kind.mode is Mode.LASTING:  # else a wrong ring-down is taken for the colour of the noise
             learned = self._with_noise(learned, explanation)
-        return Hypothesis(log_weight, learned, kind.mode)
+        return Possibility(log_weight, learned, kind.mode)
 
     def _learned(self, explanation: Explanation) -> LearnedInjector:
         before, cost = explanation.hypothesis.learned, explanation.cost

@@ -8,14 +8,14 @@ import numpy as np
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.account.hypotheses import SETTLED, Hypothesis
+from observer_rt.engine.learning.account.hypotheses import SETTLED, Possibility
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point
 from observer_rt.engine.learning.posterior.believing import Believing, Continued, carried_on, noise_after
 from observer_rt.engine.learning.posterior.explaining import Offers, Weighing, coming_back, offered
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader, Follows, setting_of
-from observer_rt.engine.learning.posterior.reading import Reading
+from observer_rt.engine.learning.posterior.reading import EventReading
 from observer_rt.engine.learning.state import LearningState
 
 
@@ -85,10 +85,10 @@ class _Reads:
         self.state, self.window = state, window
         self._event, self._offset, self._reader = event, offset, reader
         self._phases = phases_of(window, round(EDGE / reader.interval), round(AFTERGLOW / reader.interval))
-        self._readings: list[Reading] = []
+        self._readings: list[EventReading] = []
         self.weighing = Weighing(reader, state.gains)
 
-    def weigh(self, hypothesis: Hypothesis, offers: Offers) -> None:
+    def weigh(self, hypothesis: Possibility, offers: Offers) -> None:
         """Explain the event by a hypothesis, where that is finite. Raises numpy.linalg.LinAlgError when singular."""
         learned = hypothesis.learned
         steps = self._reader.limits.longest_step
@@ -106,7 +106,7 @@ class _Reads:
             self._readings.append(reading)
         self.weighing.add(hypothesis, reading, offers)
 
-    def weigh_coloured(self, hypothesis: Hypothesis) -> None:
+    def weigh_coloured(self, hypothesis: Possibility) -> None:
         """Explain the event in the colour that noise at rest shows in it, where nothing is known of it before."""
         fit = self.weighing.fit_of(hypothesis)
         if fit is None:
@@ -118,7 +118,7 @@ class _Reads:
             hypothesis = replace(hypothesis, learned=coloured)
             self.weigh(hypothesis, *offered([hypothesis]))
 
-    def _read(self, learned: LearnedInjector) -> Reading:
+    def _read(self, learned: LearnedInjector) -> EventReading:
         """Reads the event round what a hypothesis believes."""
         state, event, reader, offset = self.state, self._event, self._reader, self._offset
         schedule = reader.gains(learned.theta, state.noise, event.constants)
@@ -131,7 +131,7 @@ class _Reads:
         )
         cost = reader.cost_of(state, learned, self.window, follows)
         first = cost.linearised(learned.theta)
-        return Reading(
+        return EventReading(
             learned,
             self.window,
             schedule,

@@ -19,8 +19,8 @@ from observer_rt.engine.learning.account.hypotheses import (
     INADEQUATE,
     QUICK,
     SETTLED,
-    Hypothesis,
     Kind,
+    Possibility,
     is_compatible,
     transitions,
     widths_of,
@@ -30,7 +30,7 @@ from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.posterior.reader import EventReader
-from observer_rt.engine.learning.posterior.reading import Reading
+from observer_rt.engine.learning.posterior.reading import EventReading
 
 _OWN = (BEFORE, QUICK)
 
@@ -43,10 +43,10 @@ class Explanation:
     kind: `SETTLED` of hypotheses that come back, mode: after it. moving: where wear moves on.
     """
 
-    hypothesis: Hypothesis
+    hypothesis: Possibility
     kind: Kind
     log_weight: float
-    reading: Reading
+    reading: EventReading
     prior: Belief
     cost: Linearisation
     theta: Theta
@@ -77,29 +77,29 @@ class _Found:
     cost: Linearisation
     fit: EventFit | None = None
 
-    def left_of(self, reading: Reading) -> Densities:
+    def left_of(self, reading: EventReading) -> Densities:
         """Densities of what is left of the event there."""
         return reading.leaves(self.theta, self.fit).densities
 
 
-def fitter_of(hypothesis: Hypothesis, reading: Reading, reader: EventReader) -> EventFitter:
+def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReader) -> EventFitter:
     """Fits an event from what a hypothesis believes."""
     return EventFitter(reading.cost, SCALARS.gate, hypothesis.learned.active, reader.limits)
 
 
-def coming_back(account: Account, reader: EventReader) -> list[Hypothesis]:
+def coming_back(account: Account, reader: EventReader) -> list[Possibility]:
     """Hypotheses that all is as it was when it was settled, where what is carried does not say so."""
     belief = account.lead.learned.belief
     others = [each for each in account.settled if not is_compatible(belief, each.belief)]
     drifted = (replace(each, belief=each.belief.drifted(reader.drift)) for each in others)
-    return [Hypothesis(math.log(SETTLED.rate / len(others)), each) for each in drifted]
+    return [Possibility(math.log(SETTLED.rate / len(others)), each) for each in drifted]
 
 
 Offers = Mapping[Kind, float]
 """Kinds of an event, and logarithms of their weights before it."""
 
 
-def offered(hypotheses: Sequence[Hypothesis]) -> list[Offers]:
+def offered(hypotheses: Sequence[Possibility]) -> list[Offers]:
     """Offers of hypotheses, the likeliest first, which are one belief in its modes.
 
     Each offers that all goes on; anything else, which needs no mode, is offered by the likeliest for all of them.
@@ -129,7 +129,7 @@ class Weighing:
         self._best = -math.inf
         self._found: list[Explanation] = []
 
-    def add(self, hypothesis: Hypothesis, reading: Reading, logs: Offers) -> None:
+    def add(self, hypothesis: Possibility, reading: EventReading, logs: Offers) -> None:
         """Explain the event by what a hypothesis offers. Raises numpy.linalg.LinAlgError when singular."""
         moved, priors = self._priors(hypothesis, logs)
         found = {
@@ -175,7 +175,7 @@ class Weighing:
                 )
             )
 
-    def fit_of(self, hypothesis: Hypothesis) -> EventFit | None:
+    def fit_of(self, hypothesis: Possibility) -> EventFit | None:
         """Where the event was fitted with what a hypothesis believes, if it was."""
         return next(
             (each.fit for each in self._found if each.hypothesis is hypothesis and each.kind is BEFORE), None
@@ -192,7 +192,7 @@ class Weighing:
         return [replace(self._found[i], weight=float(weights[i])) for i in order if weights[i] >= c.LIVE]
 
     def _priors(
-        self, hypothesis: Hypothesis, kinds: Collection[Kind]
+        self, hypothesis: Possibility, kinds: Collection[Kind]
     ) -> tuple[Moving | None, Mapping[Kind, Belief]]:
         """Beliefs before the event by kind, and how wear moves on."""
         learned, reader = hypothesis.learned, self._reader
@@ -209,14 +209,14 @@ class Weighing:
         moved = moving(priors[QUICK], reader.drift, hypothesis.velocity)
         return moved, priors | {QUICK: moved.belief}
 
-    def _nearly_white(self, reading: Reading, one: _Found, before: _Found) -> float:
+    def _nearly_white(self, reading: EventReading, one: _Found, before: _Found) -> float:
         """Nats by which what a kind leaves is more likely, being nearly white; as before, if it leaves as much."""
         leaves, as_before = (each.cost.expected(each.theta) for each in (one, before))
         alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else one
         return alike.left_of(reading).nearly_white
 
     def _fit(
-        self, hypothesis: Hypothesis, reading: Reading, before: _Found, one: _Found, behind: float
+        self, hypothesis: Possibility, reading: EventReading, before: _Found, one: _Found, behind: float
     ) -> None:
         """Fit a kind by itself, where it may matter and its closed form does not serve; behind: nats to the best."""
         first = reading.first

@@ -31,7 +31,7 @@ class Left(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class EventReading:
     """An event read with what `learned` says: its cost, and that linearised.
 
     innovations, unfiltered: (n,) there, the latter with the colour of the noise; slopes: (n, m); phases: (n,);

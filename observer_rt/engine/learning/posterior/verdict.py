@@ -23,7 +23,7 @@ Posterior = tuple[tuple[str, float], ...]
 SHOWN = 0.005  # probability, below which nothing is said
 
 
-class Verdict(NamedTuple):
+class EventVerdict(NamedTuple):
     """Objections to what is carried on, and to the event's own published mass; change: that it showed, if any."""
 
     forward: tuple[Objection, ...]
@@ -47,7 +47,7 @@ def verdict_of(
     in_force: Theta,
     contradictions: Sequence[Objection],
     wide: Theta,
-) -> Verdict:
+) -> EventVerdict:
     """Verdicts; in_force (m,): that the mass was published with; wide: standard deviations (m,) of the prior.
 
     contradictions: what no theta can hold.
@@ -72,7 +72,7 @@ def verdict_of(
         forward += (Objection(most),)
     is_change = lead[0].is_good and lead[0].kind not in BELIEVED
     change = _reason_of(lead[0], lead[1].learned.theta, wide) if is_change else Reason.NONE
-    return Verdict(forward, forward or _own_objections(own, against, lead[0].kind, shares), change)
+    return EventVerdict(forward, forward or _own_objections(own, against, lead[0].kind, shares), change)
 
 
 def _own_objections(

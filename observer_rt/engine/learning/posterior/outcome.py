@@ -10,11 +10,13 @@ from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.hypotheses import BELIEVED, FLOWS, QUICK, widths_of
+from observer_rt.engine.learning.account.velocity import Velocity
 from observer_rt.engine.learning.interval import resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow
 from observer_rt.engine.learning.posterior.believing import settled_after
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, named
 from observer_rt.engine.learning.posterior.masses import EventMass, mass_of, shares_of, within_of
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
@@ -25,7 +27,9 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
     """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
     explanation, lead = found.carried[0]
     learned, setting = lead.learned, explanation.reading.follows.setting
-    theta, covariance = learned.theta, learned.gated.covariance
+    # before anything was learned the best explanation is carried, though it is not believed
+    theta = explanation.theta if learned.is_prior else learned.theta
+    covariance = learned.gated.covariance
     again = resimulated(found.window, setting, found.state.noise, theta, covariance, covariance)
     mass = mass_of(found.window, setting, theta, again)
     beside = look_alikes_in(found, again, reader)
@@ -43,7 +47,7 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
     if not beside.begins_anew:
         account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
         state = replace(state, account=replace(account, hypotheses=tuple(one for _, one in found.carried)))
-    in_force = _carried(found, reader)
+    in_force = theta if lead.velocity is None else _ahead(theta, explanation, lead.velocity, reader)
     covariance = covariance + _apart(found, mass, within_of(shares)) + beside.by_coil
     again = replace(
         again,
@@ -102,12 +106,8 @@ def _apart(found: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.
     return total
 
 
-def _carried(found: ExplainedEvent, reader: EventReader) -> Theta:
-    """Theta (m,) to carry: where wear moves on, ahead of what was learned, for it is carried later."""
-    explanation, lead = found.carried[0]
-    theta, velocity = lead.learned.theta, lead.velocity
-    if velocity is None:
-        return theta
+def _ahead(theta: Theta, explanation: Explanation, velocity: Velocity, reader: EventReader) -> Theta:
+    """Theta (m,) to carry where wear moves on: ahead of what was learned, for it is carried later."""
     theta = theta.copy()
     theta[list(FLOWS)] += c.AHEAD * explanation.weight * velocity.mean
     return np.clip(theta, reader.limits.lowest, reader.limits.highest)

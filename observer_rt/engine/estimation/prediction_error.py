@@ -23,7 +23,7 @@ from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
-TOLD = 1e-10  # of the most that an event tells of a direction, below which it tells nothing
+TOLD = 1e-9  # of what an event tells of one parameter, below which it tells nothing of a direction
 _OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
 
 
@@ -88,13 +88,18 @@ class Linearisation:
         """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
 
         chi2, when the belief is right, with as many degrees of freedom as directions that the event tells of:
-        parameters that it cannot tell apart are no singularity. Raises numpy.linalg.LinAlgError without a root of C.
+        parameters that it cannot tell apart, or says nothing about, are no singularity.
         """
-        root = np.linalg.cholesky(covariance)
-        told, directions = np.linalg.eigh(root.T @ self.information @ root)
-        pulls = directions.T @ (root.T @ self.gradient)
-        counts = told > TOLD * told[-1]
-        return float(np.sum(pulls[counts] ** 2 / (told[counts] * (1.0 + told[counts]))))
+        scale = np.sqrt(np.diag(self.information))
+        columns = np.flatnonzero(scale > 0.0)
+        both, scale = np.ix_(columns, columns), scale[columns]
+        told, directions = np.linalg.eigh(self.information[both] / np.outer(scale, scale))
+        roots = np.sqrt(told[told > TOLD])
+        directions = directions[:, told > TOLD]
+        pulls = (self.gradient[columns] / scale) @ directions / roots
+        known = (scale[:, None] * directions) * roots
+        spread = np.eye(roots.size) + known.T @ covariance[both] @ known
+        return float(pulls @ np.linalg.solve(spread, pulls))
 
 
 class EventCost:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.core.model.model import changes_and_activations, rest_state
-from observer_rt.engine.estimation.prediction_error import EventCost
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
 from observer_rt.model.effective import coefficients
@@ -226,3 +226,15 @@ def made_up_event(case: Case) -> Window:
     start[-1] = inputs[0, 0]
     output = inputs[:, 0] - 0.04 * inputs[:, 1] + np.random.default_rng(2).normal(0.0, 1e-3, len(inputs))
     return Window(inputs, output, np.arange(len(inputs)) < 100, start, 100)
+
+
+def test_what_an_event_cannot_tell_apart_is_no_singularity() -> None:
+    """Two columns that do the same count as one, one that does nothing as none."""
+    slopes = np.random.default_rng(3).normal(size=(200, 4))
+    slopes[:, 2], slopes[:, 3] = -2.0 * slopes[:, 1], 0.0
+    information, prior = slopes.T @ slopes, np.diag([0.1, 0.2, 0.0, 0.3])
+    gradient = slopes.T @ np.random.default_rng(4).normal(size=200)
+    found = Linearisation(np.zeros(4), 0.0, gradient, information).score(prior)
+    told = np.ix_([0, 1], [0, 1])
+    spread = information[told] + information[told] @ prior[told] @ information[told]
+    assert found == pytest.approx(float(gradient[:2] @ np.linalg.solve(spread, gradient[:2])))

@@ -13,7 +13,7 @@ LINE_CHANGES = 1 / 3000
 SHIFTS = 1 / 100  # of all a little; M: without, 17 of 26 valid for 26 where friction grows with the pressure
 RETURNS = 1 / 100  # to what was settled
 FAULT_BEGINS, FAULT_STAYS = 1 / 100, 0.5  # of an event
-INADEQUATE_BEGINS, INADEQUATE_STAYS = 1 / 1000, 0.98  # of the model
+INADEQUATE_BEGINS, INADEQUATE_STAYS = 1 / 1000, 0.9  # of the model
 
 # How far theta may have moved.
 QUICKER = 8.0  # usual drifts an event, of quick wear beside its velocity; M

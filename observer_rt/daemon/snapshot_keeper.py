@@ -43,6 +43,7 @@ from observer_rt.engine.reports.injection_report import (
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
+from observer_rt.foundation.errors import REMEDY
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 LOAD_WINDOW = 1.0  # s
@@ -50,7 +51,6 @@ LONGEST_WINDOW = 3.0  # s, after which counts of frames are too old to be compar
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
 _LOOK = 0.01  # s between two looks for them
 _OF_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # said of messages that stay away
-_REMEDY = "\n  remedy: "
 
 
 class SnapshotKeeper:
@@ -88,7 +88,7 @@ class SnapshotKeeper:
         elif isinstance(news, MeasuredMass):
             self._news.append((news, now))
         elif isinstance(news, Notice) and news.topic is Topic.LINK:
-            what, _, remedy = news.text.partition(_REMEDY)
+            what, _, remedy = news.text.partition(REMEDY)
             self._notice = None if news.is_over else Fault(what, now, remedy)
 
     def snapshot(self, since: int = 0) -> Snapshot:
@@ -244,7 +244,7 @@ class LoadMeter:
             BusStatus(
                 port.label,
                 {each.name: part for each, part in share.items() if each.bus == number},
-                port.down.partition(_REMEDY)[0],
+                port.down.partition(REMEDY)[0],
             )
             for number, port in enumerate(daemon.ports)
             if not isinstance(port.link, IdleLink)
@@ -269,7 +269,7 @@ def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -
     down = [
         Fault(f"{port.label} is down: {what}", port.down_since, remedy)
         for port in daemon.ports
-        for what, _, remedy in (port.down.partition(_REMEDY),)
+        for what, _, remedy in (port.down.partition(REMEDY),)
         if what
     ]
     silent = _silence(daemon, now)

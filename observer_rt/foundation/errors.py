@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher
 
+REMEDY = "\n  remedy: "  # between a problem and what to do
 CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
 
 
@@ -34,11 +35,11 @@ class UserError(ObserverError):
         self.place = place
         self.problem = problem
         self.remedy = remedy
-        super().__init__(f"{place}: {problem}" + (f"\n  remedy: {remedy}" if remedy else ""))
+        super().__init__(f"{place}: {problem}" + (f"{REMEDY}{remedy}" if remedy else ""))
 
 
 class CombinedError(ObserverError):
-    """Failures of several that were served side by side, each under its name.
+    """Failures of several injectors of a recording, each under its name.
 
     The exit code is that of one alone, and 1 where some failed at run time: another start may help those.
     """

@@ -51,23 +51,24 @@ def worn_case(discrepancy: Discrepancy, seed: int, number: int) -> Case:
 
 def worn_model(discrepancy: Discrepancy, seed: int, out: Path) -> Path:
     """The injector file that `fit` makes of healthy recordings of a plant. Raises RunError where it fails."""
-    benches = healthy_benches(Rig(discrepancy, False, seed))
-    outcomes = {f"healthy_{number}": record(bench) for number, bench in enumerate(benches)}
     folder = out / f"{discrepancy}-{seed}"
-    weighed, more = folder / "masses.txt", []
-    if discrepancy is Discrepancy.LENGTH:
-        rng = np.random.default_rng([seed, zlib.crc32(b"weighed")])
-        density = plant_of(discrepancy, seed).part.density
-        masses = [_mean_mass_mg(each, density) * rng.normal(1.0, WEIGHED_SIGMA) for each in outcomes.values()]
-        rows = [f"{name}.csv,{mass:.5f}" for name, mass in zip(outcomes, masses, strict=True)]
-        more = ["--mass", str(weighed)]
+    weighed = folder / "masses.txt"
+    is_weighed = discrepancy is Discrepancy.LENGTH
 
     def recorded(folder: Path) -> list[Path]:
-        if more:
+        benches = healthy_benches(Rig(discrepancy, False, seed))
+        outcomes = {f"healthy_{number}": record(bench) for number, bench in enumerate(benches)}
+        if is_weighed:
+            rng = np.random.default_rng([seed, zlib.crc32(b"weighed")])
+            density = plant_of(discrepancy, seed).part.density
+            masses = [
+                _mean_mass_mg(each, density) * rng.normal(1.0, WEIGHED_SIGMA) for each in outcomes.values()
+            ]
+            rows = [f"{name}.csv,{mass:.5f}" for name, mass in zip(outcomes, masses, strict=True)]
             weighed.write_text("\n".join(["recording,mass_mg", *rows]) + "\n")
         return write_outcomes(folder, outcomes)
 
-    return fitted_model(folder, recorded, more)
+    return fitted_model(folder, recorded, ["--mass", str(weighed)] if is_weighed else [])
 
 
 def score_worn(discrepancy: Discrepancy, seed: int, number: int, model: Path) -> Row:

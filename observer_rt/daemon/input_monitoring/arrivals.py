@@ -55,10 +55,6 @@ class Arrivals:
         """Begins to wait for messages now: before, nothing could come."""
         self._begin = now
 
-    def last_result(self, layout: MessageLayout) -> int:
-        """Time [ns] of the last frame of a message of results, or from which on it could have come."""
-        return max(self._begin, self._heard[_key(layout)].last)
-
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:
         """Counts a frame."""
         heard = self._heard.get((bus, frame_id, is_extended))

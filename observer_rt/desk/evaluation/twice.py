@@ -44,7 +44,6 @@ from observer_rt.engine.service.constants import EVENTS_REQUIRED
 from observer_rt.engine.service.learners import make_learner
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason, State
-from observer_rt.foundation.errors import UserError
 
 Matrix = NDArray[np.float64]
 _LIFTED = frozenset({Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.REVISED})
@@ -98,16 +97,8 @@ class SecondLook:
         self._active: frozenset[int] = frozenset()
 
     def learner(self, fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
-        """Learner of an injector that is listened to, as of `LearnerFactory`.
-
-        Raises `UserError` for a training that has no intervals.
-        """
-        learner = make_learner(fitted, constants, knowledge)
-        if not isinstance(learner, Learner):
-            raise UserError(
-                fitted.place("learning.training"), "has no intervals", "look once, or leave training out"
-            )
-        return _Listened(learner, self)
+        """Learner of an injector that is listened to, as of `LearnerFactory`."""
+        return _Listened(make_learner(fitted, constants, knowledge), self)
 
     def take(self, outcome: Outcome, interval: float) -> None:
         """Keep an event from which something was learned; interval: of its samples [s]."""
@@ -117,7 +108,6 @@ class SecondLook:
             return
         point = operating_point(window, interval)
         far = UNSEEN * extrapolation_sigma(point, state.learned.learned_at[:-1])
-        by_coil = state.energizing.current.covariance
         self._runs.append(_Run(window, setting))
         self._events.append(
             _Event(
@@ -126,7 +116,7 @@ class SecondLook:
                 window.output.size,
                 point,
                 state.noise,
-                0.0 if by_coil is None else by_coil,
+                state.energizing.current.unsure,
                 math.sqrt(max(again.systematic**2 - far**2, 0.0)),
                 again.unknown,
                 state.unseen_variance,

@@ -21,7 +21,7 @@ from observer_rt.daemon.snapshot import (
     StatusLevel,
     read_snapshot,
 )
-from observer_rt.foundation.errors import ObserverError
+from observer_rt.foundation.errors import REMEDY, ObserverError
 
 SILENT_AFTER = 1.0  # s without a look of the daemon at itself, after which nothing of it is of now
 WAIT = 0.3  # s that a daemon waits for news before it answers
@@ -104,7 +104,7 @@ class DaemonReader:
         since = self._begin if status is None else status.moment
         if status is None and not self._is_old(since):
             return Seen(self.name, "no status yet", "nothing was heard of the observer", StatusLevel.WAITING)
-        what, _, remedy = self._failure.partition("\n  remedy: ")
+        what, _, remedy = self._failure.partition(REMEDY)
         silence = Fault(what or "the observer does not answer", since, remedy or self._start)
         lost = 0 if status is None else status.lost
         words = "all below is old"

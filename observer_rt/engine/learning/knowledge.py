@@ -23,9 +23,7 @@ class Adoption(StrEnum):
     """Result of learning from an event."""
 
     ADOPTED = "adopted"
-    REJECTED = (
-        "rejected"  # what was in force stays: the event is at fault, or the paper's theta does no better
-    )
+    REJECTED = "rejected"  # what was in force stays
     FAILED = "failed"  # singular information, or no finite cost
 
 
@@ -53,14 +51,13 @@ class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and the event's report.
 
     knowledge: its `in_force` is the new theta when adopted, else the old one. forward: objections to what is carried
-    on, objections: to the event's own mass, too. estimate: the new theta in any case,
-    with the covariance (m, m) of its error, None where the training knows none. resimulated: the event with the
-    estimate, None where nothing usable was learned from it.
-    outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
-    square of its innovations where it is loudest over that at rest, by what is known of its noise. known:
-    where the flow is known well enough by what is to be carried. prior: belief before the event, drift included.
-    window, setting: with which it was run again. change: that an event
-    showed which passed. posterior: what the event may be, in words, and how probable.
+    on, objections: to the event's own mass, too. estimate: the new theta in any case, with the covariance (m, m) of
+    its error. resimulated: the event with the estimate, None where nothing usable was learned from it. outliers:
+    samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean square of
+    its innovations where it is loudest over that at rest, by what is known of its noise. known: where the flow is
+    known well enough by what is to be carried. prior: belief before the event, drift included. window, setting: with
+    which it was run again. change: that an event showed which passed. posterior: what the event may be, in words, and
+    how probable.
     """
 
     adoption: Adoption
@@ -69,7 +66,7 @@ class Outcome:
     forward: tuple[Objection, ...]
     objections: tuple[Objection, ...]
     estimate: NDArray[np.float64]
-    covariance: NDArray[np.float64] | None
+    covariance: NDArray[np.float64]
     resimulated: Resimulated | None = None
     outliers: int = 0
     loudest: float = 1.0

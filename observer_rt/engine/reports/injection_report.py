@@ -127,8 +127,8 @@ def report_of(
     event, outcome = judged.event, judged.outcome
     c = judged.fuel.constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
-    estimate = (judged.known.in_force, None) if outcome is None else (outcome.estimate, outcome.covariance)
-    indicators = indicators_of(*estimate, *middle)
+    theta = judged.known.in_force if outcome is None else outcome.estimate
+    indicators = indicators_of(theta, None if outcome is None else outcome.covariance, *middle)
     volume = float(injection["volume"])
     interval, sigma, revised = None, None, False
     belongs = injection["event"] == event["number"]

@@ -31,7 +31,7 @@ SIGNALS = {  # short name, unit, its size
 }
 
 
-def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
+def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> Learner:
     """The learner of an injector."""
     return Learner(constants, knowledge, healthy=healthy_injector(fitted))
 

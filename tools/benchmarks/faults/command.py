@@ -21,14 +21,11 @@ from tools.benchmarks.fitting import plain_model
 from tools.benchmarks.scoring import with_signals
 
 CASES = 520
-SEVERAL = "several at once"
 _BLOCKS = {
     "rail_pressure": {"message": "RailPressureBlock"},
     "needle_lift": {"message": "NeedleLiftBlock"},
     "line_pressure": {"message": "LinePressureBlock"},
 }
-
-
 BARS = (
     Bar("crashes", "crashed", "sum", most=0),
     Bar("wrong_valid_samples", "wrong_samples", "sum", most=0),

@@ -11,12 +11,11 @@ import numpy as np
 from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
 from observer_rt.engine.learning.account import constants as c
-from observer_rt.engine.learning.account.velocity import Velocity
+from observer_rt.engine.learning.account.velocity import FLOWS, Velocity
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.state import Reason
 
 P = Parameter
-FLOWS = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS))
 _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
 WEAR = (int(P.NOZZLE_BIAS), *range(P.NOZZLE_WEIGHT, P.SEAT_BIAS), int(P.SEAT_BIAS), *_BACK_PRESSURE)
 SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG))

@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.scalars import Parameter
 from observer_rt.engine.learning.account import constants as c
 
 Matrix = NDArray[np.float64]
-_FLOWS = [int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)]
+FLOWS = (int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS))  # columns of theta that may move on
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +47,14 @@ class Moving:
 
 def moving(belief: Belief, drift: Matrix, velocity: Velocity | None) -> Moving:
     """Moves a belief on by one event; drift: usual standard deviations (m,); velocity: None, where it begins."""
-    usual = drift[_FLOWS]
+    usual = drift[list(FLOWS)]
     if velocity is None:
         velocity = Velocity(np.zeros(2), np.zeros((drift.size, 2)), np.diag((c.SPEED * usual) ** 2))
     else:
         turned = velocity.covariance + np.diag((c.TURNS * usual) ** 2)
         velocity = Velocity(velocity.mean, velocity.across, turned)
     by = np.zeros((drift.size, 2))
-    by[_FLOWS, [0, 1]] = 1.0
+    by[list(FLOWS), [0, 1]] = 1.0
     moved = by @ velocity.across.T + velocity.across @ by.T + by @ velocity.covariance @ by.T
     belief = Belief(
         belief.mean + by @ velocity.mean,

@@ -183,6 +183,11 @@ class CoilCurrent:
     pulse: CoilPulse | None = None
     covariance: NDArray[np.float64] | None = None
 
+    @property
+    def unsure(self) -> NDArray[np.float64] | float:
+        """Covariance of theta (m, m) by what is not known of the pulse, or 0."""
+        return 0.0 if self.covariance is None else self.covariance
+
     def undone(self, window: Window) -> Window:
         """A window without the pulse."""
         return window if self.pulse is None else self.pulse.taken_out(window)

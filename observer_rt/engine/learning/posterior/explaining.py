@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from observer_rt.engine.learning.account.fault_density import Densities
 from observer_rt.engine.learning.account.hypotheses import (
     AT_FAULT,
     BEFORE,
+    BELIEVED,
     INADEQUATE,
     QUICK,
     SETTLED,
@@ -58,6 +60,13 @@ class Explanation:
     def is_good(self) -> bool:
         """Whether the event is explained, and learned from."""
         return self.kind.mode.is_good
+
+    @cached_property
+    def score_as_believed(self) -> float | None:
+        """Score of the event before it was fitted; None where it came not as believed, or nothing was believed."""
+        if self.kind not in BELIEVED or self.hypothesis.learned.is_prior:
+            return None
+        return self.reading.first.score(self.prior.covariance)
 
     def fitted(self, reader: EventReader) -> "Explanation":
         """The same, fitted."""

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, sensor_lag
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.hypotheses import BELIEVED, SENSOR_CHANGED
+from observer_rt.engine.learning.account.hypotheses import SENSOR_CHANGED
 from observer_rt.engine.learning.adequacy import (
     Objection,
     inadequate_phase,
@@ -35,9 +34,6 @@ from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
 from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.stream.state import Reason
 
-Unsure = NDArray[np.float64] | float
-"""Covariance (m, m) of theta, or 0."""
-
 
 @dataclass(frozen=True, eq=False)
 class LookAlikes:
@@ -52,12 +48,6 @@ class LookAlikes:
     objections: tuple[Objection, ...]
     is_ending: bool
     begins_anew: bool
-
-    @property
-    def by_coil(self) -> Unsure:
-        """What is not known of the coil's pulse."""
-        covariance = self.state.energizing.current.covariance
-        return 0.0 if covariance is None else covariance
 
 
 def look_alikes_in(found: ExplainedEvent, again: Resimulated, reader: EventReader) -> LookAlikes:
@@ -137,8 +127,8 @@ def _followed(
     offset = float(explanation.theta[Parameter.LINE_PRESSURE_OFFSET])
     rest = resting_segments(found.window, first, reader.resting)
     overdispersion = state.overdispersion
-    if explanation.kind in BELIEVED and not explanation.hypothesis.learned.is_prior:
-        overdispersion = overdispersion.after(reading.first.score(explanation.prior.covariance))
+    if explanation.score_as_believed is not None:
+        overdispersion = overdispersion.after(explanation.score_as_believed)
     return replace(
         state,
         events=state.events + 1,

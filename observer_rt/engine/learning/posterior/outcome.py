@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.hypotheses import BELIEVED, FLOWS, QUICK, widths_of
-from observer_rt.engine.learning.account.velocity import Velocity
+from observer_rt.engine.learning.account.hypotheses import BELIEVED, QUICK, widths_of
+from observer_rt.engine.learning.account.velocity import FLOWS, Velocity
 from observer_rt.engine.learning.interval import resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import UNSEEN, extrapolation_sigma, known_flow
@@ -48,11 +48,12 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
         account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
         state = replace(state, account=replace(account, hypotheses=tuple(one for _, one in found.carried)))
     in_force = theta if lead.velocity is None else _ahead(theta, explanation, lead.velocity, reader)
-    covariance = covariance + _apart(found, mass, within_of(shares)) + beside.by_coil
+    by_coil = beside.state.energizing.current.unsure
+    covariance = covariance + _apart(found, mass, within_of(shares)) + by_coil
     again = replace(
         again,
         covariance=covariance,
-        carried_covariance=learned.gated.carried(event.in_force) + beside.by_coil,
+        carried_covariance=learned.gated.carried(event.in_force) + by_coil,
         systematic=math.hypot(systematic, state.lag_doubt.volume_share),
         unknown=shares.beside,
     )
@@ -91,8 +92,8 @@ def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: 
             belief = belief.widened(widths_of(QUICK, reader.pressure_scale))
         variance = mass.variance(replace(carried.learned, belief=belief).gated.covariance)
         wander = account.wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
-    if explanation.kind in BELIEVED and not explanation.hypothesis.learned.is_prior:
-        scatter = scatter.after(explanation.reading.first.score(explanation.prior.covariance))
+    if explanation.score_as_believed is not None:
+        scatter = scatter.after(explanation.score_as_believed)
     return replace(account, unexplained=unexplained, wander=wander, scatter=scatter)
 
 

@@ -5,7 +5,6 @@ import threading
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from observer_rt.bus.links.link import Frame
@@ -13,9 +12,9 @@ from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import Topic
-from observer_rt.files.replay.framing import TimedFrame, windows
+from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
-from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
+from tests.daemon.end_to_end import published_rates, results_of
 from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, over_bus, serving, until
 from tests.device import frames_of, worn_recording
 
@@ -55,36 +54,6 @@ def test_frames_equal_those_of_evaluate(bus: tuple[Path, float]) -> None:
     assert last["Adoptions"] == daemon.core.counters.adoptions
     assert last["State"] == State.ADAPTED
     assert last["LostSamples"] == last["DroppedFrames"] == last["LateAdoptions"] == 0
-
-
-def test_windowed_source_every_index_sent_once(bus: tuple[Path, float]) -> None:
-    bench, speed = bus
-    recording = worn_recording()
-    spans = windows(recording)
-    heard, daemon = over_bus(bench, frames_of(bench, recording, spans), speed)
-    rate, count = published_rates(heard.rates, recording.samples)
-    assert count.max() == 1
-    assert len(heard.summaries) == len(spans) == 4
-    outside = np.ones(recording.samples, bool)
-    for span in spans:
-        assert (count[span.start : span.end] == 1).all()
-        assert not np.isnan(rate[span.start + 75 : span.end]).any()  # from 0.5 ms before the opening on
-        outside[span.start : span.end] = False
-    assert np.isnan(rate[outside]).all()
-    assert daemon.core.counters.lost_samples == 0
-    assert [decoded(SUMMARY, s)["Valid"] for s in heard.summaries] == [0, 0, 1, 1]
-
-
-def test_lost_frame_is_not_available_and_counted(bus: tuple[Path, float]) -> None:
-    bench, speed = bus
-    frames, gone = frames_of(bench, worn_recording()), 200
-    heard, _ = over_bus(bench, frames[:gone] + frames[gone + 1 : 600], speed)
-    rate, count = published_rates(heard.rates, 600 * BLOCK)
-    assert count.max() == 1
-    assert np.isnan(rate[gone * BLOCK : (gone + 1) * BLOCK]).all()
-    assert not np.isnan(rate[gone * BLOCK - 1])
-    assert not np.isnan(rate[(gone + 50) * BLOCK])
-    assert heard.last_status()["LostSamples"] == BLOCK
 
 
 def test_states_before_frames_between_and_after(bench: Path, frames: list[TimedFrame]) -> None:
@@ -128,16 +97,6 @@ def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> No
     assert daemon.core.knowledge.phi_version >= 2
     left = set(threading.enumerate()) - others
     assert "learning" not in [thread.name.split("_")[0] for thread in left]
-
-
-def test_learning_that_is_switched_off(bench: Path, frames: list[TimedFrame], tmp_path: Path) -> None:
-    path = tmp_path / "bench.toml"
-    path.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
-    heard, _ = over_bus(path, frames)
-    expected = evaluate(load_bench(path), [worn_recording()], learning=False)
-    assert heard.rates == payloads(expected.frames, RATE)
-    last = heard.last_status()
-    assert (last["Learning"], last["Adoptions"], last["State"]) == (0, 0, State.DEGRADED)  # worn
 
 
 def test_writes_that_failed_are_counted_in_the_status(bench: Path, frames: list[TimedFrame]) -> None:

@@ -23,7 +23,7 @@ from tests.daemon.participants import bench_file, until
 from tests.device import worn_recording
 from tests.kept_evidence import keeping, observe
 
-INJECTIONS = 5
+INJECTIONS = 3
 
 
 @pytest.fixture

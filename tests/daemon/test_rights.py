@@ -1,7 +1,6 @@
 """Rights of a process, and processors of its loops: what is asked for is tried, and what is granted is used."""
 
 import os
-import resource
 import socket
 import subprocess
 import sys
@@ -17,7 +16,6 @@ from hypothesis import strategies as st
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.daemon.rights import (
     Processors,
-    Rights,
     hurry,
     numbers_in,
     processors,
@@ -82,11 +80,6 @@ def test_memory_is_locked_where_it_is_said_to_be() -> None:
 
 def test_a_process_without_rights_goes_on_without() -> None:
     run_alone(LIMITED)
-
-
-def test_what_is_said() -> None:
-    assert Rights(True, False, 80).as_text() == "real time: priority 80 for the loop, memory not locked"
-    assert resource.getrlimit(resource.RLIMIT_RTPRIO)[0] == resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
 
 
 NOT_THERE = 8191
@@ -168,19 +161,6 @@ def as_linux_writes(numbers: Iterable[int]) -> str:
 @given(st.sets(st.integers(0, 300)))
 def test_lists_of_linux(numbers: set[int]) -> None:
     assert numbers_in(as_linux_writes(numbers)) == tuple(sorted(numbers))
-
-
-@pytest.mark.parametrize(
-    ("found", "text"),
-    [
-        (Processors(), "no CPU of its own for the loop"),
-        (Processors((3,)), "the loop on CPU 3, Python beside it"),
-        (Processors((2, 3), are_isolated=True), "the loop on CPU 2, 3, isolated"),
-        (Processors((0,), are_shared=True), "the loop on CPU 0, with Python on it, too"),
-    ],
-)
-def test_what_is_said_of_processors(found: Processors, text: str) -> None:
-    assert found.as_text() == text
 
 
 def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:

@@ -62,9 +62,13 @@ def test_skew_that_nobody_tells_of_is_seen_in_the_error(tmp_path: Path) -> None:
     assert max(injection.rmse for injection in injections) > 2 * SCENARIOS[0].rmse
 
 
-def test_times_are_told(tmp_path: Path) -> None:
-    outcome = from_two(tmp_path, TWO_BASES, OTHER)
-    line, other = sorted(outcome.core.timing, key=lambda timing: timing.name)
+@pytest.fixture(scope="module")
+def two_bases(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    return from_two(tmp_path_factory.mktemp("two"), TWO_BASES, OTHER)
+
+
+def test_times_are_told(two_bases: Outcome) -> None:
+    line, other = sorted(two_bases.core.timing, key=lambda timing: timing.name)
     assert (line.name, other.name) == ("Line", "RailLift")
     assert other.drift - line.drift == pytest.approx(50e-6, abs=1e-6)
     assert other.jitter.greatest < 20e-6
@@ -74,7 +78,6 @@ def test_times_are_told(tmp_path: Path) -> None:
     assert "ppm" in other.as_text()
 
 
-def test_first_second_of_two_bases_is_not_valid(tmp_path: Path) -> None:
-    outcome = from_two(tmp_path, TWO_BASES, OTHER)
-    assert not outcome.valid[outcome.times < 0.8].any()
-    assert {state for state, _ in outcome.states(0.0, 0.75)} <= {State.STARTING, State.DEGRADED}
+def test_first_second_of_two_bases_is_not_valid(two_bases: Outcome) -> None:
+    assert not two_bases.valid[two_bases.times < 0.8].any()
+    assert {state for state, _ in two_bases.states(0.0, 0.75)} <= {State.STARTING, State.DEGRADED}

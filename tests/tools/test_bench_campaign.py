@@ -132,23 +132,6 @@ def test_the_exit_code_and_json_tell_what_is_missed(
     assert len(pd.read_csv(tmp_path / "rows.csv")) == len(rows)
 
 
-def test_what_is_printed_has_tables_figures_and_lines(
-    frame: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    shown = table(frame, "kind", {"cases": ("label", "count")})
-    with pytest.raises(typer.Exit):
-        conclude(
-            frame,
-            [Bar("largest", "errors", "max", most=1.0)],
-            {"by kind": shown},
-            tmp_path,
-            False,
-            ["a line"],
-        )
-    told = capsys.readouterr().out
-    assert all(each in told for each in ("by kind", "largest", "MISSED", "a line", "b 1: ValueError: no"))
-
-
 @pytest.mark.parametrize(
     "words",
     [

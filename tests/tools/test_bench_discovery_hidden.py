@@ -48,18 +48,6 @@ def test_sizes_are_log_uniform_with_both_signs_where_allowed(name: str) -> None:
     assert 0.35 < np.mean(sizes < 0.0) < 0.65 if drawn.most_negative else np.all(sizes > 0.0)
 
 
-def test_cases_are_even_and_reproducible() -> None:
-    effects, rates = tuple(HIDDEN), (False, True)
-    few, many = (nominal_cases(effects, n, rates, 3) for n in (2 * len(effects), 80))
-    assert {c.label for c in few} < {c.label for c in many}
-    assert many == nominal_cases(effects, 80, rates, 3)
-    assert not {c.label for c in many} & {c.label for c in nominal_cases(effects, 80, rates, 4)}
-    assert [sum(c.name == e and c.with_rate is rate for c in few) for e in effects for rate in rates] == [
-        1
-    ] * 2 * len(effects)
-    assert sum(c.name == HEALTHY and c.with_rate for c in few) == len(effects)
-
-
 def test_measured_rate_has_white_noise_and_a_gain_of_its_own() -> None:
     gains, noise = [], []
     for case in cases_of(HEALTHY, True, 12):

@@ -8,12 +8,12 @@ import pytest
 from observer_rt.model.effects import VOCABULARY
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Measured, Needle, Outcome, Shot, Surroundings, record
+from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
 from tests.plants.wave import LINES, Variant, WaveLine, new_part, real_part
-from tools.benchmarks.discovery.cases import Asked, real_benches, real_case, real_cases
+from tools.benchmarks.discovery.cases import real_benches, real_case
 from tools.benchmarks.discovery.discrepancies import LONGEST, Discrepancy, drawn_rail, plant_of
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches
-from tools.benchmarks.discovery.vocabulary import EFFECTS, OUTSIDE, PAIRS, bent_sensor, late_rail
+from tools.benchmarks.discovery.vocabulary import EFFECTS, OUTSIDE, PAIRS
 
 STRUCTURES = {"seat_outflow"}
 SEVERAL_FAULTS = Faults(
@@ -123,26 +123,6 @@ def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:
             assert drawn.most_negative == 0.0 or bounds.lowest < 0.0
 
 
-def test_cases_are_spread_and_reproducible() -> None:
-    every, rates = list(Discrepancy), (False, True)
-    many, few = (real_cases(n, None, rates, every, 3) for n in (300, 100))
-    assert many == real_cases(300, None, rates, every, 3)
-    assert {c.label for c in few} < {c.label for c in many}
-    assert not {c.label for c in many} & {c.label for c in real_cases(300, None, (False,), every, 4)}
-    kinds = [
-        sum(c.asked is kind for c in many)
-        for kind in (Asked.HEALTHY, Asked.SINGLE, Asked.PAIR, Asked.OUTSIDE)
-    ]
-    assert kinds == [60, 150, 45, 45]
-    for name in EFFECTS:
-        assert len({c.rig for c in many if c.name == name}) >= 5
-    for discrepancy in every:
-        assert 35 <= sum(c.rig is not None and c.rig.discrepancy is discrepancy for c in many) <= 50
-    assert 0.4 < np.mean([c.with_rate for c in many]) < 0.6
-    chosen = real_cases(4, None, (False,), every[:1], 3, ("healthy", "seat_area+line_friction"))
-    assert sorted(c.asked for c in chosen) == ["healthy", "healthy", "pair", "pair"]
-
-
 def test_given_and_further_recordings_share_plant_and_faults_and_nothing_else() -> None:
     rig = Rig(Discrepancy.TAPER, False, 1)
     case = real_case(("seat_area",), rig, 0)
@@ -157,36 +137,3 @@ def test_given_and_further_recordings_share_plant_and_faults_and_nothing_else() 
     assert len({b.seed for b in given + further + healthy}) == len(given + further + healthy)
     assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
     assert {b.noise for b in further} == {0.0}
-
-
-def test_sensors_are_late_or_bent() -> None:
-    time = 1e-5 * np.arange(100.0)
-    ramp = 60e6 + 80e6 * time / time[-1]
-    seen = Measured(time, ramp, np.zeros(100), ramp)
-    late = late_rail(25e-6)(seen)
-    np.testing.assert_allclose(late.rail_pressure[3:], ramp[3:] - 25e-6 * 80e6 / time[-1], rtol=1e-12)
-    assert late.line_pressure is seen.line_pressure
-    bow = bent_sensor(2e6)(seen).line_pressure - ramp
-    assert (bow[0], bow[-1]) == pytest.approx((0.0, 0.0), abs=1.0)
-    assert np.min(bow) == pytest.approx(-2e6, rel=1e-3)
-    assert ramp[np.argmin(bow)] == pytest.approx(100e6, rel=0.01)
-
-
-def test_laws_of_the_plant_are_what_they_say() -> None:
-    part, line = new_part(), LINES[Variant.PLAIN]
-
-    def rate(laws: Laws) -> np.ndarray:
-        return short(part, line, Faults(), duration=1.2e-3, noise=0.0, laws=laws).truth.injection_rate[
-            1000:1125
-        ]
-
-    healthy = rate(NO_LAWS)
-    closing = rate(Laws(hole_closing=0.25)) / np.maximum(healthy, 1e-9)
-    assert np.all(closing[:60] == 1.0)
-    assert 0.74 < np.min(closing[65:85]) < 0.8
-    hysteresis = rate(Laws(seat_hysteresis=0.5)) - healthy
-    assert np.all(hysteresis[:70] == 0.0)
-    assert np.max(hysteresis[90:]) > 1e-6
-    for laws in (Laws(line_laminar=300.0), Laws(lift_leakage=1e-13)):
-        pressure = short(part, line, Faults(), noise=0.0, laws=laws).truth.line_pressure
-        assert np.max(np.abs(pressure - short(part, line, Faults(), noise=0.0).truth.line_pressure)) > 0.2e6

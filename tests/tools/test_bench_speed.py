@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import load_bench
 from observer_rt.core.frames.frames import check_frame
 from tests.observed_plants import bench_at
 from tools.benchmarks.speed import native
@@ -33,7 +32,6 @@ from tools.benchmarks.speed.traffic import (
     Ids,
     Traffic,
     index_of,
-    write_bench,
 )
 
 
@@ -130,13 +128,3 @@ def test_parties_are_compared_with_the_echo_at_their_pace(traffic: Traffic) -> N
     assert ours["excess"] == pytest.approx(25.0 / 75.0)
     assert echo["kept"]
     assert not rows_of("90 us", {**parties, ECHO: answered_after(91)}, open_everywhere)[0]["kept"]
-
-
-def test_observers_on_one_bus_have_identifiers_of_their_own(tmp_path: Path) -> None:
-    messages = {
-        frozenset(layout.frame_id for layout in (*bus.received, *bus.sent))
-        for place in (0, 1, 4)
-        for bus in [map_bus(load_bench(write_bench(tmp_path / str(place), "virtual", "x", Ids(place))))]
-    }
-    assert len(frozenset.union(*messages)) == 3 * 4
-    assert all(Ids(place).input in frozenset.union(*messages) for place in (0, 1, 4))

@@ -156,13 +156,6 @@ def test_newest_comes_from_the_mirrors_of_a_debian_system(machine: Machine) -> N
     assert machine.sources() == {f"http://{mirror}.invalid/debian testing main" for mirror in "ab"}
 
 
-def test_newest_comes_from_the_archive_named(machine: Machine) -> None:
-    machine.variables = {"SYSTEM": "ubuntu", "VCAN_DEBIAN_ARCHIVE": "http://c.invalid/debian sid main"}
-    machine.offer(BOOTS)
-    assert machine.obtain()[0] == str(machine.cache / "newest/usr/bin/linux.uml")
-    assert machine.sources() == {"http://c.invalid/debian sid main"}
-
-
 @pytest.mark.parametrize("system", ["debian", "ubuntu"])
 def test_where_no_archive_is_known_the_systems_own_kernel_is_taken(machine: Machine, system: str) -> None:
     """One line says what names an archive; none is asked that neither the system nor the user names."""
@@ -173,13 +166,6 @@ def test_where_no_archive_is_known_the_systems_own_kernel_is_taken(machine: Mach
     assert chosen == str(machine.cache / "distribution/usr/bin/linux.uml")
     assert said.count('VCAN_DEBIAN_ARCHIVE takes one: "URL suite component"\n') == 1
     assert machine.sources() == set()
-
-
-def test_where_no_archive_is_known_and_the_system_has_no_kernel(machine: Machine) -> None:
-    machine.variables = {"SYSTEM": "ubuntu"}
-    chosen, said = machine.obtain()
-    assert chosen == ""
-    assert 'MEND export VCAN_DEBIAN_ARCHIVE="URL suite component"' in said
 
 
 def test_none_boots(machine: Machine) -> None:

@@ -130,11 +130,6 @@ def test_what_is_said_at_the_stop_of_another_rate_is_not_that_it_has_no_effect()
     assert "sampling.rate_hz" in said
 
 
-def test_an_hour_is_not_told_in_milliseconds() -> None:
-    late = replace(timing(0.0)[0], jitter=Jitter(10_000, 1e-6, 3600.0))
-    assert "late by up to 3600 s" in late.as_text()
-
-
 def test_swapped_pressures_are_named_live() -> None:
     watch = UnitWatch(SOURCES)
     time = np.linspace(0.0, 1.0, 200)

@@ -152,17 +152,18 @@ def test_frames_that_cannot_be_used(watched: Watched) -> None:
 
 
 @pytest.mark.parametrize(
-    ("role", "name"), [("rail_pressure", RAIL), ("needle_lift", LIFT), ("line_pressure", LINE)]
-)
-@pytest.mark.parametrize(
-    ("fault", "said"),
+    ("role", "name", "fault", "said"),
     [
-        (frozen, "is frozen: the same value"),
-        (unplugged, "says `not available` or `error`"),
-        (overdriven, "is at the upper end of its range"),
+        ("rail_pressure", RAIL, frozen, "is frozen: the same value"),
+        ("needle_lift", LIFT, frozen, "is frozen: the same value"),
+        ("line_pressure", LINE, frozen, "is frozen: the same value"),
+        ("needle_lift", LIFT, unplugged, "says `not available` or `error`"),
+        ("line_pressure", LINE, overdriven, "is at the upper end of its range"),
     ],
 )
-def test_a_bad_sensor(watched: Watched, role: str, name: str, fault, said: str) -> None:  # type: ignore[no-untyped-def]
+def test_a_bad_sensor(
+    watched: Watched, role: str, name: str, fault: Callable[[Values], Values], said: str
+) -> None:
     (told,) = watched.tells_of(role, fault)
     assert told.startswith(f"{name}: {role} {said}")
 

@@ -13,7 +13,7 @@ import pytest
 from observer_rt import __version__
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import StateConfig
-from observer_rt.daemon.persistence.journal import COLUMNS, MOST_WAITING, JournalWriter, Row, reading_journal
+from observer_rt.daemon.persistence.journal import COLUMNS, JournalWriter, Row, reading_journal
 from observer_rt.daemon.persistence.keeper import keeper_of
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.engine.reports.injection_report import INDICATORS
@@ -217,11 +217,14 @@ def test_what_cannot_be_written_waits(path: Path, journal: JournalWriter, locked
     assert numbers(path) == [1, 2, 3, 4]
 
 
-def test_too_many_waiting_are_counted_and_told(path: Path, journal: JournalWriter, told: list[str]) -> None:
-    write(journal, *range(1, MOST_WAITING + 8))
+def test_too_many_waiting_are_counted_and_told(
+    path: Path, journal: JournalWriter, told: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("observer_rt.daemon.persistence.journal.MOST_WAITING", 100)
+    write(journal, *range(1, 108))
     assert journal.lost == 7
     assert told == [f"warning: journal {path}: 7 injections lost so far, for want of room to keep them"]
-    assert numbers(path) == list(range(1, MOST_WAITING + 1))
+    assert numbers(path) == list(range(1, 101))
     journal.write()
     assert len(told) == 1
 

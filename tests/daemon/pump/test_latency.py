@@ -35,9 +35,3 @@ def test_nearly_all_stay_within_it(latencies: list[int]) -> None:
 
 def test_none_before_the_first() -> None:
     assert latency_of(counted([])) is None
-
-
-def test_said_in_microseconds() -> None:
-    found = latency_of(counted([80_000] * 1000 + [210_000]))
-    assert found is not None
-    assert found.as_text() == "99.9 % of rates sent within 82 us, the latest after 210 us"

@@ -59,18 +59,6 @@ def test_a_log_of_three_buses_gives_what_the_recording_gives(
     assert masses(command, csv, "--bench", twins) == pytest.approx(found, rel=1e-9)
 
 
-def test_channels_of_other_names_must_be_said(
-    command: Command, twins: Path, log: Path, tmp_path: Path
-) -> None:
-    renamed = tmp_path / "other.log"
-    renamed.write_text(log.read_text().replace(" can", " vcan"))
-    assert "--from-channel lift=CHANNEL" in command.refused("evaluate", renamed, "--bench", twins)
-    said = ("--from-channel", "vcan0", "--from-channel", "lift=vcan1", "--from-channel", "line=vcan2")
-    assert masses(command, renamed, "--bench", twins, *said) == masses(command, log, "--bench", twins)
-    swapped = ("--from-channel", "vcan0", "--from-channel", "lift=vcan1", "--from-channel", "line=vcan7")
-    assert "has no channel vcan7" in command.refused("evaluate", renamed, "--bench", twins, *swapped)
-
-
 @pytest.fixture
 def channels() -> list[str]:
     """Names of virtual channels of the test's own."""

@@ -1,6 +1,5 @@
 """`observer-rt convert`: frames and signals from format to format, and what it refuses."""
 
-import itertools
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -24,8 +23,10 @@ def alone(entries: Iterable[LogFrame]) -> list[LogFrame]:
     return [entry._replace(channel="", is_sent=False) for entry in entries]
 
 
-@pytest.mark.parametrize(("source", "target"), list(itertools.permutations(FORMATS, 2)))
-def test_frames_survive_every_conversion(command: Command, tmp_path: Path, source: str, target: str) -> None:
+@pytest.mark.parametrize(("source", "target"), list(zip(FORMATS, FORMATS[1:] + FORMATS[:1], strict=True)))
+def test_frames_survive_a_conversion_from_and_to_every_format(
+    command: Command, tmp_path: Path, source: str, target: str
+) -> None:
     frames = mixture(".trc", 50)
     write_log(tmp_path / f"in{source}", frames)
     outcome = command.done("convert", tmp_path / f"in{source}", tmp_path / f"out{target}")

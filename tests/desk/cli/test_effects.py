@@ -63,9 +63,7 @@ def unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    "words", ["check", "simulate --output x.csv", "evaluate x.csv", "discover --out found x.csv"]
-)
+@pytest.mark.parametrize("words", ["check", "evaluate x.csv"])
 def test_an_effect_that_is_not_known_is_a_law_to_state(command: Command, unknown: Path, words: str) -> None:
     said = command.refused(*shlex.split(words), "--model", unknown)
     assert "amended.toml: effects.0.id: unknown effect 'my_effects'" in said

@@ -77,15 +77,6 @@ def test_the_signals_of_one_out_of_a_log(command: Command, folder: Path, tmp_pat
     command.refused("convert", folder / "bus.log", tmp_path / "bus.blf", "--injector", "two")
 
 
-def test_check_looks_at_the_log_for_each(command: Command, folder: Path) -> None:
-    arguments = "check", "--bench", folder / "bench.toml", "--log", folder / "bus.log", "--json"
-    printed = json.loads(command(*arguments).out)
-    samples = three_recordings()[0].samples
-    told = [one["text"] for one in printed["findings"] if one["topic"] == "log"]
-    for name in NAMES:
-        assert any(text.startswith(f"{name}: ") and f"{samples} samples, 0 lost" in text for text in told)
-
-
 def test_a_log_of_all_is_replayed_whole(command: Command, folder: Path, tmp_path: Path) -> None:
     (tmp_path / "injectors.dbc").write_text((folder / "injectors.dbc").read_text())
     path = three_injectors(tmp_path, tmp_path.name)

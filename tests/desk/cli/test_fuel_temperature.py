@@ -44,15 +44,6 @@ def test_hot_fuel_is_known_when_it_is_told(command: Command, recording: Path) ->
     assert not untold["valid"] or untold["indicators"]["bulk_modulus"]["value"] < -0.1
 
 
-def test_an_injector_without_the_law_is_refused(command: Command, recording: Path, tmp_path: Path) -> None:
-    text = command("run", "--print-example-injector").out
-    injector = tmp_path / "injector.toml"
-    injector.write_text(text.replace("reference_temperature =", "# reference_temperature ="))
-    assert "injector.toml: fluid.reference_temperature" in command.refused(
-        "evaluate", recording, "--model", injector, "--fuel-temperature", 60
-    )
-
-
 def test_a_log_tells_its_own(command: Command, recording: Path, bench: Path, tmp_path: Path) -> None:
     signal = '[signals.fuel_temperature]\nmessage = "SampleBlock"\nsignal = "FuelTemperature"\n'
     bench.write_text(bench.read_text() + signal)

@@ -226,13 +226,10 @@ def full_disk(most: int) -> Iterator[None]:
 @pytest.mark.parametrize(
     ("line", "old"),
     [
-        ("simulate --injections 1 --output out.csv", SAMPLES),
         ("evaluate {worn} --output out.csv", SAMPLES),
         ("evaluate {worn} --save-state out", SAME_KIND[""]),
         ("convert {worn} out.parquet", b"PAR1"),
-        ("convert {worn} out.mf4", b"MDF     4.10"),
         ("convert {log} out.blf", b"LOGG"),
-        ("convert {log} out.trc", b";$FILEVERSION=2.0"),
     ],
 )
 def test_a_full_disk_leaves_the_old_file_whole(

@@ -121,10 +121,15 @@ def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_
     command.refused("convert", foreign, tmp_path / "x.parquet", "--bench", own)
 
 
-@pytest.mark.parametrize("name", ["rail_pressure", "line_pressure", "needle_lift"])
-@pytest.mark.parametrize("name_of_command", ["evaluate", "convert", "replay", "discover"])
+@pytest.mark.parametrize(
+    ("name_of_command", "name"),
+    [
+        *(("evaluate", "rail_pressure"), ("convert", "line_pressure")),
+        *(("replay", "needle_lift"), ("discover", "rail_pressure")),
+    ],
+)
 def test_wrong_units_are_refused_by_every_command(
-    command: Command, worn: Path, bench: Path, tmp_path: Path, name: str, name_of_command: str
+    command: Command, worn: Path, bench: Path, tmp_path: Path, name_of_command: str, name: str
 ) -> None:
     right = read_recording(worn)
     factors = {name: 1e3 if name == "needle_lift" else 10.0}
@@ -156,47 +161,12 @@ def test_time_in_ms_is_named(command: Command, worn: Path, tmp_path: Path) -> No
     assert "unit of the time, which is likely ms" in said
 
 
-def test_nothing_is_overwritten_without_force(
-    command: Command, worn: Path, bench: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for line in (
-        "simulate --injections 1 --output mine.csv",
-        f"convert {worn} mine.log --bench {bench}",
-        f"evaluate {worn} --output mine.csv",
-        f"evaluate {worn} --plot mine.png",
-        f"evaluate {worn} --save-state mine.json",
-    ):
-        path = next(word for word in line.split() if word.startswith("mine"))
-        Path(path).write_bytes(b"")
-        said = command.refused(*line.split())
-        assert f"{path}: exists already" in said
-        assert "add --force" in said
-        assert Path(path).read_bytes() == b""
-        command.done(*line.split(), "--force")
-        assert Path(path).read_bytes() != b""
-    Path("mine.blf").touch()
-    assert "exists already" in command.refused("record", "--out", "mine.blf", "--interface", "virtual")
-
-
 def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp_path: Path) -> None:
     shutil.copy(worn, tmp_path / "worn.csv")
     (tmp_path / "worn.csv.truth.csv").write_text("time_s,sac_pressure_MPa\n0,5\n")
     outcome = command.done("evaluate", *sorted(tmp_path.glob("*.csv")))
     assert "left out: 1 files truth.csv" in outcome.err
     command.refused("evaluate", tmp_path / "worn.csv.truth.csv")
-
-
-def test_a_recording_becomes_a_log_by_a_bench_file(
-    command: Command, worn: Path, bench: Path, tmp_path: Path
-) -> None:
-    command.refused("convert", worn, tmp_path / "x.log")
-    command.done("convert", worn, tmp_path / "x.log", "--bench", bench)
-    ours, theirs = (
-        document(command, path, "--bench", bench)["recordings"][0]["injections"]
-        for path in (worn, tmp_path / "x.log")
-    )
-    assert [each["mass_mg"] for each in theirs] == [each["mass_mg"] for each in ours]
 
 
 def test_a_log_with_a_restart_is_split(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:

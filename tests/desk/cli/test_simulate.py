@@ -34,16 +34,6 @@ def test_recording_and_its_truth(command: Command, tmp_path: Path, suffix: str) 
     assert 0.2 < np.std(error) < 1.0  # it is a measurement
 
 
-def test_without_noise_the_recording_is_the_truth(command: Command, tmp_path: Path) -> None:
-    path = tmp_path / "clean.csv"
-    command.done("simulate", *FEW, "--noise", "off", "--output", path)
-    recording = read_recording(path)
-    truth = truth_columns(tmp_path / "clean.csv.truth.csv")
-    np.testing.assert_allclose(recording.line_pressure / 1e6, truth["line_pressure_MPa"], rtol=1e-9)
-    np.testing.assert_allclose(recording.needle_lift / 1e-3, truth["needle_lift_mm"], rtol=1e-9, atol=1e-9)
-    assert recording.injection_rate is None
-
-
 def test_shots_pressures_and_effects(command: Command, tmp_path: Path) -> None:
     """Two events of pilot and main at their own pressures, through a nozzle that passes 30 % more."""
     shots = ("--shots", "0.4@-2,1.0@0", "--rail-pressure", "60,120", "--noise", "off", *FEW)

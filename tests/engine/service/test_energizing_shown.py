@@ -90,13 +90,6 @@ def test_mistakes_name_the_key(tmp_path: Path, lines: str, place: str, word: str
     assert word in f"{caught.value.problem} {caught.value.remedy}"
 
 
-def test_units_of_the_bench_file_go_before_the_databases(tmp_path: Path) -> None:
-    bench = pulse_bench(tmp_path, 'message = "PulseVolts"\nsignal = "Volts"\nunit = "-"\n')
-    energizing = map_bus(load_bench(bench)).energizing
-    assert energizing is not None
-    assert energizing.is_level
-
-
 def test_document_of_a_log(tmp_path: Path) -> None:
     bench = load_bench(pulse_bench(tmp_path, Told.TIME))
     log = tmp_path / "bus.log"
@@ -119,24 +112,6 @@ def test_document_of_a_log(tmp_path: Path) -> None:
     screen = io.StringIO()
     print_evaluation(evaluation, c, Console(file=screen, width=80, color_system=None))
     assert "2 commands, 1 injections missing, 1 without a command" in screen.getvalue()
-
-
-@pytest.mark.parametrize("has_energizing", [True, False])
-def test_document_of_a_recording(tmp_path: Path, has_energizing: bool) -> None:
-    """Which has no energizing, on a bench with and without."""
-    path = pulse_bench(tmp_path, Told.TIME)
-    if not has_energizing:
-        path.write_text(path.read_text().partition("[signals.energizing]")[0])
-    bench = load_bench(path)
-    c = effective_model(bench.injector.parameters).coefficients
-    document = recording_json(evaluate(bench, [injected(2)[1]], learning=False).evaluations[0], c)
-    if has_energizing:
-        assert [one["energizing"] for one in document["injections"]] == [None, None]
-        assert document["summary"]["energizing"]["missing_injections"] == 0
-        assert document["summary"]["energizing"]["mean_opening_delay_us"] is None
-    else:
-        assert "energizing" not in document["summary"]
-        assert not any("energizing" in one for one in document["injections"])
 
 
 @pytest.mark.parametrize(("signal", "code"), [("Level", 3), ("LevelPlain", 0), ("Time", 20)])

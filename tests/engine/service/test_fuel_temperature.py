@@ -22,7 +22,6 @@ from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.daemon.end_to_end import DATABASE
-from tests.daemon.participants import HeardDaemon, ScriptedLink
 from tests.desk.evaluation.documents import recording_json
 from tests.device import Device, Result, core_of, encoded, hand, inserted, recoded, run
 
@@ -211,12 +210,6 @@ def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
         assert [injection["fuel_temperature_degC"] for injection in shown] == pytest.approx(
             [40.0] * INJECTIONS
         )
-
-
-def test_the_view_shows_it(tmp_path: Path) -> None:
-    daemon = HeardDaemon(bench(tmp_path), ScriptedLink())
-    hand(daemon.core, [sensor(62.5), *frames_at(REFERENCE)[:50]])
-    assert "fuel 62.5 °C" in daemon.drawn(100, 30)
 
 
 def test_check_shows_the_law(tmp_path: Path) -> None:

@@ -6,14 +6,12 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.check.checkup import Level, checkup
+from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.files.replay.framing import TimedFrame
-from tests.daemon.participants import HeardDaemon, ScriptedLink
 from tests.daemon.slow_frames import bed, safe_bed, slow_bench
-from tests.desk.check.test_checkup import worst
-from tests.device import Result, Traffic, damaged, hand, inserted, run, simulated
+from tests.device import Result, Traffic, damaged, inserted, run, simulated
 
 ENABLE = {"learning_enable": ("Bed", "LearnEnable")}
 SAFE_ENABLE = {"learning_enable": ("SafeBed", "LearnEnableSafe")}
@@ -107,25 +105,6 @@ def test_a_recording_does_not_switch_learning_off(tmp_path: Path) -> None:
     """Also where the signal is in the message of the samples, whose frames are made of the recording then."""
     path = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
     assert evaluate(load_bench(path), [simulated()]).evaluations[0].counters.adoptions > 0
-
-
-def test_check_lists_it(tmp_path: Path) -> None:
-    findings = checkup(load_bench(slow_bench(tmp_path, ENABLE)))
-    listed = [finding for finding in findings if finding.text.startswith("learning_enable")]
-    assert [finding.level for finding in listed] == [Level.OK]
-    assert listed[0].text == (
-        "learning_enable: Bed 0x321, LearnEnable, learning stops while it is 0, "
-        "a value counts until the next (no cycle time, no timeout_ms)"
-    )
-    never = slow_bench(tmp_path, {"learning_enable": ("SampleBlock", "FuelTemperature")})
-    assert "which it cannot be" in worst(checkup(load_bench(never)), "mapping").text
-
-
-def test_view_says_that_learning_is_off(tmp_path: Path) -> None:
-    daemon = HeardDaemon(slow_bench(tmp_path, ENABLE), ScriptedLink())
-    for value, expected in ((1, "(0 refused, 0 late)"), (0, "; learning is off")):
-        hand(daemon.core, [bed("LearnEnable", value)])
-        assert expected in daemon.drawn()
 
 
 def test_a_switch_that_stays_away_holds_nothing_up(tmp_path: Path, clean: Traffic) -> None:

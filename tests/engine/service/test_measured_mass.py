@@ -7,7 +7,6 @@ import pytest
 from rich.console import Console
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.check.checkup import Level, checkup
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.results import print_evaluation
@@ -111,12 +110,6 @@ def test_protected_message_in_kilograms(tmp_path: Path, scale: Scale) -> None:
 def test_unit_of_the_bench_file_goes_before_the_databases(scale: Scale) -> None:
     scale.path.write_text(scale.path.read_text() + 'unit = "g"\n')
     assert scale.masses((scale.after(1), bed("Mass", 0.5))) == [(1, 500.0)]
-
-
-def test_check_lists_it(path: Path) -> None:
-    listed = [one for one in checkup(load_bench(path)) if one.text.startswith("measured_mass")]
-    assert [finding.level for finding in listed] == [Level.OK]
-    assert "Bed 0x321, Mass, 0 to 655 mg" in listed[0].text
 
 
 def test_evaluating_a_log_compares_it(scale: Scale, tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
     write_log(path, mixture(suffix, 30))
     data = path.read_bytes()
     whole = list(open_log(path))
-    for size in range(len(data)):
+    for size in range(0, len(data), 3):
         cut.unlink(missing_ok=True)  # a file rewritten would wait for the disk on some file systems
         cut.write_bytes(data[:size])
         log = open_log(cut)

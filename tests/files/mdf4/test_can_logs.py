@@ -231,7 +231,7 @@ def test_an_offset_outside_the_data_does_not_end_this_process(tmp_path: Path) ->
 def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
     """A shorter length gives a frame fewer bytes, and no other one those of another; a longer one is refused."""
     card, path = tmp_path / "card.mf4", tmp_path / "saved.mf4"
-    frames = mixture(".mf4", 20)
+    frames = mixture(".mf4", 8)
     write_logger_file(card, frames, ALL_STORED, MIDNIGHT)
     with MDF(card) as file:
         file.save(path, compression=0)

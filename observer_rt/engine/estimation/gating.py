@@ -100,13 +100,16 @@ def best_subset(
     information (m, m) and vector (m,) = information @ mean are those of the joint belief; columns left out are 0.
     All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
     """
-    free = [i for i in range(len(vector)) if i not in gate.columns]
-    order = np.array([*free, *gate.columns], np.int64)
-    prices = np.array([STAY if column in active else ENTER for column in gate.columns])
-    theta = np.zeros_like(vector)
-    subset = search_subsets(information, vector, order, len(free), np.array(gate.lowest), prices, theta)
+    gated, free = list(gate.columns), [i for i in range(vector.size) if i not in gate.columns]
+    across, prices = information[free][:, gated], np.array([STAY if i in active else ENTER for i in gated])
+    undone = np.linalg.solve(information[free][:, free], np.column_stack((across, vector[free])))
+    left = information[gated][:, gated] - across.T @ undone[:, :-1]  # by the free ones
+    theta, best = np.zeros_like(vector), np.zeros(len(gated))
+    rest = vector[gated] - across.T @ undone[:, -1]
+    subset = search_subsets(left, rest, np.array(gate.lowest), prices, best)
     if subset < 0:
         raise np.linalg.LinAlgError("information is not positive definite")
+    theta[gated], theta[free] = best, undone[:, -1] - undone[:, :-1] @ best
     return theta, frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
 
 
@@ -143,10 +146,11 @@ class GatedBelief:
 
     @cached_property
     def _by_joint(self) -> NDArray[np.float64]:
-        """Map (m, m) from the joint mean to the estimate: the rows of what is left out are 0."""
-        information = self.belief.information
-        columns = [i for i in range(len(information)) if i not in self.gate.columns or i in self.active]
-        result = np.zeros_like(information)
-        rows = information[columns]
-        result[columns] = np.linalg.solve(rows[:, columns], rows)
+        """Map (m, m) from the joint mean to the estimate: what is left out is known to be 0."""
+        covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
+        out = [column for column in self.gate.columns if column not in self.active]
+        if out:
+            rows = covariance[out]
+            result[:, out] = -np.linalg.solve(rows[:, out], rows).T
+            result[out] = 0.0
         return result

@@ -100,7 +100,9 @@ def known_flow(
 
     def sigma(rail_pressure: float, fullness: float) -> float:
         share = (fullness - filled) / (1.0 - filled)
-        slopes = here + share * (full - here) + fullness * (by_nozzle(rail_pressure) - full)
+        slopes = here + share * (full - here)
+        if rail_pressure != point.rail_pressure:
+            slopes += fullness * (by_nozzle(rail_pressure) - full)
         return math.sqrt(max(slopes @ covariance @ slopes, 0.0))
 
     def enough(fullness: float) -> float:

@@ -5,7 +5,6 @@ fault leaves them as loud, in some phase and over some length of blocks, as they
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,33 +16,30 @@ from observer_rt.engine.learning.healthy import Healthy
 Table = NDArray[np.float64]
 
 
-class Densities(NamedTuple):
-    """Nats by which innovations are more likely, being nearly white, and cost [nats] of an event at fault."""
-
-    nearly_white: float
-    at_fault: float
-
-
-def densities(
-    statistics: PhaseStatistics, clipped: PhaseStatistics, temper: float, healthy: Healthy
-) -> Densities:
-    """Densities by sums over innovations, in standard deviations, and over clipped ones.
+def nearly_white(clipped: PhaseStatistics, temper: float, healthy: Healthy) -> float:
+    """Nats by which innovations are more likely, being nearly white, by sums over clipped ones.
 
     temper: what events scatter beyond noise; healthy: whose innovations are louder than noise, too.
     """
+    squares, count = _sums(clipped)
+    squares /= temper
+    usual = np.concatenate(((NEARLY_WHITE * healthy.variance)[None], NEARLY_WHITE_BLOCKS * healthy.colour.T))
+    loud = np.minimum(np.maximum(squares / np.maximum(count, 1e-9), 1.0), usual)
+    return float(_gain(squares, loud, count).max(axis=0).sum())
+
+
+def at_fault(statistics: PhaseStatistics, temper: float) -> float:
+    """Cost [nats] of an event at fault, by sums over innovations in standard deviations."""
     squares, count = _sums(statistics)
-    squares, clipped_squares = squares / temper, _sums(clipped)[0] / temper
-    white, some = 0.5 * squares[0], np.maximum(count, 1e-9)
-    loud = np.maximum(squares / some, 1.0)
+    squares /= temper
+    white = 0.5 * squares[0]
+    loud = np.maximum(squares / np.maximum(count, 1e-9), 1.0)
     costs = white - _gain(squares, loud, count) + 0.5 * np.log(np.maximum(count, 1.0))
-    usual = np.vstack((NEARLY_WHITE * healthy.variance, NEARLY_WHITE_BLOCKS * healthy.colour.T))
-    gains = _gain(clipped_squares, np.clip(clipped_squares / some, 1.0, usual), count)
     loudest = math.log(len(costs)) - np.logaddexp.reduce(-costs, axis=0)
     # as likely white as not in every phase, but not in all
     anyhow = float((math.log(2.0) - np.logaddexp(-white, -loudest)).sum())
     nowhere = float(white.sum()) + PHASES * math.log(2.0)
-    at_fault = anyhow - math.log(-math.expm1(anyhow - nowhere)) + math.log1p(-(2.0**-PHASES))
-    return Densities(float(gains.max(axis=0).sum()), at_fault)
+    return anyhow - math.log(-math.expm1(anyhow - nowhere)) + math.log1p(-(2.0**-PHASES))
 
 
 def _gain(squares: Table, loud: Table, count: Table) -> Table:
@@ -53,5 +49,5 @@ def _gain(squares: Table, loud: Table, count: Table) -> Table:
 
 def _sums(statistics: PhaseStatistics) -> tuple[Table, Table]:
     """Squares and how many of them, (1 + len(BLOCKS), PHASES): of samples and of blocks of every length."""
-    squares = np.vstack((statistics.squares, statistics.block_squares.T))
-    return squares, np.vstack((statistics.samples, statistics.blocks.T))
+    squares = np.concatenate((statistics.squares[None], statistics.block_squares.T))
+    return squares, np.concatenate((statistics.samples[None], statistics.blocks.T))

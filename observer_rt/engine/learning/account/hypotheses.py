@@ -45,7 +45,7 @@ STAYS = {
 """Probability that a mode goes on to the next event, whatever else may begin."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kind:
     """What an event may be: its name in reports, the mode after it, its rate an event.
 

@@ -20,7 +20,7 @@ SIZES = np.append(
 )  # standard deviations, of a mass
 _SHARES = np.append(1.0 - c.WANDER_PRIOR, c.WANDER_PRIOR / SIZES[1:] / np.sum(1.0 / SIZES[1:]))
 _LEAST_VARIANCE = 1e-8  # of a ratio of masses
-_HALVINGS = 30
+_STEPS, _CLOSE = 30, 1e-12  # of Newton's method: at most, and relative change from which on it is settled
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +45,15 @@ class Wander:
 
     def widened(self, variance: float) -> float:
         """Standard deviation of a normal distribution whose 95 % interval is that of a mass with such a variance."""
-        sigmas = np.sqrt(variance + SIZES**2)
-        low, high = math.sqrt(variance), 4.0 * float(sigmas.max())
-        weights = list(zip(self.weights.tolist(), (math.sqrt(2.0) * sigmas).tolist(), strict=True))
-        for _ in range(_HALVINGS):
-            half = 0.5 * (low + high)
-            beyond = sum(weight * math.erfc(half / spread) for weight, spread in weights)
-            low, high = (half, high) if beyond > 1.0 - 0.95 else (low, half)
+        spreads = np.sqrt(2.0 * (variance + SIZES**2)).tolist()
+        parts, half = list(zip(self.weights.tolist(), spreads, strict=True)), math.sqrt(variance)
+        for _ in range(_STEPS):  # from below, where what lies beyond is convex
+            beyond = sum(weight * math.erfc(half / spread) for weight, spread in parts) - (1.0 - 0.95)
+            slope = sum(weight / spread * math.exp(-((half / spread) ** 2)) for weight, spread in parts)
+            step = 0.5 * math.sqrt(math.pi) * beyond / slope
+            half += step
+            if abs(step) < _CLOSE * half:
+                break
         return max(half / c.INTERVAL, math.sqrt(variance))
 
     def _apart(self, point: Sequence[float]) -> float:

@@ -131,12 +131,10 @@ def _compare(
     For every place of `products` and `squares` from the `shortest` on; `beside` the end nothing counts.
     """
     n = innovations.size
-    of_shape = np.cumsum(shape**2)
-    for place in range(shortest, min(products.size, n)):
-        length = min(place - beside, shape.size)
-        if length > 0:
-            products[place] += innovations[n - place : n - place + length] @ shape[:length]
-            squares[place] += of_shape[length - 1]
+    counts = np.concatenate((innovations[: n - beside], np.zeros(shape.size)))
+    places = np.arange(max(shortest, beside + 1), min(products.size, n))
+    products[places] += np.correlate(counts, shape, "valid")[n - places]
+    squares[places] += np.cumsum(shape**2)[np.minimum(places - beside, shape.size) - 1]
 
 
 def with_step(window: Window, first: int, height: float) -> Window:

@@ -13,7 +13,6 @@ from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.evidence import evidence, evidences
-from observer_rt.engine.learning.account.fault_density import Densities
 from observer_rt.engine.learning.account.hypotheses import (
     AT_FAULT,
     BEFORE,
@@ -85,10 +84,6 @@ class _Found:
     theta: Theta
     cost: Linearisation
     fit: EventFit | None = None
-
-    def left_of(self, reading: EventReading) -> Densities:
-        """Densities of what is left of the event there."""
-        return reading.leaves(self.theta, self.fit).densities
 
 
 def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReader) -> EventFitter:
@@ -164,7 +159,9 @@ class Weighing:
             return
         explained = {kind: one.log + self._nearly_white(reading, one, before) for kind, one in likely.items()}
         if AT_FAULT in logs:  # it pays for where it is fitted, too
-            at_fault = before.log + before.cost.expected(before.theta) - before.left_of(reading).at_fault
+            at_fault = (
+                before.log + before.cost.expected(before.theta) - reading.at_fault(before.theta, before.fit)
+            )
             explained |= dict.fromkeys((AT_FAULT, INADEQUATE), at_fault)
         for kind, log in explained.items():
             one = found.get(kind, before)
@@ -222,7 +219,7 @@ class Weighing:
         """Nats by which what a kind leaves is more likely, being nearly white; as before, if it leaves as much."""
         leaves, as_before = (each.cost.expected(each.theta) for each in (one, before))
         alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else one
-        return alike.left_of(reading).nearly_white
+        return reading.leaves(alike.theta, alike.fit).nearly_white
 
     def _fit(
         self, hypothesis: Possibility, reading: EventReading, before: _Found, one: _Found, behind: float

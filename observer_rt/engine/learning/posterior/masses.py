@@ -18,11 +18,15 @@ from observer_rt.engine.learning.posterior.event import ExplainedEvent
 
 LEAD = 15  # samples before the opening
 LEAST = 1e-13  # m3, of which shares are taken
+FURTHER = 20  # samples after the last rate, by which another theta's may end later
 
 
 @dataclass(frozen=True, eq=False)
 class EventMass:
-    """Volume [m3] of an event, run again with theta (m,), and its slopes (m,), as shares of it."""
+    """Volume [m3] of an event, run again with theta (m,), and its slopes (m,), as shares of it.
+
+    flows_until: sample from which on nothing was injected.
+    """
 
     window: Window
     setting: Setting
@@ -30,6 +34,7 @@ class EventMass:
     volume: float
     slopes: Theta
     by_inputs: float
+    flows_until: int
 
     def moved(self, theta: Theta) -> float:
         """Share by which the volume is larger with another theta (m,), along its slopes."""
@@ -45,10 +50,10 @@ class EventMass:
         """Volume with another theta (m,), open loop, over this one."""
         if np.array_equal(theta, self.theta):
             return 1.0
-        learned = learned_of(theta, self.setting.coefficients)
-        rate, errors = np.empty((2, self.window.output.size))
-        follow(self.window, self.setting, learned, self.window.opening, errors, rate, None, NO_SLOPES)
-        return float(np.trapezoid(rate[_part(self.window)])) * self.setting.interval / max(self.volume, LEAST)
+        learned, window = learned_of(theta, self.setting.coefficients), self.window.until(self.flows_until)
+        rate, errors = np.empty((2, window.output.size))
+        follow(window, self.setting, learned, window.opening, errors, rate, None, NO_SLOPES)
+        return float(np.trapezoid(rate[_part(window)])) * self.setting.interval / max(self.volume, LEAST)
 
     def variance(self, covariance: NDArray[np.float64]) -> float:
         """Variance of the volume, as a share, by a covariance (m, m) of theta."""
@@ -62,7 +67,8 @@ def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulated) 
     slopes = np.asarray(np.trapezoid(again.run.slopes[part], axis=0), np.float64)
     slopes *= setting.interval / max(volume, LEAST)
     by_inputs = float(again.by_inputs.volume[-1]) / max(volume, LEAST) ** 2
-    return EventMass(window, setting, theta, volume, slopes, by_inputs)
+    flows_until = int(np.flatnonzero(again.run.rate)[-1]) + FURTHER if volume > 0.0 else window.output.size
+    return EventMass(window, setting, theta, volume, slopes, by_inputs, flows_until)
 
 
 def _part(window: Window) -> slice:

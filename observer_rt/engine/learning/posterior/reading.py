@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from observer_rt.engine.estimation.prediction_error import EventCost, Linearisat
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account.constants import NEAR
-from observer_rt.engine.learning.account.fault_density import Densities, densities
+from observer_rt.engine.learning.account.fault_density import at_fault, nearly_white
 from observer_rt.engine.learning.adequacy import CLIP
 from observer_rt.engine.learning.disturbances.colour import is_same
 from observer_rt.engine.learning.disturbances.noise_levels import mask_of
@@ -24,10 +25,10 @@ from observer_rt.engine.learning.posterior.reader import Follows
 
 
 class Left(NamedTuple):
-    """What innovations an event leaves: their densities, and statistics against a healthy injector's."""
+    """What innovations an event leaves: statistics against a healthy injector's, nats by being nearly white."""
 
-    densities: Densities
     statistics: PhaseStatistics
+    nearly_white: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ class EventReading:
     healthy: Healthy
     _left: dict[bytes, Left] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def level(self) -> float:
         """Nats by the level of the noise: colours have others, and densities are compared in one unit."""
         return self.cost.terms * math.log(self.cost.sigma) / self.cost.temper
@@ -68,17 +69,20 @@ class EventReading:
         return self.innovations + self.slopes @ (theta - self.first.theta)
 
     def leaves(self, theta: Theta, fit: EventFit | None) -> Left:
-        """What theta (m,) leaves; the price of the offset at rest is part of either density."""
+        """What theta (m,) leaves."""
         key = theta.tobytes()
         if key not in self._left:
-            innovations, cost = self.innovations_at(theta, fit), self.cost
-            plain, clipped = (
-                phase_statistics(
-                    innovations, cost.sigma, self.phases, cost.burn_in, mask_of(self.window), limit
-                )
-                for limit in (math.inf, CLIP)
-            )
-            found = densities(plain, clipped, cost.temper, self.healthy)
-            found = found._replace(at_fault=found.at_fault + cost.of_offset(theta) / cost.temper)
-            self._left[key] = Left(found, self.healthy.relative(clipped))
+            clipped = self._statistics(theta, fit, CLIP)
+            white = nearly_white(clipped, self.cost.temper, self.healthy)
+            self._left[key] = Left(self.healthy.relative(clipped), white)
         return self._left[key]
+
+    def at_fault(self, theta: Theta, fit: EventFit | None) -> float:
+        """Cost [nats] of what theta (m,) leaves, if the event is at fault; the offset at rest has its price, too."""
+        temper = self.cost.temper
+        return at_fault(self._statistics(theta, fit), temper) + self.cost.of_offset(theta) / temper
+
+    def _statistics(self, theta: Theta, fit: EventFit | None, limit: float = math.inf) -> PhaseStatistics:
+        innovations, cost = self.innovations_at(theta, fit), self.cost
+        mask = mask_of(self.window)
+        return phase_statistics(innovations, cost.sigma, self.phases, cost.burn_in, mask, limit)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
-from observer_rt.engine.learning.account.fault_density import Densities, densities
+from observer_rt.engine.learning.account.fault_density import at_fault, nearly_white
 from observer_rt.engine.learning.adequacy import CLIP
 from observer_rt.engine.learning.healthy import NOT_FITTED
 
@@ -26,17 +26,14 @@ def white(seed: int) -> NDArray[np.float64]:
     return np.random.default_rng(seed).normal(size=PHASE_OF.size)
 
 
-def densities_of(innovations: NDArray[np.float64]) -> Densities:
-    plain, clipped = (
-        phase_statistics(innovations, 1.0, PHASE_OF, 0, None, limit) for limit in (math.inf, CLIP)
-    )
-    return densities(plain, clipped, 1.0, NOT_FITTED)
+def tolerated(innovations: NDArray[np.float64]) -> float:
+    return nearly_white(phase_statistics(innovations, 1.0, PHASE_OF, 0, None, CLIP), 1.0, NOT_FITTED)
 
 
 def against_fault(innovations: NDArray[np.float64]) -> float:
     """Nats by which noise explains them better than a fault does."""
-    found = densities_of(innovations)
-    return found.at_fault - 0.5 * float(innovations @ innovations) + found.nearly_white
+    broad = at_fault(phase_statistics(innovations, 1.0, PHASE_OF, 0), 1.0)
+    return broad - 0.5 * float(innovations @ innovations) + tolerated(innovations)
 
 
 def test_white_innovations_are_of_no_fault() -> None:
@@ -61,5 +58,5 @@ def test_one_outlier_is_no_tolerance() -> None:
     """It is clipped there: a spike does not make the rest of an event nearly white."""
     spiked = white(1)
     spiked[600] = 40.0
-    assert densities_of(spiked).nearly_white < densities_of(white(1)).nearly_white + 8.0
+    assert tolerated(spiked) < tolerated(white(1)) + 8.0
     assert against_fault(spiked) < -100.0

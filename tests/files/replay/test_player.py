@@ -144,7 +144,7 @@ def test_lateness_in_little_memory_is_right_to_half_a_percent(delays: list[int])
     result, in_order = counter.result(), sorted(delays)
     for share, found in ((0.5, result.median), (0.99, result.p99)):
         assert found == pytest.approx(in_order[math.ceil(share * len(delays)) - 1] * 1e-9, rel=0.005)
-    assert result.maximum == pytest.approx(max(delays) * 1e-9)
+    assert result.median <= result.p99 <= result.maximum == pytest.approx(max(delays) * 1e-9)
     assert result.late_share == pytest.approx(sum(delay > 1_000_000 for delay in delays) / len(delays))
 
 

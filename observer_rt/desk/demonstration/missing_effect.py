@@ -13,7 +13,6 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, NamedTuple
 
-import numpy as np
 import tomlkit
 from rich.console import Console
 from rich.table import Table
@@ -21,15 +20,14 @@ from rich.table import Table
 from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
 from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.persistence.journal import reading_journal
 from observer_rt.daemon.run import serve
+from observer_rt.desk.demonstration.bench_injector import BenchRecording, Departure, Operation, record
 from observer_rt.desk.demonstration.worn import PERIOD, RAIL_PRESSURES, demo_link
 from observer_rt.desk.evaluation.figures import ESTIMATED, NOMINAL, REFERENCE
 from observer_rt.desk.question import question, step_back
-from observer_rt.desk.simulation.schedule import make_schedule
-from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.desk.take_over import take_over
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.replay.player import play
@@ -40,11 +38,6 @@ from observer_rt.foundation.outputs import make_folder, write_text
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.discover import AMENDED, REPORT
 from observer_rt.identification.discovery.findings import FINDINGS
-from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.terms.in_force import TermInForce
-from observer_rt.model.terms.term import TermEquation
 
 BEFORE, AFTER = 18, 12  # injections
 LOG, JOURNAL, FOUND = "observer.log", "injections.sqlite", "missing"
@@ -56,69 +49,62 @@ _START = 30.0  # s that the daemon may need to be ready
 
 
 class HiddenEffect(NamedTuple):
-    """An effect as it is added to the injector, and in words."""
+    """An effect that the daemon cannot learn: what the injector does, and in words."""
 
+    departure: Departure
     words: str
-    effects: tuple[SizedEffect, ...] = ()
-    terms: tuple[TermInForce, ...] = ()
-
-    def added_to(self, healthy: InjectorParameters) -> InjectorParameters:
-        """The injector with the laws that no vocabulary has."""
-        return healthy.model_copy(update={"terms": self.terms})
 
 
 def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
     """Draw an effect that the daemon cannot learn; outside: a law that is in no vocabulary."""
     drawn = random.Random(seed)
-    if outside:
-        equation, law, words = drawn.choice(_LAWS)(drawn)
-        return HiddenEffect(words, terms=(TermInForce(equation=TermEquation(equation), law=law),))
-    name, sizes, words = drawn.choice(_EFFECTS)(drawn)
-    return HiddenEffect(words, effects=(sized(name, **sizes),))
+    return drawn.choice(_LAWS if outside else _EFFECTS)(drawn)
 
 
-_Drawn = Callable[[random.Random], tuple[str, Any, str]]
+_Drawn = Callable[[random.Random], HiddenEffect]
 
 
-def _rising_stiffness(drawn: random.Random) -> tuple[str, Any, str]:
+def _rising_stiffness(drawn: random.Random) -> HiddenEffect:
     n = drawn.uniform(5.0, 10.0)
-    return (
-        "pressure_dependent_bulk_modulus",
-        {"n": n},
-        f"a bulk modulus that rises with pressure, n = {n:.1f}",
-    )
+    return HiddenEffect(Departure(stiffening=n), f"a bulk modulus that rises with pressure, n = {n:.1f}")
 
 
-def _rail_gain(drawn: random.Random) -> tuple[str, Any, str]:
+def _rail_gain(drawn: random.Random) -> HiddenEffect:
     g = drawn.choice((-1.0, 1.0)) * drawn.uniform(0.012, 0.03)
-    return "rail_pressure_sensor_gain", {"g": g}, f"a rail pressure sensor whose gain is {100 * g:+.1f} % off"
+    words = f"a rail pressure sensor whose gain is {100 * g:+.1f} % off"
+    return HiddenEffect(Departure(rail_gain=g), words)
 
 
-def _lift_offset(drawn: random.Random) -> tuple[str, Any, str]:
+def _lift_offset(drawn: random.Random) -> HiddenEffect:
     x_0 = drawn.uniform(7.0, 12.0)
-    return "lift_offset", {"x_0": x_0 * 1e-6}, f"a needle lift recorded {x_0:.1f} um too low"
+    return HiddenEffect(Departure(hidden_lift=x_0 * 1e-6), f"a needle lift recorded {x_0:.1f} um too low")
 
 
 _EFFECTS: Sequence[_Drawn] = (_rising_stiffness, _rail_gain, _lift_offset)
 
 
-def _coking(drawn: random.Random) -> tuple[str, Any, str]:
+def _coking(drawn: random.Random) -> HiddenEffect:
     share, within = drawn.uniform(0.15, 0.3), drawn.uniform(0.25, 0.6)
-    law = f"-{share:.4g} * time_since_opening / (time_since_opening + {within:.3g})"
-    return "nozzle_flow", law, f"a nozzle that loses up to {100 * share:.0f} % within each injection"
+    return HiddenEffect(
+        Departure(nozzle=lambda since: 1.0 - share * since / (since + within)),
+        f"a nozzle that loses up to {100 * share:.0f} % within each injection",
+    )
 
 
-def _seat_by_speed(drawn: random.Random) -> tuple[str, Any, str]:
+def _seat_by_speed(drawn: random.Random) -> HiddenEffect:
     share = drawn.uniform(0.15, 0.25)
-    law = f"-{share:.4g} * tanh(lift_rate / 0.3)"
-    words = f"a seat that passes {100 * share:.0f} % less while the needle opens, and more while it closes"
-    return "seat_flow", law, words
+    return HiddenEffect(
+        Departure(seat=lambda speed: 1.0 - share * math.tanh(speed / 0.3)),
+        f"a seat that passes {100 * share:.0f} % less while the needle opens, and more while it closes",
+    )
 
 
-def _kinked_loss(drawn: random.Random) -> tuple[str, Any, str]:
+def _kinked_loss(drawn: random.Random) -> HiddenEffect:
     loss, from_flow = drawn.uniform(0.04, 0.1), drawn.uniform(20.0, 30.0)
-    law = f"{loss:.4g} * max(line_flow - {from_flow:.3g}, 0)"
-    return "line_flow", law, f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms"
+    return HiddenEffect(
+        Departure(loss=lambda flow: loss * max(flow - from_flow, 0.0)),
+        f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms",
+    )
 
 
 _LAWS: Sequence[_Drawn] = (_coking, _seat_by_speed, _kinked_loss)
@@ -195,14 +181,12 @@ class EffectDemo:
         write_text(self.folder / "bench.toml", tomlkit.dumps(document))
         return self._read()
 
-    def _recorded(self, injections: int, seed: int) -> Simulation:
+    def _recorded(self, injections: int, seed: int) -> BenchRecording:
         """Injections of the injector with the hidden effect."""
-        healthy, rate = self._read().injector.parameters, SAMPLE_RATE
-        schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, ENERGIZING_TIMES)
-        injector = self.hidden.added_to(healthy)
-        return simulate(injector, schedule, rate, self.hidden.effects, SimulatedNoise(), seed=seed)
+        operation = Operation(RAIL_PRESSURES, ENERGIZING_TIMES, injections, PERIOD)
+        return record(operation, self.hidden.departure, SAMPLE_RATE, seed)
 
-    def _play(self, bench: Bench, scenes: Sequence[Simulation]) -> None:
+    def _play(self, bench: Bench, scenes: Sequence[BenchRecording]) -> None:
         """Injections, refused; the question; the answer taken over; injections again."""
         link = bench.config.link
         self._wait_for("ready", 1)
@@ -244,8 +228,7 @@ class EffectDemo:
         amended = found / AMENDED
         return amended if amended.exists() else None
 
-    def _result(self, scenes: Sequence[Simulation]) -> LoopResult:
-        c = effective_model(self.hidden.added_to(load_injector()), self.hidden.effects).coefficients
+    def _result(self, scenes: Sequence[BenchRecording]) -> LoopResult:
         injections = []
         with reading_journal(self.folder / JOURNAL) as journal:
             rows = list(journal.injections())
@@ -253,8 +236,7 @@ class EffectDemo:
         for row in rows:
             run = runs.index(int(str(row["run"])))
             start, end = int(str(row["start_index"])), int(str(row["end_index"]))
-            rate = scenes[run].truth.injection_rate[start : end + 1]
-            true = float(np.trapezoid(rate)) / SAMPLE_RATE * c.density
+            true = scenes[run].mass(start, end)
             mass = math.nan if row["mass_mg"] is None else float(str(row["mass_mg"])) * MILLIGRAM
             reasons = tuple(str(row["reasons"]).split(",")) if row["reasons"] else ()
             pressure = float(str(row["rail_pressure_MPa"])) * MEGAPASCAL

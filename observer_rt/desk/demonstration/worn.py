@@ -22,21 +22,18 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.core.frames.frames import decode_signals
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.nominal import ComparedRate
+from observer_rt.daemon.nominal import ComparedRate, NominalInjection
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
+from observer_rt.desk.demonstration.bench_injector import Departure, Operation, record
 from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.desk.evaluation.figures import MassRow, Picture, plot_injections
-from observer_rt.desk.simulation.schedule import make_schedule
-from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.reports.news import Notes
+from observer_rt.engine.reports.news import News, Notes
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.replay.player import play
-from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.console import stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
-from observer_rt.model.effects import effective_model, sized
 
 RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
 ENERGIZING_TIME = 1.9 * MILLISECOND
@@ -87,27 +84,24 @@ class Demo:
         """wear: v_H of (27)."""
         self.link = demo_link()
         self.bench = _on_link(load_bench(), self.link)
-        schedule = make_schedule(RAIL_PRESSURES, injections, PERIOD, [ENERGIZING_TIME])
-        parameters = self.bench.injector.parameters
-        rate = self.bench.injector.config.sampling.rate_hz
-        worn = (sized("orifice_area", v_H=wear),)
-        simulation = simulate(parameters, schedule, rate, worn, SimulatedNoise(), seed=seed)
-        self.recording: Recording = simulation.recording
-        self._true_rate = simulation.truth.injection_rate
-        # the model without the wear, at the same lift and rail pressure
-        self._nominal_rate = simulate(parameters, schedule, rate).truth.injection_rate
-        self._density = effective_model(parameters).coefficients.density
+        operation = Operation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
+        worn = Departure(nozzle=lambda _: 1.0 + wear)
+        self._truth = record(operation, worn, self.bench.injector.config.sampling.rate_hz, seed)
+        self.recording = self._truth.recording
+        self._nominal = NominalInjection(self.bench.injector)
+        self._compared: dict[int, Sequence[ComparedRate]] = {}
         self._notes = Notes()
 
-    def references(
-        self, report: InjectionReport, _rows: NDArray[np.void] | None = None
-    ) -> Sequence[ComparedRate]:
+    def references(self, report: InjectionReport, _rows: NDArray[np.void]) -> Sequence[ComparedRate]:
         """True and nominal rate and mass of an injection."""
-        window = slice(report.start_index, report.end_index + 1)
-        return [
-            ComparedRate(name, rate[window], self._mass(rate[window]))
-            for name, rate in (("true", self._true_rate), ("nominal", self._nominal_rate))
-        ]
+        return self._compared[report.number]
+
+    def _compare(self, daemon: Daemon, report: InjectionReport) -> None:
+        first, last = report.start_index, report.end_index
+        rate = self._truth.injection_rate[first : last + 1]
+        true = ComparedRate("true", rate, self._truth.mass(first, last))
+        rows = daemon.core.rows(report.start, report.end + 1)
+        self._compared[report.number] = [true, *self._nominal(report, rows)]
 
     def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:
         """Replay at `speed` (1: real time); `show` draws the view until its event is set, None: nobody looks.
@@ -127,7 +121,12 @@ class Demo:
             assert bus.rate is not None  # the example bench publishes it
             published = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
             threads = stack.enter_context(ThreadPoolExecutor(2))
-            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, snapshots.hear])
+
+            def compare(news: News) -> None:
+                if isinstance(news, InjectionReport):
+                    self._compare(daemon, news)
+
+            daemon = Daemon(self.bench, bus, [daemon_link], listeners=[self._notes, compare, snapshots.hear])
             snapshots.watch(daemon)
 
             def replay() -> None:
@@ -154,10 +153,9 @@ class Demo:
         curves, masses = {}, []
         for report in self._notes.injections:
             window = slice(report.start_index, report.end_index + 1)
-            true, nominal = self.references(report)
-            masses.append(
-                MassRow(report.number, self._mass(published[window]), nominal.mass, true.mass, report.valid)
-            )
+            true, nominal = self._compared[report.number]
+            mass = float(np.trapezoid(published[window])) / self.recording.sample_rate * report.density
+            masses.append(MassRow(report.number, mass, nominal.mass, true.mass, report.valid))
             if report.number in (1, 3, len(self._notes.injections)):
                 curves[report.number] = RateCurves(
                     f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
@@ -167,9 +165,6 @@ class Demo:
                     true.rate,
                 )
         return DemoResult(curves, tuple(masses), f"{self.link.interface} {self.link.channel}")
-
-    def _mass(self, rate: NDArray[np.float64]) -> float:
-        return float(np.trapezoid(rate)) / self.recording.sample_rate * self._density
 
 
 def write_figure(result: DemoResult, wear: float, path: Path) -> None:

@@ -27,7 +27,7 @@ def true_masses(hidden: HiddenEffect, printed: str) -> list[float]:
 
 @pytest.mark.slow
 @pytest.mark.vcan
-@pytest.mark.parametrize(("seed", "outside"), [(1, False), (6, False), (3, True), (5, True)])
+@pytest.mark.parametrize(("seed", "outside"), [(1, False), (6, False), (2, True), (5, True)])
 def test_a_hidden_effect_is_refused_then_named_and_the_masses_are_right(
     vcan: str, tmp_path: Path, seed: int, outside: bool
 ) -> None:

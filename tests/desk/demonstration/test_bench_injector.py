@@ -1,0 +1,97 @@
+"""The injector that is demonstrated on: right by its equations solved by hand, and every departure is felt."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from observer_rt.desk.demonstration.bench_injector import (
+    CHAMBER_PRESSURE,
+    DENSITY,
+    FIRST_EVENT,
+    HALF_CONE,
+    HIGHEST_LIFT,
+    LINE_AREA,
+    LINE_LENGTH,
+    LINE_VOLUME,
+    LOSS_FACTOR,
+    NOZZLE_AREA,
+    SEAT_DIAMETER,
+    SEAT_FLOW,
+    STIFFNESS,
+    BenchRecording,
+    Departure,
+    Operation,
+    record,
+)
+
+RATE = 100e3  # Hz
+LONG = 30e-3  # s of energizing, until the line no longer rings
+PRESSURE = 140e6  # Pa
+
+
+def recorded(departure: Departure, energizing: float = 1.5e-3) -> BenchRecording:
+    return record(Operation([PRESSURE], [energizing], 1, 2.0 * LONG), departure, RATE, seed=0)
+
+
+@pytest.fixture(scope="module")
+def healthy() -> BenchRecording:
+    return recorded(Departure())
+
+
+def test_a_long_injection_ends_at_the_flow_at_which_all_pressure_is_used_up() -> None:
+    long = recorded(Departure(), LONG)
+    last = round((FIRST_EVENT + LONG) * RATE)
+    seat = math.pi * HIGHEST_LIFT * math.sin(HALF_CONE)
+    seat *= SEAT_FLOW * (SEAT_DIAMETER - 0.5 * HIGHEST_LIFT * math.sin(2.0 * HALF_CONE))
+    rail = float(np.mean(long.recording.rail_pressure[last - 50 : last]))
+
+    def left(flow: float) -> float:
+        line = LOSS_FACTOR * DENSITY / (2.0 * LINE_AREA**2) * flow**2
+        orifices = DENSITY / 2.0 * flow**2 * (seat**-2 + NOZZLE_AREA**-2)
+        return rail - CHAMBER_PRESSURE - line - orifices
+
+    steady = brentq(left, 0.0, 1e-3)
+    assert np.mean(long.injection_rate[last - 50 : last]) == pytest.approx(steady, rel=5e-3)
+
+
+def test_the_shut_line_rings_at_its_mode_and_nothing_is_injected(healthy: BenchRecording) -> None:
+    shut = slice(round((FIRST_EVENT + 5e-3) * RATE), round((FIRST_EVENT + 25e-3) * RATE))
+    line = healthy.recording.line_pressure[shut] - healthy.recording.rail_pressure[shut]
+    spectrum = np.abs(np.fft.rfft(line - line.mean(), 1 << 16))
+    mode = math.sqrt(LINE_AREA * STIFFNESS / (DENSITY * LINE_LENGTH * LINE_VOLUME)) / (2.0 * math.pi)
+    assert np.argmax(spectrum) * RATE / (1 << 16) == pytest.approx(mode, rel=0.01)
+    assert np.abs(healthy.injection_rate[shut]).max() < 1e-9
+
+
+def test_a_nozzle_lets_through_what_its_departure_says(healthy: BenchRecording) -> None:
+    worn = recorded(Departure(nozzle=lambda since: 1.2 if since > 0.5 else 1.0))
+    opened = round((FIRST_EVENT + 0.3e-3) * RATE)
+    ratio = worn.injection_rate / np.where(healthy.injection_rate > 5e-6, healthy.injection_rate, np.nan)
+    assert np.nanmax(np.abs(ratio[opened : opened + 49] - 1.0)) < 1e-3
+    assert np.nanmin(ratio[opened + 60 : opened + 100]) > 1.1
+
+
+@pytest.mark.parametrize(
+    "departure",
+    [
+        Departure(seat=lambda speed: 1.0 - 0.2 * math.tanh(speed / 0.3)),
+        Departure(loss=lambda flow: 0.08 * max(flow - 20.0, 0.0)),
+        Departure(stiffening=8.0),
+    ],
+)
+def test_a_departure_shows_in_the_line_pressure(healthy: BenchRecording, departure: Departure) -> None:
+    departed = recorded(departure).recording.line_pressure  # with the same noise
+    assert np.abs(departed - healthy.recording.line_pressure).max() > 0.5e6
+
+
+def test_sensors_show_what_their_departures_say(healthy: BenchRecording) -> None:
+    shown = recorded(Departure(rail_gain=0.02, hidden_lift=10e-6))
+    assert np.mean(shown.recording.rail_pressure / healthy.recording.rail_pressure) == pytest.approx(
+        1.02, rel=1e-3
+    )
+    open_ = healthy.recording.needle_lift > 0.1e-3
+    hidden = healthy.recording.needle_lift[open_] - shown.recording.needle_lift[open_]
+    assert np.mean(hidden) == pytest.approx(10e-6, rel=0.01)
+    np.testing.assert_array_equal(shown.injection_rate, healthy.injection_rate)

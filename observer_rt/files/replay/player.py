@@ -201,7 +201,8 @@ class LatenessCounter:
         delays = np.array(sorted(self._delays.items()))
         up_to = np.cumsum(delays[:, 1])
         median, p99 = (
-            min(float(delays[np.searchsorted(up_to, math.ceil(share * frames)), 0]), self._maximum) * _NANOSECOND
+            min(float(delays[np.searchsorted(up_to, math.ceil(share * frames)), 0]), self._maximum)
+            * _NANOSECOND
             for share in (0.5, 0.99)
         )  # a delay that was rounded up is not above the largest
         return ReplayLateness(median, p99, self._maximum * _NANOSECOND, self._late / frames)

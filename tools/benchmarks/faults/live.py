@@ -143,7 +143,8 @@ def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus:
     for thread in threads:
         thread.start()
     end = begun + frames[-1].time + REST
-    while time.monotonic() < end or any(thread.is_alive() for thread in threads):  # it may lag on a busy machine
+    # The daemon may lag on a busy machine.
+    while time.monotonic() < end or any(thread.is_alive() for thread in threads):
         try:
             frame = ear.receive(0.05)
         except LinkDownError:

@@ -16,10 +16,10 @@ from tests.device import core_of, frames_of, hand
 @contextmanager
 def keeping(bench: Bench, told: list[str]) -> Iterator[EvidenceKeeper]:
     """Keeper of a bench's evidence, with its process."""
-    with evidence_keeper(bench.injector, told.append) as keeper:
-        assert keeper is not None
-        with keeper.keeping():
-            yield keeper
+    folder = bench.injector.evidence
+    assert folder is not None
+    with evidence_keeper(bench.injector, folder, told.append) as keeper, keeper.keeping():
+        yield keeper
 
 
 def observe(keeper: EvidenceKeeper, bench: Bench, recording: Recording) -> None:

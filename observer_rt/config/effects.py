@@ -1,13 +1,16 @@
 """Effects and terms as users write them, in files and on the command line: found, tried, or refused by name."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from observer_rt.foundation.errors import UserError, hint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
-from observer_rt.model.terms.bounds import TermDomain, refuse_unbounded
+
+if TYPE_CHECKING:
+    from observer_rt.model.terms.bounds import TermDomain
 
 
 def effect_named(place: str, name: str) -> Effect:
@@ -84,8 +87,10 @@ def _described(effect: Effect) -> str:
     return ":".join([effect.id, *units])
 
 
-def term_domain(parameters: InjectorParameters) -> TermDomain:
+def term_domain(parameters: InjectorParameters) -> "TermDomain":
     """Domain in which terms of an injector must be sound."""
+    from observer_rt.model.terms.bounds import TermDomain  # optional: [[terms]]
+
     line = parameters.line
     friction = line.loss_factor * parameters.fluid.density_line / line.area**2  # Pa/(m3/s)^2
     friction *= MM3_PER_MS**2 / MEGAPASCAL
@@ -97,6 +102,10 @@ def check_terms(place: str, parameters: InjectorParameters) -> None:
 
     Raises `UserError` at a key below `place`.
     """
+    if not parameters.terms:
+        return
+    from observer_rt.model.terms.bounds import refuse_unbounded
+
     domain = term_domain(parameters)
     for number, stated in enumerate(parameters.terms):
         here = f"{place}terms.{number}"

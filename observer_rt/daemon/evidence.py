@@ -38,15 +38,13 @@ LAST_EVENTS = 5.0  # s for the last ones to be written
 
 
 @contextmanager
-def evidence_keeper(fitted: BenchInjector, tell: Callable[[str], None]) -> Iterator["EvidenceKeeper | None"]:
-    """Keeper of an injector's evidence, its folder its own while it lasts; None where the bench file names no folder.
+def evidence_keeper(
+    fitted: BenchInjector, folder: Path, tell: Callable[[str], None]
+) -> Iterator["EvidenceKeeper"]:
+    """Keeper of an injector's evidence in a folder, which is its own while it lasts.
 
     Raises `UserError` for a folder that cannot be made, or is another daemon's.
     """
-    folder = fitted.evidence
-    if folder is None:
-        yield None
-        return
     make_folder(fitted.place("evidence.folder"), folder)
     with sole_writer(folder / OBSERVER):
         yield EvidenceKeeper(fitted, folder, tell)

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Event, Thread
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -14,7 +15,6 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.event_logger import EventLogger
-from observer_rt.daemon.evidence import EvidenceKeeper, evidence_keeper
 from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notify import Notifier
@@ -32,7 +32,6 @@ from observer_rt.daemon.rights import (
     rights,
 )
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
-from observer_rt.daemon.view import View, draw
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.constants import bench_constants
@@ -44,6 +43,9 @@ from observer_rt.foundation.file_kinds import SERVICE_LOG
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import check_own_file
 from observer_rt.foundation.units import MICROSECOND
+
+if TYPE_CHECKING:
+    from observer_rt.daemon.evidence import EvidenceKeeper
 
 _TURN = 0.2  # s between two looks at what signals ask for
 
@@ -58,12 +60,12 @@ class InjectorService:
         keeper: Keeper,
         log: ServiceLog,
         notifier: Notifier,
-        has_view: bool,
-        evidence: EvidenceKeeper | None = None,
+        screen: Console | None,
+        evidence: "EvidenceKeeper | None" = None,
         learned: Knowledge | None = None,
         on_thread: Callable[[], object] = lambda: None,
     ) -> None:
-        """bench: with one injector; on_thread: see `Daemon`.
+        """bench: with one injector; screen: terminal of the view, None: there is none; on_thread: see `Daemon`.
 
         learned: before the bench file was changed, else from the file of the state, else from that beside the
         injector file. Logs what that is, and what it will observe.
@@ -89,8 +91,15 @@ class InjectorService:
         self._announce()
         self._evidence = evidence
         self.snapshots = SnapshotKeeper(bench, bus)
-        title = " ".join(filter(None, ("observer_rt", injector.name)))
-        self.screen = View(f"{title}: {self._buses}", self.snapshots.snapshot) if has_view else None
+        self.drawing: Callable[[Event], None] | None = None
+        """Draws the view until the event is set; None without one."""
+        if screen is not None:
+            from observer_rt.daemon.view import View, draw  # optional: --view
+
+            title = " ".join(filter(None, ("observer_rt", injector.name)))
+            self.drawing = partial(
+                draw, View(f"{title}: {self._buses}", self.snapshots.snapshot), console=screen
+            )
         self._teller = EventLogger(log, notifier, bench_constants(injector).coefficients, injector.name)
 
     @property
@@ -253,10 +262,8 @@ class Serving:
             if self.stop.is_set():
                 self.log.say(Topic.STOP, "stopped while it was starting")
                 return None
-            view = service.screen
-            drawing = partial(draw, view, console=self.screen) if self.screen and view else None
             with self.reloading.watching(bench, service) as (ended, successor):
-                serve_beside(service, ended, drawing)
+                serve_beside(service, ended, service.drawing)
         self.learned[service.model] = service.learned
         return None if self.stop.is_set() else successor()
 
@@ -266,14 +273,20 @@ class Serving:
 
     def _service(self, bench: Bench, stack: ExitStack) -> InjectorService:
         fitted, tell = bench.injector, partial(self.log.say, Topic.KEPT)
+        keeper = stack.enter_context(keeper_of(bench, self.options.state, self.options.journal, tell))
+        evidence: EvidenceKeeper | None = None
+        if fitted.evidence is not None:
+            from observer_rt.daemon.evidence import evidence_keeper  # optional: [evidence] folder
+
+            evidence = stack.enter_context(evidence_keeper(fitted, fitted.evidence, tell))
         service = InjectorService(
             bench,
             map_bus(bench),
-            stack.enter_context(keeper_of(bench, self.options.state, self.options.journal, tell)),
+            keeper,
             self.log,
             self.notifier,
-            self.screen is not None,
-            stack.enter_context(evidence_keeper(fitted, tell)),
+            self.screen,
+            evidence,
             self.learned.get(model_hash(fitted.parameters)),
             partial(hurry, self.processor, self.priority),
         )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.recorded import make_recorded
+from observer_rt.bus.alignment.alignment import make_recorded
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
     INJECTIONS,

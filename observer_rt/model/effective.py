@@ -11,7 +11,6 @@ from observer_rt.foundation.units import MILLIMETRE
 from observer_rt.model.hydraulics import Nozzle, Sac, Seat, nozzle_of, sac_of, seat_flow_scale, seat_of
 from observer_rt.model.line.interface import line_of
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
-from observer_rt.model.terms.program import program_of
 from observer_rt.model.terms.term import Term
 from observer_rt.model.terms.variable import Variable
 
@@ -111,6 +110,10 @@ class EffectiveModel:
     @cached_property
     def program(self) -> NDArray[np.float64]:
         """Program of the terms (n, 2) for compiled code, see `forcing`."""
+        if not self.terms:
+            return np.empty((0, 2))
+        from observer_rt.model.terms.program import program_of  # optional: [[terms]]
+
         return program_of(self.terms, {Variable.MAX_LIFT: self.injector.seat.max_lift / MILLIMETRE})
 
     def with_term(self, term: Term) -> "EffectiveModel":

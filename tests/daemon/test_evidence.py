@@ -128,13 +128,11 @@ def test_a_folder_that_is_removed_is_told_and_made_anew(bench: Bench, tmp_path: 
 def test_a_folder_belongs_to_one_daemon(bench: Bench, tmp_path: Path) -> None:
     folder = tmp_path / "evidence"
     assert not is_written(folder / OBSERVER)
-    with evidence_keeper(bench.injector, print):
+    with evidence_keeper(bench.injector, folder, print):
         assert is_written(folder / OBSERVER)
-        with pytest.raises(UserError, match="in use by process"), evidence_keeper(bench.injector, print):
+        with (
+            pytest.raises(UserError, match="in use by process"),
+            evidence_keeper(bench.injector, folder, print),
+        ):
             pass
     assert not is_written(folder / OBSERVER)
-
-
-def test_nothing_is_kept_where_no_folder_is_named() -> None:
-    with evidence_keeper(load_bench().injector, print) as keeper:
-        assert keeper is None

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.recorded import RECORDED
+from observer_rt.bus.alignment.alignment import RECORDED
 from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import INJECTIONS, RECORDED_RING, RING
 from observer_rt.engine.estimation.gain import NoiseLevels

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench
-from observer_rt.desk.evaluation.evaluate import Trace, evaluate
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.desk.evaluation.segment import UNKNOWN, Trace, trace_of
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import State
 from observer_rt.files.replay.framing import Span, windows
@@ -30,21 +30,11 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
     """
     spans = windows(recording)
     history = evaluate(bench, [part_of(recording, span) for span in spans])
-    first = history.evaluations[0].trace
-    trace = Trace(
-        **{
-            name: np.full(
-                (recording.samples, *like.shape[1:]), np.nan if like.dtype.kind == "f" else 0, like.dtype
-            )
-            for name, like in vars(first).items()
-        }
-    )
+    trace = trace_of(np.repeat(UNKNOWN, recording.samples))
     trace.state[:] = State.WAITING_FOR_DATA
     reports = []
     for span, part in zip(spans, history.evaluations, strict=True):
-        for name, values in vars(part.trace).items():
-            whole: NDArray[np.generic] = getattr(trace, name)
-            whole[span.start : span.end] = values
+        trace[span.start : span.end] = part.trace
         by = span.start - part.first_index
         reports += [
             replace(r, start_index=r.start_index + by, end_index=r.end_index + by) for r in part.reports

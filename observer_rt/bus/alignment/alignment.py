@@ -2,8 +2,8 @@
 
 Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
 (`mapping.timing.Following`). Up to two missing samples are interpolated, more are a loss. An index jump is legal
-only with a contiguous E2E counter in every message on the grid and a closed needle before and after. The place of a
-block is found by `placing`.
+only with a contiguous E2E counter in every message on the grid and a closed needle before and after. Of a repeated
+block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the device.
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,12 @@ from numpy.typing import NDArray
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
 from observer_rt.bus.mapping.timing import SLOTS, Following
 from observer_rt.core.frames.frames import PATIENCE, RECORDS
+from observer_rt.core.stream.stream import RECORDED_RING
+from observer_rt.core.stream.stream import RECORDS as OF_STREAM
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.records import dtype_of
+
+RECORDED = dtype_of(OF_STREAM["Recorded"])
 
 STREAM = dtype_of(RECORDS["GridStream"])
 
@@ -36,6 +40,11 @@ class Alignment(NamedTuple):
     followers: NDArray[np.void]  # (MAX_INPUTS,) FOLLOWER
     slots: NDArray[np.void]  # (SLOTS,) SLOT
     recorded: NDArray[np.void]  # (RECORDED_RING,) RECORDED
+
+
+def make_recorded() -> NDArray[np.void]:
+    """An empty ring of recorded samples, which the alignment writes and the observer takes."""
+    return np.zeros(RECORDED_RING, RECORDED)
 
 
 def make_alignment(

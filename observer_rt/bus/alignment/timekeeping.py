@@ -7,23 +7,31 @@ negative. So a frame that comes late is late, not one of the next cycle: frames 
 the time in which the counter comes round (one cycle where there is no counter) and delays like that do not occur
 otherwise.
 
+A device's clock is a straight line under the stamps of its frames. A frame is never received before it was sent, so
+the delays are positive, and the least of them are the same again and again: the line through the lowest stamps of
+many short windows (the lower convex hull, as used for one-way delays in packet networks: Moon, Skelly, Towsley,
+INFOCOM 1999) gives offset and drift of the clock, whatever jitter lies above it. How far these lowest stamps scatter
+about the line is what is not known of the clock.
+
 `MessageTiming` holds the jitter of the messages and the uncertainty of the time of their samples.
 """
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.clock import CLOCK, Jitter, jitter_of, make_clock
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.core.frames.frames import RECORDS
 from observer_rt.foundation.records import dtype_of
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND
+
+POINTS = 16  # windows whose lowest stamps the line goes by
+
+CLOCK = dtype_of(RECORDS["Clock"])
 
 COUNTING = dtype_of(RECORDS["Counting"])
 
@@ -36,13 +44,35 @@ SECOND = 1e9  # ns
 LARGEST_DRIFT = 0.01  # of a clock; beyond it a recording is played at another speed
 
 
-class Count(IntEnum):
-    """Place of a frame in the count of those before it."""
+class Jitter(NamedTuple):
+    """Delays of a message's frames over its shortest one: their scatter and greatest [s], over `frames` frames."""
 
-    NEXT = 0
-    REPEATED = 1
-    OLD = 2  # overtaken by a later one
-    ANEW = 3  # it fits nothing counted so far
+    frames: int
+    sigma: float
+    greatest: float
+
+
+def make_clock(interval: float, samples: int, shortest: float) -> NDArray[np.void]:
+    """A clock (1,) that has seen no stamp; `interval` [s] between samples, of which a frame has `samples`.
+
+    shortest: time [s] from one frame to the next that a bus can do, 0 where there is none.
+    """
+    clock = np.zeros(1, CLOCK)
+    clock["shortest"] = shortest * 1e9
+    clock["interval"] = interval * 1e9
+    clock["samples"] = samples
+    clock["residual"] = math.inf
+    return clock
+
+
+def jitter_of(clock: np.void) -> Jitter:
+    """Delays since the line is known; nothing is known of frames before."""
+    frames = int(clock["delays"])
+    if frames == 0:
+        return Jitter(0, math.nan, math.nan)
+    mean = float(clock["delay_sum"]) / frames
+    variance = max(0.0, float(clock["delay_squares"]) / frames - mean * mean)
+    return Jitter(frames, math.sqrt(variance) * 1e-9, float(clock["delay_max"]) * 1e-9)
 
 
 def make_counting(modulus: int) -> NDArray[np.void]:

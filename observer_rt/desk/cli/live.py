@@ -97,7 +97,7 @@ def run(options: RunOptions) -> None:
             "give a bench file; `observer-rt run --print-example-bench > bench.toml` makes one to start from",
         )
     from observer_rt.daemon.run import serve
-    from observer_rt.desk.check.checkup import refuse_errors
+    from observer_rt.desk.check.bench_rules import refuse_errors
 
     def read() -> Bench:
         whole = load_bench(bench, lenient=options.lenient)
@@ -139,23 +139,24 @@ class CheckOptions:
 
 def check(options: CheckOptions) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.desk.check import checkup, given_files
+    from observer_rt.desk.check import findings as found
+    from observer_rt.desk.check import given_files
+    from observer_rt.desk.check.bench_rules import of_each
+    from observer_rt.desk.check.checkup import checkup
 
     is_alone = options.bench == EXAMPLE_BENCH and options.model is None and options.state is None
     is_layout = options.recording is not None and (is_alone or describes_files_only(options.bench))
     chosen = load_bench(options.bench, options.model, options.lenient, off_bus=is_layout).of(options.injector)
-    findings = [] if is_layout else checkup.checkup(chosen, options.state)
+    findings = [] if is_layout else checkup(chosen, options.state)
     if (log := options.log) is not None:
-        findings += checkup.of_each(
-            chosen, lambda alone: given_files.log_findings(alone, log, options.from_channel)
-        )
+        findings += of_each(chosen, lambda alone: given_files.log_findings(alone, log, options.from_channel))
     if options.recording is not None:
         findings += given_files.recording_findings(chosen, options.recording)
     if options.json:
-        print(json.dumps(checkup.as_json_document(findings), indent=2))
+        print(json.dumps(found.as_json_document(findings), indent=2))
     else:
-        results().print(checkup.as_table(findings))
-    if any(finding.level is checkup.Level.ERROR for finding in findings):
+        results().print(found.as_table(findings))
+    if any(finding.level is found.Level.ERROR for finding in findings):
         raise typer.Exit(1)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.segment import Segment, Signal
+from observer_rt.desk.evaluation.segment import Segment, Signal, trace_of
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
@@ -94,23 +94,23 @@ def _window(report: InjectionReport, segment: Segment) -> slice:
     first, end = (
         index - segment.first_index - segment.first for index in (report.start_index, report.end_index + 1)
     )
-    return slice(max(first, 0), max(min(end, segment.time.size), 0))
+    return slice(max(first, 0), max(min(end, segment.trace.size), 0))
 
 
 def rate_curves(report: InjectionReport, segment: Segment, c: Coefficients) -> RateCurves:
     """Curves of an injection, as far as the segment remembers its samples."""
-    window, trace, measured = _window(report, segment), segment.trace, segment.measured_rate
+    window, measured = _window(report, segment), segment.measured_rate
+    trace = trace_of(segment.trace[window].copy())
     line_pressure, modelled = (
-        values[window] * c.pressure_scale + c.chamber_pressure
-        for values in (segment.line_pressure, trace.x[:, 0])
+        values * c.pressure_scale + c.chamber_pressure for values in (trace.line_pressure, trace.x[:, 0])
     )
     return RateCurves(
         f"injection {report.number}, {report.rail_pressure / MEGAPASCAL:.0f} MPa",
-        segment.time[window] - segment.time_at(report.start_index),
-        trace.injection_rate[window].copy(),
-        trace.nominal_rate[window].copy(),
-        None if measured is None else measured[window].copy(),
-        trace.injection_rate_sigma[window].copy(),
+        trace.time - segment.time_at(report.start_index),
+        trace.injection_rate,
+        trace.nominal_rate,
+        None if measured is None else trace.measured_rate,
+        trace.injection_rate_sigma,
         PressureCurves(line_pressure, modelled),
     )
 

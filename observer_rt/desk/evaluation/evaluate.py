@@ -18,7 +18,15 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, injection_result, rate_curves
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.run import ObserverRun, Progress
-from observer_rt.desk.evaluation.segment import Segment, Signal, Trace, joined, open_trace, trace_arrays
+from observer_rt.desk.evaluation.segment import (
+    SAMPLE,
+    Segment,
+    Signal,
+    Trace,
+    open_trace,
+    trace_arrays,
+    trace_of,
+)
 from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import InjectionReport
@@ -33,8 +41,6 @@ from observer_rt.files.signals.table_writers import TableWriter
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.model.effective import Coefficients
-
-__all__ = ["Evaluation", "History", "Trace", "evaluate", "evaluate_stream"]
 
 _IN_MEMORY = 512  # injections, some KB each
 
@@ -66,7 +72,7 @@ class Evaluation:
         self._held: InjectionResult | None = None  # until no measured mass can come for it
         self.writer: TableWriter | None = None
         """Writes the trace, where it goes to a file."""
-        self._traces: list[tuple[Signal, Trace]] | None = [] if keeps_trace else None
+        self._traces: list[Trace] | None = [] if keeps_trace else None
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy is a result: it holds no open file."""
@@ -75,22 +81,18 @@ class Evaluation:
     @cached_property
     def trace(self) -> Trace:
         """Trace of all n samples, empty where it is not kept."""
-        return joined([trace for _, trace in self._traces or []])
+        return trace_of(np.concatenate([np.empty(0, SAMPLE), *(self._traces or [])]))
 
-    @cached_property
+    @property
     def time(self) -> Signal:
         """Times of the samples of the trace [s] (n,)."""
-        return np.concatenate([time for time, _ in self._traces or []])
+        time: Signal = self.trace.time
+        return time
 
     @cached_property
     def reports(self) -> tuple[InjectionReport, ...]:
         """Reports of all injections, without the course of their sigma."""
         return tuple(injection.report for injection in self.injections)
-
-    @property
-    def wants_states(self) -> bool:
-        """Whether x and phi are needed: for the trace, and curves of the line."""
-        return self.writer is not None or self._traces is not None or self._curves_of is not None
 
     def take_report(self, segment: Segment, report: InjectionReport) -> None:
         """Take the report of an injection, whose samples the segment remembers."""
@@ -105,12 +107,12 @@ class Evaluation:
         if held is not None and held.report.number == measured.report.number and not self.has_rate:
             self._held = replace(held, measured_mass=measured.mass)
 
-    def take_passed(self, time: Signal, trace: Trace) -> None:
-        """Append n samples to the trace; time (n,) [s]."""
+    def take_passed(self, passed: Trace) -> None:
+        """Append samples to the trace."""
         if self.writer is not None:
-            self.writer.write(trace_arrays(time.copy(), joined([trace])))
+            self.writer.write(trace_arrays(passed))
         if self._traces is not None:
-            self._traces.append((time.copy(), joined([trace])))
+            self._traces.append(passed.copy())
 
     def revise(self, revised: Iterable[tuple[InjectionResult, RateCurves]]) -> None:
         """Replace the results of all injections, with their curves, which must be there, and in the trace."""

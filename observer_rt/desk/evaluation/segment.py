@@ -1,10 +1,9 @@
-"""A stretch of samples while it is evaluated: results of the last ones, and the trace of all as a table."""
+"""A stretch of samples while it is evaluated: rows of the last ones, and the trace of all as a table."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,47 +32,31 @@ _COLUMNS = (
     *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
     *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
 )
-HELD = np.dtype(
+SAMPLE = np.dtype(
     [
-        ("time", np.float64),
-        ("line_pressure", np.float64),
-        ("measured_rate", np.float64),
-        ("injection_rate", np.float64),
-        ("injection_rate_sigma", np.float64),
-        ("nominal_rate", np.float64),
-        ("valid", np.bool_),
-        ("state", np.int8),
+        ("time", np.float64),  # s
+        ("line_pressure", np.float64),  # normalised, as the observer was given it
+        ("measured_rate", np.float64),  # m3/s
+        ("injection_rate", np.float64),  # m3/s
+        ("injection_rate_sigma", np.float64),  # m3/s, over windows of injections that were learned from
+        ("nominal_rate", np.float64),  # m3/s, by the model with phi = 0 on the same frames
+        ("valid", np.bool_),  # whether the rate is to be used
+        ("state", np.int8),  # `State`
+        ("x", np.float64, 3),  # normalised
+        ("phi", np.float64, 3),  # 1/s
     ],
     align=True,
 )
-"""Remembered values of a sample."""
-STATES = np.dtype([("x", np.float64, (3,)), ("phi", np.float64, (3,))], align=True)
-"""States of a sample, for a sink that wants them: as much memory again."""
-_UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING))], HELD)
-_NO_STATES = np.broadcast_to(np.nan, (1 << 32, 3))  # x or phi, of no memory
+"""The observer at a sample of a recording; nan where not available."""
+Trace: TypeAlias = np.recarray[Any, np.dtype[np.void]]
+"""Samples (n,) of dtype `SAMPLE`, whose fields are attributes."""
+UNKNOWN = np.array([(*[math.nan] * 6, False, int(State.STARTING), [math.nan] * 3, [math.nan] * 3)], SAMPLE)
+"""A sample (1,) of which nothing is known yet."""
 
 
-@dataclass(frozen=True)
-class Trace:
-    """The observer at every sample of a recording (n samples); nan where not available.
-
-    injection_rate [m3/s]; injection_rate_sigma [m3/s]: its standard deviation over the windows of injections that
-    were learned from; valid: whether the rate is to be used; state: `State`; x normalised (n, 3); phi [1/s] (n, 3);
-    nominal_rate [m3/s]: the model with phi = 0 on the same frames. All others (n,).
-    """
-
-    injection_rate: Signal
-    injection_rate_sigma: Signal
-    valid: NDArray[np.bool_]
-    state: NDArray[np.int8]
-    x: Signal
-    phi: Signal
-    nominal_rate: Signal
-
-
-def joined(traces: Sequence[Trace]) -> Trace:
-    """Traces one after another, in memory of their own."""
-    return Trace(*(np.concatenate([getattr(trace, each.name) for trace in traces]) for each in fields(Trace)))
+def trace_of(samples: NDArray[np.void]) -> Trace:
+    """Trace of samples (n,) of dtype `SAMPLE`."""
+    return samples.view(np.recarray)
 
 
 def open_trace(path: Path) -> TableWriter:
@@ -81,12 +64,11 @@ def open_trace(path: Path) -> TableWriter:
     return TABLE_WRITERS[path.suffix.lower()](path, _COLUMNS)
 
 
-def trace_arrays(time: NDArray[Any], trace: Trace) -> Sequence[NDArray[Any]]:
-    """Columns of a written trace, in the order of the table. time (n,) [s]."""
-    rates = (trace.injection_rate, trace.injection_rate_sigma, trace.nominal_rate)
-    x = (trace.x[:, i] for i in range(3))
-    phi = (trace.phi[:, i] for i in range(3))
-    return [time, *(rate / MM3_PER_MS for rate in rates), trace.valid, trace.state, *x, *phi]
+def trace_arrays(rows: Trace) -> Sequence[NDArray[Any]]:
+    """Columns of a written trace, in the order of the table, in memory of their own."""
+    rates = (rows[name] / MM3_PER_MS for name in ("injection_rate", "injection_rate_sigma", "nominal_rate"))
+    states = (rows[name][:, i] for name in ("x", "phi") for i in range(3))
+    return [values.copy() for values in (rows.time, *rates, rows.valid, rows.state, *states)]
 
 
 class Segment:
@@ -108,8 +90,7 @@ class Segment:
         """Position after its last sample that came."""
         self.first = 0
         """Number of the first sample that is remembered."""
-        self._rows = np.empty(0, HELD)
-        self._states = np.empty(0, STATES)  # of the same, or none at all
+        self._rows = np.empty(0, SAMPLE)
         self._begin = self._end = 0  # of those remembered, among the rows
         self._is_measured = False
         self._rate, self._offset = rate, offset
@@ -119,24 +100,14 @@ class Segment:
         ] = []  # positions in the observer's stream and samples that were there
 
     @property
-    def time(self) -> Signal:
-        """Times of the samples remembered [s] (n,)."""
-        return self._remembered["time"]
-
-    @property
     def trace(self) -> Trace:
-        """Trace of the samples remembered."""
-        return self._trace_of(self._begin, self._end)
-
-    @property
-    def line_pressure(self) -> Signal:
-        """Line pressure of the samples remembered (n,), normalised, as the observer was given it."""
-        return self._remembered["line_pressure"]
+        """Samples remembered."""
+        return trace_of(self._rows[self._begin : self._end])
 
     @property
     def measured_rate(self) -> Signal | None:
         """Measured rate of the samples remembered [m3/s] (n,); None without one."""
-        return self._remembered["measured_rate"] if self._is_measured else None
+        return self.trace.measured_rate if self._is_measured else None
 
     def give(self, time: Signal, measured_rate: Signal | None) -> None:
         """Append samples, which the observer will be given: their times [s] and measured rates [m3/s], (n,)."""
@@ -146,9 +117,8 @@ class Segment:
             self._make_room(time.size)
         end = self._end + time.size
         rows = self._rows[self._end : end]
-        rows[:] = _UNKNOWN
+        rows[:] = UNKNOWN
         rows["time"] = time
-        self._states[self._end : end] = (math.nan, math.nan)
         if measured_rate is not None:
             self._is_measured = True
             rows["measured_rate"] = measured_rate
@@ -158,19 +128,16 @@ class Segment:
     def time_at(self, index: int) -> float:
         """Time [s] of the sample that was sent with an index, be it remembered or not."""
         number = index - self.first_index
-        if self.first <= number < self.first + self.time.size:
-            return float(self.time[number - self.first])
+        if self.first <= number < self.first + self.trace.size:
+            return float(self.trace.time[number - self.first])
         return self._start + number / self._rate
 
     def _make_room(self, samples: int) -> None:
         """Make room for so many further samples, and seldom."""
-        kept, states = self._remembered, self._states[self._begin : self._end]
+        kept = self._rows[self._begin : self._end]
         if 2 * (len(kept) + samples) > len(self._rows):
-            self._rows = np.empty(3 * (len(kept) + samples), HELD)
-            if self.sink.wants_states:
-                self._states = np.empty(len(self._rows), STATES)
+            self._rows = np.empty(3 * (len(kept) + samples), SAMPLE)
         self._rows[: len(kept)] = kept
-        self._states[: len(states)] = states
         self._begin, self._end = 0, len(kept)
 
     def pass_on(self, processed: int) -> None:
@@ -182,22 +149,16 @@ class Segment:
 
     def finish(self) -> None:
         """Hand over all samples: no further results of them will come."""
-        self._hand_over(self.time.size)
+        self._hand_over(self.trace.size)
         while self.first < self.samples:
             self._reach(self.first + 1)
-            self._hand_over(self.time.size)
-
-    @property
-    def _remembered(self) -> NDArray[np.void]:
-        return self._rows[self._begin : self._end]
+            self._hand_over(self.trace.size)
 
     def _hand_over(self, done: int) -> None:
-        if not done:
-            return
-        end = self._begin + done
-        self.sink.take_passed(self._rows["time"][self._begin : end], self._trace_of(self._begin, end))
-        self.first += done
-        self._begin += done
+        if done:
+            self.sink.take_passed(trace_of(self._rows[self._begin : self._begin + done]))
+            self.first += done
+            self._begin += done
 
     def note(self, observer: Observer, position: int, index: NDArray[np.int64], nominal: Signal) -> None:
         """Take the observer's results of some samples, the first of them at a position of its stream.
@@ -213,7 +174,7 @@ class Segment:
             self._reach(int(index[end - 1]) + 1 - self.first_index)
             self._marks.append((position, int(index[first]) - self.first_index))
         place = index - (self.first_index + self.first)
-        known = (place >= 0) & (place < len(self._remembered))
+        known = (place >= 0) & (place < self.trace.size)
         self._note_samples(
             observer, (position + np.flatnonzero(known)) % len(observer.ring), place[known], nominal[known]
         )
@@ -222,18 +183,14 @@ class Segment:
         self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal
     ) -> None:
         """Copy some rows (k,) of the observer's ring to the places (k,) of their samples."""
-        ring, held = observer.ring, self._remembered
-        held["line_pressure"][place] = np.where(
-            ring["interpolated"][rows], np.nan, ring["line_pressure"][rows]
-        )
-        held["nominal_rate"][place] = nominal
+        ring, trace = observer.ring, self.trace
+        trace.line_pressure[place] = np.where(ring["interpolated"][rows], np.nan, ring["line_pressure"][rows])
+        trace.nominal_rate[place] = nominal
         for name in ("injection_rate", "valid", "state"):
-            held[name][place] = ring[name][rows]
-        states = self._states[self._begin : self._end]
-        if len(states):
-            is_known = ~np.isnan(ring["injection_rate"][rows])
-            states["x"][place[is_known]] = observer.x_hat[rows[is_known], :3]
-            states["phi"][place[is_known]] = ring["phi"][rows[is_known]]
+            trace[name][place] = ring[name][rows]
+        is_known = ~np.isnan(ring["injection_rate"][rows])
+        trace.x[place[is_known]] = observer.x_hat[rows[is_known], :3]
+        trace.phi[place[is_known]] = ring["phi"][rows[is_known]]
 
     def note_report(self, report: InjectionReport) -> None:
         """Pass on the report of an injection, and note the standard deviation of its rate."""
@@ -245,17 +202,7 @@ class Segment:
 
     def _reach(self, samples: int) -> None:
         """Go on to a sample of a log, whose times nobody gives: those of its sample index."""
-        known = self.first + self.time.size
+        known = self.first + self.trace.size
         if known < samples:
             numbers = np.arange(known, min(self.samples, max(samples, known + SAMPLES_AT_ONCE)))
             self.give((self._offset + numbers) / self._rate, None)
-
-    def _trace_of(self, begin: int, end: int) -> Trace:
-        """Trace of the rows [begin, end)."""
-        rows, states = self._rows[begin:end], self._states[begin:end]
-        if self.sink.wants_states:
-            x, phi = states["x"], states["phi"]
-        else:
-            x = phi = _NO_STATES[: end - begin]
-        known = {each.name: rows[each.name] for each in fields(Trace) if each.name not in ("x", "phi")}
-        return Trace(x=x, phi=phi, **known)

@@ -25,7 +25,7 @@ from observer_rt.core.paper.scheme import sweep
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.network import ARGUMENTS, HIDDEN, Network
+from observer_rt.model.network import ARGUMENTS, HIDDEN, Network, constant_network
 
 WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
 ROWS = 3  # m, one output for every state
@@ -140,8 +140,8 @@ class PaperSetting(NamedTuple):
     interval: float
     substeps: int
     coefficients: Coefficients
-    nominal: Network
     gain: float
+    nominal: Network = constant_network()
 
 
 class EventPass(NamedTuple):

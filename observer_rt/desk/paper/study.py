@@ -10,16 +10,17 @@ from observer_rt.config.bench import Bench
 from observer_rt.core.model.laws import normalised_area, root
 from observer_rt.core.model.model import fault_with_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.desk.paper.scheme import FreeNetwork, check_gain, swept
-from observer_rt.desk.paper.table import Estimator, EstimatorCurves, GainCase, Study, WearCase
-from observer_rt.desk.paper.training import (
-    Weights,
-    first_weights,
-    network_of,
-    output_error,
-    paper_setting,
-    train,
+from observer_rt.desk.paper.scheme import (
+    FreeNetwork,
+    PaperSetting,
+    check_gain,
+    free_network,
+    no_fault,
+    scaled_identity,
+    swept,
 )
+from observer_rt.desk.paper.table import Estimator, EstimatorCurves, GainCase, Study, WearCase
+from observer_rt.desk.paper.training import BETA, output_error, train
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.desk.simulation.simulate import Simulation, simulate
@@ -202,7 +203,7 @@ class _Scheme:
     def __init__(self, bench: Bench, simulation: Simulation, injection: InjectionWindow, gain: float) -> None:
         constants = bench_constants(bench_for(bench, simulation.recording).injector)
         c = constants.coefficients
-        self._setting = paper_setting(c, constants.interval, constants.substeps, gain)
+        self._setting = PaperSetting(constants.interval, constants.substeps, c, gain)
         self._window, start = learning_window(
             simulation.truth, injection, c, simulation.recording.sample_rate
         )
@@ -210,22 +211,22 @@ class _Scheme:
 
     def trained(self, trainings: int) -> FreeNetwork:
         """The network after so many trainings, each of which takes force whatever it came to; phi = 0 after none."""
-        weights = first_weights()
+        in_force, start = no_fault(), scaled_identity(BETA)
         for _ in range(trainings):
-            result = train(self._window, self._setting, weights).weights
-            weights = Weights(in_force=result, trained=result)
-        return network_of(weights.in_force, self._setting)
+            in_force = start = train(self._window, self._setting, in_force, start)
+        return free_network(in_force, self._setting.gain)
 
     def tested(self, trainings: int) -> tuple[FreeNetwork, int]:
         """The network in force after so many trainings behind the adoption test, and how many it refused."""
-        weights, refused = first_weights(), 0
+        in_force, trained, refused = no_fault(), scaled_identity(BETA), 0
         for _ in range(trainings):
-            new = train(self._window, self._setting, weights).weights
-            errors = [output_error(self._window, self._setting, each) for each in (new, weights.in_force)]
-            is_better = errors[0] < errors[1]
-            refused += not is_better
-            weights = Weights(in_force=new if is_better else weights.in_force, trained=new)
-        return network_of(weights.in_force, self._setting), refused
+            trained = train(self._window, self._setting, in_force, trained)
+            after, before = (output_error(self._window, self._setting, p) for p in (trained, in_force))
+            if after < before:
+                in_force = trained
+            else:
+                refused += 1
+        return free_network(in_force, self._setting.gain), refused
 
     def estimate(self, network: FreeNetwork) -> EstimatorCurves:
         """The observer with this network over the injection."""

@@ -101,38 +101,31 @@ def _ratio(value: float) -> str:
     return f"{value:.2f}" if value < 100.0 else f"{float(f'{value:.3g}'):.0f}"
 
 
-def _cells(case: WearCase) -> list[str]:
-    return [
-        f"{case.nozzle_wear:+.1f}",
-        f"{case.mse(Estimator.MODEL):.2e}",
-        *(_ratio(case.mse_ratio(estimator)) for estimator in OBSERVERS),
-        *(f"{100 * case.mass_error(estimator):+.2f}" for estimator in Estimator),
-        str(case.rejected),
-    ]
-
-
-HEADINGS = (
-    "v_H",
-    "MSE of x3, model",
-    *(f"MSE ratio: {estimator}" for estimator in OBSERVERS),
-    *(f"mass error [%]: {estimator}" for estimator in Estimator),
-    "refused",
-)
+def _printed(study: Study) -> pd.DataFrame:
+    """The table as it is printed, a v_H a row."""
+    return pd.DataFrame(
+        {
+            "v_H": f"{case.nozzle_wear:+.1f}",
+            "MSE of x3, model": f"{case.mse(Estimator.MODEL):.2e}",
+            **{f"MSE ratio: {each}": _ratio(case.mse_ratio(each)) for each in OBSERVERS},
+            **{f"mass error [%]: {each}": f"{100 * case.mass_error(each):+.2f}" for each in Estimator},
+            "refused": str(case.rejected),
+        }
+        for case in study.cases
+    )
 
 
 def screen_table(study: Study) -> Table:
     """For a terminal of 160 columns."""
-    table = Table(
-        title="x3-MSE of the model over that of each observer, and errors of the injected mass [%], by nozzle wear; "
-        "the number is that of trainings",
-        title_justify="left",
-        box=None,
-        padding=(0, 1),
+    title = (
+        "x3-MSE of the model over that of each observer, and errors of the injected mass [%], by nozzle wear; "
+        "the number is that of trainings"
     )
-    for heading in HEADINGS:
+    table, printed = Table(title=title, title_justify="left", box=None, padding=(0, 1)), _printed(study)
+    for heading in printed:
         table.add_column(Text(heading.replace(": ", "\n").replace(", ", "\n")), justify="right")
-    for case in study.cases:
-        table.add_row(*_cells(case))
+    for row in printed.itertuples(index=False):
+        table.add_row(*row)
     return table
 
 
@@ -153,8 +146,9 @@ def csv_table(study: Study) -> str:
 
 def markdown(study: Study) -> str:
     """The table as Markdown."""
-    lines = ["| " + " | ".join(HEADINGS) + " |", "|" + "---:|" * len(HEADINGS)]
-    lines += ["| " + " | ".join(_cells(case)) + " |" for case in study.cases]
+    printed = _printed(study)
+    lines = ["| " + " | ".join(printed) + " |", "|" + "---:|" * len(printed.columns)]
+    lines += ["| " + " | ".join(row) + " |" for row in printed.itertuples(index=False)]
     return "\n".join(lines) + "\n"
 
 

@@ -6,7 +6,6 @@ The paper's minimiser: BFGS on the inverse Hessian with an Armijo line search (1
 while (16) divides by H. Here the BFGS update of the inverse is used.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -16,17 +15,12 @@ from observer_rt.desk.paper.scheme import (
     WEIGHTS,
     EventPass,
     FaultCost,
-    FreeNetwork,
     PaperSetting,
     design_vector,
     free_network,
-    no_fault,
-    scaled_identity,
     swept,
 )
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.model.effective import Coefficients
-from observer_rt.model.network import constant_network
 
 SUFFICIENT_DECREASE = 1e-4  # rho of (18)
 MOST_TRIALS = 40  # so many that a first inverse far too large still gives a step
@@ -115,51 +109,16 @@ def _update(inverse: NDArray[np.float64], v: NDArray[np.float64], d: NDArray[np.
     inverse += np.outer(share * v - inverse_d / curvature, v) + np.outer(-v / curvature, inverse_d)
 
 
-@dataclass(frozen=True)
-class Trained:
-    """Result of one training: the trained weights p (48,), J before and after, epochs used."""
-
-    weights: NDArray[np.float64]
-    cost_before: float
-    cost_after: float
-    epochs: int
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Weights p (48,) of the paper's network on their way from event to event.
-
-    in_force: what x^ carries, phi = 0 at first; trained: where the next training starts.
-    """
-
-    in_force: NDArray[np.float64]
-    trained: NDArray[np.float64]
-
-
-def first_weights() -> Weights:
-    """phi = 0 in force, and the scaled identities of Algorithm 1 to start from."""
-    return Weights(no_fault(), scaled_identity(BETA))
-
-
-def paper_setting(c: Coefficients, interval: float, substeps: int, gain: float) -> PaperSetting:
-    """Setting for a model, a sample interval [s] with its RK4 steps, and a gain l [1/s]."""
-    return PaperSetting(interval, substeps, c, constant_network(), gain)
-
-
-def network_of(weights: NDArray[np.float64], setting: PaperSetting) -> FreeNetwork:
-    """The network of weights p (48,), its outputs in units of the gain."""
-    return free_network(weights, setting.gain)
-
-
-def train(window: Window, setting: PaperSetting, weights: Weights) -> Trained:
-    """One pass over the event with the weights in force, then 30 epochs from the trained ones.
+def train(
+    window: Window, setting: PaperSetting, in_force: NDArray[np.float64], start: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Weights p (48,): one pass over the event with those in force, then 30 epochs from those to start with.
 
     z is taken along x^, the target L l e~ from x~; both stay fixed while J is minimised (10).
     """
-    seen = swept(window, setting, network_of(weights.in_force, setting))
+    seen = swept(window, setting, free_network(in_force, setting.gain))
     cost = FaultCost(*training_data(window, seen, setting), setting.gain)
-    found = minimise(cost, weights.trained, np.eye(WEIGHTS) / GAMMA, EPOCHS)
-    return Trained(found.theta, cost.value(weights.trained), found.value, found.iterations)
+    return minimise(cost, start, np.eye(WEIGHTS) / GAMMA, EPOCHS).theta
 
 
 def training_data(
@@ -175,7 +134,7 @@ def training_data(
 
 def output_error(window: Window, setting: PaperSetting, weights: NDArray[np.float64]) -> float:
     """Sum of squared output errors y - C x^ of the observer re-simulated with weights p (48,); inf if not finite."""
-    seen = swept(window, setting, network_of(weights, setting))
+    seen = swept(window, setting, free_network(weights, setting.gain))
     error = (window.output - seen.x[:, 0])[seen.driven]
     total = float(error @ error)
     return total if np.isfinite(total) else np.inf

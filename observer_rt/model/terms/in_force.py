@@ -5,8 +5,6 @@ from typing import Annotated, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from observer_rt.foundation.errors import UserError, did_you_mean
-from observer_rt.model.terms.dimensions import coefficient_unit
-from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import PURE, UNIT_NAMES, unit_named
 
@@ -49,6 +47,8 @@ class TermInForce(BaseModel):
         """A term as a file states it. unit: of its `c`, where the law leaves it open; why: origin, evidence, date."""
         stated = None
         if term.law.has_coefficient:
+            from observer_rt.model.terms.dimensions import coefficient_unit  # optional: [[terms]]
+
             low, high = term.interval or (None, None)
             known = coefficient_unit(term.equation, term.law)
             stated = TermCoefficient(
@@ -71,6 +71,9 @@ class TermInForce(BaseModel):
         Raises `UserError` at a key of it for a law that cannot be read or whose units do not fit, and for a
         coefficient that is missing, superfluous or of another unit.
         """
+        from observer_rt.model.terms.dimensions import coefficient_unit  # optional: [[terms]]
+        from observer_rt.model.terms.parser import parse
+
         try:
             law = parse(self.law)
             needed = coefficient_unit(self.equation, law)

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
-from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.variable import FLOW, LIFT, PRESSURE, PURE, Unit
+
+if TYPE_CHECKING:
+    from observer_rt.model.terms.law import Law
 
 
 class TermEquation(StrEnum):
@@ -66,7 +68,7 @@ class Term:
     """
 
     equation: TermEquation
-    law: Law
+    law: "Law"
     coefficient: float = 1.0
     interval: tuple[float, float] | None = None
 

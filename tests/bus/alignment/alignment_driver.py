@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 
 import numpy as np
 
-from observer_rt.bus.alignment.alignment import Alignment, make_alignment
-from observer_rt.bus.alignment.placing import Placing
-from observer_rt.bus.alignment.recorded import make_recorded
+from observer_rt.bus.alignment.alignment import Alignment, make_alignment, make_recorded
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import decide_samples, place_samples, store_value
@@ -17,6 +16,15 @@ from observer_rt.foundation.continuity import Break
 CLOSED_LIFT = 2e-6  # m
 LIFT = ROLES.index(Role.NEEDLE_LIFT)
 WRAP = 1 << 32
+
+
+class Placing(IntEnum):
+    """Place of a block in its message's stream."""
+
+    ACCEPTED = 0
+    REPEATED = 1
+    OLD = 2
+    RESTARTED = 3  # accepted, as the first of a new count
 
 
 def value(role: int, index: int, is_open: bool = False, epoch: int = 0) -> float:

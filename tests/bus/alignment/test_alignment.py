@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from observer_rt.bus.alignment.placing import Placing
 from observer_rt.foundation.continuity import Break
-from tests.bus.alignment.alignment_driver import ONE, THREE, WRAP, Aligner, Block, value
+from tests.bus.alignment.alignment_driver import ONE, THREE, WRAP, Aligner, Block, Placing, value
 
 
 def one(*starts: int, count: int = 9) -> list[Block]:

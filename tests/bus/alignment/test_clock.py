@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.clock import jitter_of, make_clock
+from observer_rt.bus.alignment.timekeeping import jitter_of, make_clock
 from observer_rt.core.frames.frames import (
     WINDOW,
     delay_by_clock,

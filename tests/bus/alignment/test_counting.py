@@ -1,13 +1,14 @@
 """Frames without an index get the numbers they were sent with, or the count says that it does not know."""
 
+from enum import IntEnum
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.clock import make_clock
-from observer_rt.bus.alignment.timekeeping import Count, make_counting
+from observer_rt.bus.alignment.timekeeping import make_clock, make_counting
 from observer_rt.core.frames.frames import (
     count_one_frame,
     forget_clock,
@@ -19,6 +20,15 @@ from observer_rt.core.frames.frames import (
 EPOCH = 1_700_000_000_000_000_000  # ns
 CYCLE = 100e-6  # s
 FRAMES = 20_000
+
+
+class Count(IntEnum):
+    """Place of a frame in the count of those before it."""
+
+    NEXT = 0
+    REPEATED = 1
+    OLD = 2  # overtaken by a later one
+    ANEW = 3  # it fits nothing counted so far
 
 
 class Counter:

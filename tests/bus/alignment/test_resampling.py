@@ -10,8 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from observer_rt.bus.alignment.alignment import is_stale, make_alignment
-from observer_rt.bus.alignment.recorded import make_recorded
+from observer_rt.bus.alignment.alignment import is_stale, make_alignment, make_recorded
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
 from observer_rt.bus.mapping.timing import SLOTS, Following
 from observer_rt.config.signals import Role

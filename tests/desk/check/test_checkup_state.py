@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
-from observer_rt.desk.check.checkup import checkup, plausibility_findings
+from observer_rt.desk.check.bench_rules import plausibility_findings
+from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.service.constants import configured_noise

@@ -112,7 +112,7 @@ def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> No
 
     def watched(self: Segment, time: Signal, measured_rate: Signal | None) -> None:
         give(self, time, measured_rate)
-        sizes.append(self.time.size)
+        sizes.append(self.trace.size)
 
     monkeypatch.setattr(Segment, "give", watched)
     monkeypatch.setattr("observer_rt.desk.evaluation.run.RING", 4096)

@@ -15,7 +15,6 @@ from observer_rt.desk.paper.study import (
     true_fault,
     true_states,
 )
-from observer_rt.desk.paper.training import paper_setting
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.engine.estimation.predictor import Window
@@ -41,7 +40,7 @@ class Injection:
     def setting(self, gain: float = GAIN) -> PaperSetting:
         """The pair's setting with an identification gain [1/s]."""
         substeps = substeps_needed(load_injector(), SAMPLE_RATE)
-        return paper_setting(self.c, 1 / SAMPLE_RATE, substeps, gain)
+        return PaperSetting(1 / SAMPLE_RATE, substeps, self.c, gain)
 
 
 def make_injection(nozzle_wear: float) -> Injection:

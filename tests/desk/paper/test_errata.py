@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import rates_of_change
 from observer_rt.desk.paper.scheme import FaultCost, free_network, no_fault, scaled_identity, swept
-from observer_rt.desk.paper.training import network_of
 from observer_rt.model.network import constant_network
 from tests.desk.paper.conftest import GAIN, SAMPLE_RATE, Injection
 from tests.differences import differences
@@ -25,7 +24,7 @@ def identification_error(injection: Injection, gain: float) -> Vector:
     window = injection.window
     start = window.start.copy()
     start[0] += 0.01  # 1 MPa off
-    seen = swept(window._replace(start=start), setting, network_of(no_fault(), setting))
+    seen = swept(window._replace(start=start), setting, free_network(no_fault(), setting.gain))
     return np.abs(seen.error)
 
 
@@ -43,7 +42,7 @@ def identification_states(injection: Injection) -> Vector:
     """x~ of (5) along an injection (n, 3): with the opening beyond its end, x^ is x~ throughout."""
     window, setting = injection.window, injection.setting()
     shut = window._replace(resting=np.zeros_like(window.resting), opening=window.output.size)
-    return swept(shut, setting, network_of(no_fault(), setting)).x
+    return swept(shut, setting, free_network(no_fault(), setting.gain)).x
 
 
 def derivative(values: Vector) -> Vector:
@@ -70,7 +69,7 @@ def test_equation_6_as_printed_is_not_the_fault(worn: Injection) -> None:
     """Printed: x~' + C f(x^) - C f(x~). Talebi: e' + C f(x^) - C f(x), e = y - C x^, here x or x~ for x; phi = 0."""
     inputs, setting = worn.window.inputs, worn.setting()
     x_tilde = identification_states(worn)
-    x_hat = swept(worn.window, setting, network_of(no_fault(), setting)).x
+    x_hat = swept(worn.window, setting, free_network(no_fault(), setting.gain)).x
     f_tilde, f_hat, f_true = (model_rates(x, inputs, worn)[:, 0] for x in (x_tilde, x_hat, worn.x))
     error_rate = derivative(worn.window.output - x_hat[:, 0])
     true = worn.fault[worn.scored, 0]

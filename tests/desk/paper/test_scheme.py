@@ -14,7 +14,7 @@ from observer_rt.desk.paper.scheme import (
     scaled_identity,
     swept,
 )
-from observer_rt.desk.paper.training import Weights, first_weights, network_of, output_error, train
+from observer_rt.desk.paper.training import BETA, minimise, output_error, train, training_data
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from tests.desk.paper.conftest import Injection, make_injection
@@ -25,23 +25,22 @@ C = coefficients(load_injector())
 def squared_error(injection: Injection, weights: NDArray[np.float64], gain: float = 1e5) -> float:
     """MSE of x3 (28) with weights p (48,)."""
     setting = injection.setting(gain)
-    seen = swept(injection.window, setting, network_of(weights, setting))
+    seen = swept(injection.window, setting, free_network(weights, setting.gain))
     return float(np.mean((seen.x - injection.x)[injection.scored, 2] ** 2))
 
 
 def mass_error(injection: Injection, weights: NDArray[np.float64]) -> float:
     setting = injection.setting()
-    rate = swept(injection.window, setting, network_of(weights, setting)).rate
+    rate = swept(injection.window, setting, free_network(weights, setting.gain)).rate
     return float(rate[injection.scored].sum() / injection.rate[injection.scored].sum()) - 1.0
 
 
 def trained(injection: Injection, trainings: int = 1, gain: float = 1e5) -> NDArray[np.float64]:
     """Weights p (48,) after so many trainings, each in force for the next."""
-    weights = first_weights()
+    in_force, start = no_fault(), scaled_identity(BETA)
     for _ in range(trainings):
-        result = train(injection.window, injection.setting(gain), weights)
-        weights = Weights(result.weights, result.weights)
-    return weights.in_force
+        in_force = start = train(injection.window, injection.setting(gain), in_force, start)
+    return in_force
 
 
 def test_phi_and_rate_are_the_formulas(worn: Injection) -> None:
@@ -87,9 +86,13 @@ def test_observer_without_phi_is_the_model(healthy: Injection) -> None:
 
 @pytest.mark.slow
 def test_training_is_thirty_epochs_downhill(worn: Injection) -> None:
-    result = train(worn.window, worn.setting(), first_weights())
-    assert result.epochs == 30
-    assert result.cost_after < 0.01 * result.cost_before
+    start, setting = scaled_identity(BETA), worn.setting()
+    seen = swept(worn.window, setting, free_network(no_fault(), setting.gain))
+    cost = FaultCost(*training_data(worn.window, seen, setting), setting.gain)
+    end = minimise(cost, start, np.eye(start.size), 30)
+    assert end.iterations == 30
+    assert end.value < 0.01 * cost.value(start)
+    np.testing.assert_array_equal(end.theta, train(worn.window, setting, no_fault(), start))
 
 
 @pytest.mark.parametrize("nozzle_wear", [-0.5, -0.2, 0.2, 0.5])

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.desk.check.checkup import Level, checkup
+from observer_rt.desk.check.checkup import checkup
+from observer_rt.desk.check.findings import Level
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate

@@ -1,0 +1,133 @@
+"""All findings about a bench but those of the machine; what `run` refuses to begin with, too."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from observer_rt.bus.database.lookup import database_hash
+from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.config.bench import Bench, BenchInjector
+from observer_rt.daemon.persistence.keeper import kept_files
+from observer_rt.daemon.persistence.state_file import StateDoesNotFitError, load_knowledge, model_hash
+from observer_rt.desk.check.buses import buses_findings
+from observer_rt.desk.check.findings import Finding, Said, failed, ruled
+from observer_rt.desk.check.injector import (
+    channel_findings,
+    mapping_findings,
+    observer_findings,
+    time_findings,
+)
+from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.files import file_hash
+from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.plausibility import implausible as beyond_physics
+from observer_rt.model.plausibility import wrong_entry
+
+
+def refuse_errors(
+    bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
+) -> None:
+    """Raise `UserError` for the first of all errors that `checkup` finds in a bench; others as `bench_findings`."""
+    findings = bench_findings(bench, state, journal, injector)
+    errors = [finding.error for finding in findings if finding.error is not None]
+    if not errors:
+        return
+    first, *others = errors
+    more = f"; `observer-rt check` names {len(others)} more" if others else ""
+    raise UserError(first.place, first.problem, first.remedy + more)
+
+
+def bench_findings(
+    bench: Bench, state: Path | None = None, journal: Path | None = None, injector: str | None = None
+) -> list[Finding]:
+    """All findings about a bench but those of the machine.
+
+    state, journal: instead of those of the bench file, of the injector with this name, None: of the only one.
+    """
+    alone = None if state is None and journal is None else bench.of(injector).injector
+    findings = _files(bench)
+    findings += _each(
+        bench, lambda fitted: _injector(fitted, *((state, journal) if fitted is alone else (None, None)))
+    )
+    try:
+        mapped = map_bench(bench)
+        maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
+        findings += _each(bench, lambda fitted: mapping_findings(fitted, maps[fitted.name], mapped.known))
+        findings += buses_findings(bench, mapped)
+        findings += _each(bench, lambda fitted: time_findings(maps[fitted.name]))
+    except UserError as error:
+        findings.append(failed("mapping", error))
+    findings += _each(bench, channel_findings)
+    findings += _each(bench, observer_findings)
+    return findings
+
+
+def of_each(bench: Bench, found: Callable[[Bench], list[Finding]]) -> list[Finding]:
+    """Findings about every injector, with its name where there are several."""
+    return [
+        replace(finding, text=f"{alone.injector.name}: {finding.text}") if alone.injector.name else finding
+        for alone in bench.each
+        for finding in found(alone)
+    ]
+
+
+def _each(bench: Bench, found: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
+    return of_each(bench, lambda alone: found(alone.injector))
+
+
+@ruled("files")
+def _files(bench: Bench) -> Iterator[Said]:
+    yield f"bench {bench.path}"
+    names = ", ".join(str(path) for path in bench.databases)
+    yield f"bus database {names}, hash {database_hash(bench.databases):08X}"
+
+
+def _injector(fitted: BenchInjector, state: Path | None, journal: Path | None) -> list[Finding]:
+    """The injector's own files, and whether an injector can be like that."""
+    kept = _kept(fitted, state, journal)
+    return [*_injector_file(fitted), *_effects(fitted), *kept, *plausibility_findings(fitted.parameters)]
+
+
+@ruled("files")
+def _injector_file(fitted: BenchInjector) -> Iterator[Said]:
+    yield f"injector {fitted.parameters_path}, SHA-256 {file_hash(fitted.parameters_path)}"
+    values = model_hash(fitted.parameters)
+    yield f"its values, however they are written, SHA-256 {values}; ModelHash on the bus is {values[:8].upper()}"
+
+
+@ruled("learned state")
+def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> Iterator[Said]:
+    """Findings about the learned state and the journal, as `run` would take them."""
+    path = kept_files(fitted, state, journal).state
+    if path is None:
+        return
+    try:
+        knowledge = load_knowledge(path, fitted.parameters, set_aside=False).knowledge
+    except StateDoesNotFitError as error:
+        remedy = (
+            "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
+        )
+        yield False, f"{error.place} {error.problem}", remedy
+        return
+    if knowledge is None:
+        yield f"none at {path} yet, `run` begins with the prior"
+        return
+    learned = f"{path}: correction {knowledge.phi_version}, learned from {knowledge.state.events} events"
+    yield knowledge.state.events > 0, learned, "`run` will trust its results no sooner for it"
+
+
+@ruled("effects")
+def _effects(fitted: BenchInjector) -> Iterator[Said]:
+    """The effects and terms that the injector file adds to the nominal model."""
+    yield from fitted.parameters.in_force
+
+
+@ruled("injector")
+def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
+    """A warning for every parameter that no injector has, or one finding that all can be."""
+    odd = beyond_physics(injector)
+    cause = wrong_entry(injector, odd) if injector.baseline is not None else ""
+    for one in odd:
+        yield False, one.words, cause or "is it in SI units?"
+    if not odd:
+        yield "every parameter is one an injector can have"

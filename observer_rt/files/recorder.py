@@ -112,8 +112,14 @@ def record(
     lost_before = receiver.dropped
     with file_errors(path):
         try:
-            while not stop.is_set():
-                received = receiver.receive(RECEIVE_TIMEOUT)
+            is_stopped = False
+            while True:
+                if stop.is_set() and not is_stopped:
+                    is_stopped = True
+                    receiver.close()
+                received = receiver.receive(0.0 if is_stopped else RECEIVE_TIMEOUT)
+                if is_stopped and received is None:  # all that was read is written
+                    break
                 now = time.monotonic_ns()
                 statistics.outages = receiver.outages
                 statistics.duration = (now - start) / NANOSECONDS

@@ -211,14 +211,6 @@ class Link(Protocol):
         return StampSource.ARRIVAL
 
     @property
-    def descriptor(self) -> int | None:
-        """File descriptor that `poll` finds readable while `receive` has something to do; None where there is none.
-
-        Another one after `reconnect`.
-        """
-        return None
-
-    @property
     def warnings(self) -> Sequence[str]:
         """Warnings about the link, found when it was opened; with remedies."""
         return ()

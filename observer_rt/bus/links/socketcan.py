@@ -319,6 +319,7 @@ class SocketCanLink(Link):
 
     @property
     def descriptor(self) -> int:
+        """File descriptor that `poll` finds readable while there is a frame; another one after `reconnect`."""
         return self._socket.fileno()
 
     @property

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from observer_rt.foundation.garbage import collect_seldom
+from observer_rt.__main__ import collect_seldom
 from tests.interface import OwnInterface
 
 collect_seldom()

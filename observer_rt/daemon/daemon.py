@@ -22,7 +22,7 @@ from observer_rt.daemon.input_monitoring.input_watch import (
 )
 from observer_rt.daemon.link_opening import buses_of
 from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.daemon.pump.latency import Latency
+from observer_rt.daemon.pump.memory import Latency
 from observer_rt.daemon.pump.pump import FramePump
 from observer_rt.daemon.rights import take_time, touch
 from observer_rt.engine.learning.knowledge import Knowledge

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.listening import first_heard
-from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.links.opening import first_heard, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.input_monitoring.arrivals import message_text, twins_of

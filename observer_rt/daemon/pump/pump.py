@@ -20,8 +20,7 @@ from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.core.frames.frames import ERRORS, WAIT_MS, WAITING, PumpLoop
 from observer_rt.daemon.bus_connection import RETRY
 from observer_rt.daemon.input_monitoring.arrivals import Arrivals
-from observer_rt.daemon.pump.latency import Latency, latency_of
-from observer_rt.daemon.pump.memory import BUS, make_pump
+from observer_rt.daemon.pump.memory import BUS, Latency, latency_of, make_pump
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame, output_frame
 

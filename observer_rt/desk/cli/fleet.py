@@ -56,8 +56,7 @@ class BatchOptions:
 def batch(options: BatchOptions) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
     from observer_rt.daemon.persistence.state_file import restored_knowledge
-    from observer_rt.desk.fleet.batch import evaluate_all, settings_of, tell
-    from observer_rt.desk.fleet.cluster import connected
+    from observer_rt.desk.fleet.batch import connected, evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.dataset import Dataset
     from observer_rt.desk.fleet.job import Task
     from observer_rt.desk.fleet.recordings import INJECTOR_FROM, PathPattern, doubt_of_one, recordings_in

@@ -16,8 +16,7 @@ from observer_rt.daemon.persistence.keeper import sole_writer
 from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
 from observer_rt.desk.evaluation.curves import chosen_numbers, numbers_shown, refuse_beyond
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
-from observer_rt.desk.evaluation.histories import look_over, run_by_run
-from observer_rt.desk.evaluation.learned_state import refuse_missing_state, write_state
+from observer_rt.desk.evaluation.histories import look_over, refuse_missing_state, run_by_run, write_state
 from observer_rt.desk.evaluation.logged import LoggedSignals, open_source, without_truths
 from observer_rt.desk.evaluation.options import EvaluateOptions
 from observer_rt.desk.evaluation.results import print_evaluation, write_document

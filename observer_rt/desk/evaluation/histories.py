@@ -1,11 +1,14 @@
-"""Recordings as histories: looked over first, then evaluated apart or one after another, once or twice."""
+"""Recordings as histories, looked over first, then evaluated apart or as one, once or twice; their learned states."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.daemon.persistence.state_file import save_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs
 from observer_rt.desk.evaluation.run import Progress
@@ -16,6 +19,8 @@ from observer_rt.engine.signal_survey import doubts, refuse_dead
 from observer_rt.files.replay.framing import bench_for, clamped_in
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import say
+from observer_rt.foundation.errors import UserError
+from observer_rt.model.parameters import InjectorParameters
 
 EvaluateRun = Callable[
     [Sequence[SignalStream], Knowledge | None, Progress, LearnerFactory],
@@ -75,3 +80,18 @@ def run_by_run(
         done += sum(source.samples for source in run)
     assert known is not None  # there is a run
     return evaluations, known
+
+
+def refuse_missing_state(place: str, path: Path | None) -> None:
+    """Raise `UserError` at `place` for a state that is named and not there."""
+    if path is not None and not path.exists():
+        raise UserError(f"{place} {path}", "no such file", "correct the path, or leave it out")
+
+
+def write_state(path: Path, knowledge: Knowledge, parameters: InjectorParameters) -> None:
+    """Write what was learned with a model, as its file states it; no daemon may keep the file.
+
+    Raises `UserError`, `RunError` where it cannot be written.
+    """
+    with sole_writer(path):
+        save_knowledge(path, knowledge, parameters)

@@ -17,8 +17,7 @@ from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.daemon.persistence.state_file import restored_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.desk.evaluation.histories import look_over, run_by_run
-from observer_rt.desk.evaluation.learned_state import refuse_missing_state
+from observer_rt.desk.evaluation.histories import look_over, refuse_missing_state, run_by_run
 from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.library.discovery import DiscoveryResult, Wanted, discovered
 from observer_rt.desk.library.fit import FitResult

@@ -14,7 +14,7 @@ from observer_rt.config.injector import SamplingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.core.stream.stream import RING
 from observer_rt.daemon.persistence.state_file import restored_knowledge
-from observer_rt.desk.evaluation.learned_state import refuse_missing_state, write_state
+from observer_rt.desk.evaluation.histories import refuse_missing_state, write_state
 from observer_rt.desk.library.recordings import path_of
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.reports.injection_report import (

@@ -13,7 +13,7 @@ import pandas as pd
 from observer_rt.config.bench import BenchInjector
 from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN, InjectionResult, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
-from observer_rt.desk.evaluation.learned_state import write_state
+from observer_rt.desk.evaluation.histories import write_state
 from observer_rt.desk.library.notes import naming_parameters
 from observer_rt.desk.library.units import with_units
 from observer_rt.engine.learning.interval import VolumeBudget

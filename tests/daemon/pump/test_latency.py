@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.core.frames.frames import LATENCIES
-from observer_rt.daemon.pump.latency import latency_of
-from observer_rt.daemon.pump.memory import PUMP
+from observer_rt.daemon.pump.memory import PUMP, latency_of
 
 
 def counted(latencies: list[int]) -> Any:

@@ -3,7 +3,7 @@
 Each injector of a bench has its own map; a message may be of several.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -253,13 +253,6 @@ def _map_message(
     return list(streams.values())
 
 
-class Destination(NamedTuple):
-    """Destination of a received frame: an input message of an injector, both by number."""
-
-    injector: int
-    message: int
-
-
 class KnownMessage(NamedTuple):
     """A message that some database defines, for a bus; `key` as by `frame_key`."""
 
@@ -278,16 +271,6 @@ class BenchMap:
     """All messages of all databases, used or not."""
     overlooked: tuple[str, ...]
     """Faults of databases that were read leniently."""
-
-    @cached_property
-    def destinations(self) -> Mapping[int, tuple[Destination, ...]]:
-        """Destinations of the samples of a frame, by its `frame_key`."""
-        found: dict[int, tuple[Destination, ...]] = {}
-        for injector, bus in enumerate(self.injectors):
-            for message in range(len(bus.input_layouts)):
-                key = int(bus.inputs.messages[message]["key"])
-                found[key] = (*found.get(key, ()), Destination(injector, message))
-        return found
 
     @cached_property
     def received(self) -> tuple[MessageLayout, ...]:

@@ -214,10 +214,13 @@ def expected_load(bench: Bench, mapped: BenchMap, number: int = 0) -> BusLoad:
 
 def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, float, float]]:
     """Every message with its frames a second: of a continuous source, and with only `WINDOW` for each injection."""
-    for to, *_ in mapped.destinations.values():
-        bus = mapped.injectors[to.injector]
-        message, layout = bus.inputs.messages[to.message], bus.input_layouts[to.message]
-        rate = 1 / float(message_timing(bus, to.message)["interval"])
+    sources = ((bus, number) for bus in mapped.injectors for number in range(len(bus.input_layouts)))
+    by_frame = {
+        bus.input_layouts[number].key: (bus, number) for bus, number in sources
+    }  # a shared one counts once
+    for bus, number in by_frame.values():
+        message, layout = bus.inputs.messages[number], bus.input_layouts[number]
+        rate = 1 / float(message_timing(bus, number)["interval"])
         frames, (always, in_windows) = int(message["kind_count"]), _blocks(int(message["samples"]), rate)
         yield layout, frames * always, frames * in_windows
     sampled = {layout for bus in mapped.injectors for layout in bus.input_layouts}

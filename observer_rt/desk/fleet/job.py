@@ -16,8 +16,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.desk.evaluation.logged import open_source
-from observer_rt.desk.fleet.moment import zero_of
-from observer_rt.desk.fleet.recordings import PathPattern, injector_of
+from observer_rt.desk.fleet.recordings import PathPattern, injector_of, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
 from observer_rt.engine.signal_survey import refuse_dead, refuse_implausible

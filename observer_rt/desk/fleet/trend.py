@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from observer_rt.desk.fleet.moment import TimeFrom
-from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
+from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
 from observer_rt.desk.fleet.wear import QUANTITIES, SURE, Course, Crossing, Limit, course_of
 from observer_rt.engine.reports.injection_report import WEAR
 from observer_rt.foundation.errors import UserError

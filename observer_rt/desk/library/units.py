@@ -41,7 +41,7 @@ _UNITS = {
 
 def unit_of(column: str) -> ColumnUnit | None:
     """Unit that the end of a column's name says; None: a number, a word, or a temperature, which has an origin."""
-    return next((unit for end, unit in _UNITS.items() if column.endswith(f"_{end}")), None)
+    return _UNITS.get(_end_of(column))
 
 
 def with_units(frame: pd.DataFrame) -> pd.DataFrame:
@@ -67,10 +67,11 @@ def in_si(frame: pd.DataFrame) -> pd.DataFrame:
     result = {}
     for column in frame.columns:
         unit = unit_of(column)
-        name = column if unit is None else column.removesuffix(_end_of(column))
+        name = column if unit is None else column.removesuffix(f"_{_end_of(column)}")
         result[name] = frame[column] if unit is None else frame[column] * unit.factor
     return pd.DataFrame(result, index=frame.index)
 
 
 def _end_of(column: str) -> str:
-    return next(f"_{end}" for end in _UNITS if column.endswith(f"_{end}"))
+    """End of a column's name that is a unit; empty: it has none."""
+    return next((end for end in _UNITS if column.endswith(f"_{end}")), "")

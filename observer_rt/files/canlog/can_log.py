@@ -45,6 +45,9 @@ class LogReader(ABC):
     stamps that are whole seconds only. A file that ends within a frame was cut while it was written: the frames
     before are read. Where time steps back on a channel, a new part of the log begins, `PAUSE` after the one before.
     `notes` reports both.
+
+    remote_frames, error_frames: left out, as are other_entries, which are no frames, such as bus statistics;
+    lost_frames: by the log's own record.
     """
 
     unit: ClassVar[str] = "line"
@@ -55,19 +58,10 @@ class LogReader(ABC):
         self._reset()
 
     def _reset(self) -> None:
-        self.remote_frames = 0
-        """Remote frames left out."""
-        self.error_frames = 0
-        """Error frames left out."""
-        self.other_entries = 0
-        """Entries that are no frames, such as bus statistics."""
-        self.lost_frames = 0
-        """Frames lost by the log's own record."""
+        self.remote_frames = self.error_frames = self.other_entries = self.lost_frames = 0
         self.remarks: list[str] = []
-        self._reordered = 0
         self._steps_back: list[str] = []
-        self._size = 0
-        self._position = 0
+        self._reordered = self._size = self._position = 0
 
     @property
     def share_read(self) -> float:
@@ -181,12 +175,6 @@ class LogWriter(ABC):
         self.path = path
         self._start = start_ns // self.start_step * self.start_step
         self._numbers = ChannelNumbers()
-
-    def _since_start(self, stamp_ns: int) -> int:
-        """ns. Raises `UserError` for a frame before the start."""
-        if stamp_ns < self._start:
-            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
-        return stamp_ns - self._start
 
     @abstractmethod
     def write(self, entry: LogFrame) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import can
 
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder, LogWriter, lost_note
+from observer_rt.foundation.errors import UserError
 
 MICROSECOND, MILLISECOND = 1000, 1_000_000  # ns
 OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date in BLF, and is counted from 0
@@ -19,7 +20,8 @@ class PythonCanWriter(LogWriter):
 
     def write(self, entry: LogFrame) -> None:
         frame = entry.frame
-        self._since_start(frame.stamp_ns)
+        if frame.stamp_ns < self._start:
+            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
         self._writer.on_message_received(
             can.Message(
                 timestamp=frame.stamp_ns / NANOSECONDS,

@@ -11,7 +11,7 @@ from asammdf import MDF, Signal
 
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.fleet.job import Task, evaluated
-from observer_rt.desk.fleet.moment import TimeFrom, zero_of
+from observer_rt.desk.fleet.recordings import TimeFrom, zero_of
 from observer_rt.files.formats import open_recording, write_recording
 from tests.device import worn_recording
 from tests.files.signals.foreign import RATE, bench

@@ -3,8 +3,7 @@
 import pyarrow as pa
 import pytest
 
-from observer_rt.desk.fleet.moment import TimeFrom
-from observer_rt.desk.fleet.recordings import PathPattern
+from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom
 from observer_rt.desk.fleet.trend import trends
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import rows

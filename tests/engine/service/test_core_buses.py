@@ -84,8 +84,9 @@ def test_a_shared_rail_pressure_feeds_both(tmp_path: Path) -> None:
     results: list[list[OutputFrame]] = [[], []]
     for frame in merged(frames):
         key = frame_key(frame.frame_id, frame.is_extended, frame.bus)
-        for to in mapped.destinations[key]:
-            results[to.injector] += hand(cores[to.injector], [frame])
+        for number, bus in enumerate(mapped.injectors):
+            if key in {layout.key for layout in bus.input_layouts}:
+                results[number] += hand(cores[number], [frame])
     for number, (name, recording) in enumerate((("left", left), ("right", right))):
         path = one_injector(tmp_path, name, number + 1)
         alone = run(path, frames_of(path, recording))

@@ -8,6 +8,7 @@ identifiers of results rise by `outputs.id_step` from one to the next; `outputs.
 stated.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -24,9 +25,11 @@ from observer_rt.config.bench_file import (
 )
 from observer_rt.config.effects import check_effects, check_terms
 from observer_rt.config.injector import InjectorConfig
+from observer_rt.config.signals import SignalConfig
 from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
+from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.line.wave import with_cells
 from observer_rt.model.parameters import InjectorParameters
 
@@ -143,6 +146,16 @@ def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     check_effects(f"{path}: ", parameters.effects)
     check_terms(f"{path}: ", parameters)
     return parameters
+
+
+def example_text(path: Path) -> str:
+    """A file of the package as one to begin with on a real bench: sensors and geometry as nothing stated means."""
+    text = path.read_text(encoding="utf-8")
+    for section in (SignalConfig, Accuracy):
+        for name, field in section.model_fields.items():
+            if name.endswith("_percent") and field.default is not None:
+                text = re.sub(rf"(?m)^{name} = 0\.0", f"{name} = {field.default}", text)
+    return text
 
 
 def describes_files_only(path: Path) -> bool:

@@ -112,6 +112,7 @@ class SignalConfig(SampledConfig):
     max_hold_ms: Positive | None = None  # between two samples of a slower signal, and after its last
     filter_delay_us: Annotated[float, Field(ge=0, le=500)] = 0.0  # by which all it shows comes late
     lag_us: Annotated[float, Field(ge=0, le=150)] = 0.0  # time constant of a slow sensor, first order
+    accuracy_percent: Annotated[float, Field(ge=0, le=5)] = 0.7  # of a pressure sensor's gain, one sigma
 
 
 class EnergizingConfig(SampledConfig):
@@ -161,6 +162,13 @@ class SignalsConfig(Section):
                 "as 'filter_delay_us'"
             )
         return rail
+
+    @field_validator("needle_lift")
+    @classmethod
+    def _no_accuracy(cls, lift: SignalConfig) -> SignalConfig:
+        if "accuracy_percent" in lift.model_fields_set:
+            raise ValueError("'accuracy_percent' is for pressures; leave it out")
+        return lift
 
     def of(self, role: Role) -> SignalConfig:
         """The mapping of a role."""

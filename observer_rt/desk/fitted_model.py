@@ -6,9 +6,11 @@ from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
-from observer_rt.identification.fit.calibrate import Calibrated, baseline_of, calibrate, write_fitted
+from observer_rt.identification.fit.calibrate import Calibrated, baseline_of, calibrate, rounded, write_fitted
 from observer_rt.identification.fit.cross_validation import MeasuredMasses
+from observer_rt.identification.fit.sensor_gain import masses_without, sensor_gain, without_gain
 from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.model.accuracy import EXACT, Calibration
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.parameters import InjectorParameters
 
@@ -31,12 +33,19 @@ def fitted_model(
     weighed: Mapping[int, MeasuredMasses],
     digests: dict[str, str],
     progress: Callable[[float], None],
+    calibration: Calibration = EXACT,
 ) -> FittedModel:
     """Fit a model; weighed: measured masses by the number of the recording; digests: SHA-256 of recordings by name.
 
+    calibration: of the pressure sensors, whose gain is taken out before.
     Raises `RunError` where no structure has a solution.
     """
+    gain = sensor_gain(found, calibration)
+    if gain != 0.0:
+        level = calibration.level(gain)
+        found, weighed = without_gain(found, gain, level), masses_without(weighed, level)
     done = calibrate(start, found, weighed, progress)
     baseline = baseline_of(done, digests)
     observer = observer_remainder(done.injector, baseline, [one.recording for one in found])
-    return FittedModel(done, baseline.model_copy(update={"observer": observer}))
+    left = {"observer": observer, "line_pressure_sensor_gain": rounded(gain)}
+    return FittedModel(done, baseline.model_copy(update=left))

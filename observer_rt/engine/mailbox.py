@@ -6,7 +6,7 @@ import numpy as np
 
 from observer_rt.core.stream.stream import PENDING_EVENTS, RING, SLOTS, SLOW_PEAK
 from observer_rt.engine.estimation.gain import GainSchedule
-from observer_rt.engine.estimation.scalars import learned_of
+from observer_rt.engine.estimation.scalars import Parameter, learned_of
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
@@ -106,6 +106,7 @@ def _write(
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag
+    carried["level"] = constants.calibration.level(knowledge.in_force[Parameter.LINE_PRESSURE_GAIN])
     line = learned.coefficients.line
     carried["line"][: len(line)] = line
     noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale

@@ -48,6 +48,7 @@ from observer_rt.engine.stream.state import (
 from observer_rt.engine.stream.verdict import no_verdicts
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
+from observer_rt.model.accuracy import EXACT, Calibration
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import averaged
 from observer_rt.model.effects import effective_model
@@ -86,11 +87,13 @@ def constants_for(
     rail_every: float = 1.0,
     means: bool = False,
     stated: Sequence[SizedEffect] = (),
+    calibration: Calibration = EXACT,
 ) -> Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
     rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
     stated: what is to be undone of the channels.
+    calibration: of level and pressure sensors.
     """
     model = effective_model(parameters, stated)
     interval = 1.0 / sample_rate
@@ -129,6 +132,7 @@ def constants_for(
         undoing=undoing_of(model.inputs, interval),
         quickest=QUICKEST * max(parameters.needle.opening_speed, parameters.needle.closing_speed) * interval,
         program=model.program,
+        calibration=calibration,
     )
 
 

@@ -94,7 +94,8 @@ class Baseline(_BaselineSection):
     variance, chi2, colour: of the innovations of the line pressure, of samples, of means of 8, and the larger of
     means of 8 and 20, each of the recording with the most left; mass_share: standard deviation of a mass, as a share,
     that comes of the model and not of noise; level: what the absolute level of flow rests on; healthy: what
-    `discover` compares with, and observer: the observer, None of a file that was fitted before it was kept.
+    `discover` compares with, and observer: the observer, None of a file that was fitted before it was kept;
+    line_pressure_sensor_gain: over the rail sensor's, taken out of the recordings before.
     """
 
     format: Literal[1] = 1
@@ -112,6 +113,7 @@ class Baseline(_BaselineSection):
     recordings: tuple[str, ...] = ()
     healthy: HealthyRemainder | None = None
     observer: HealthyRemainder | None = None
+    line_pressure_sensor_gain: float = 0.0
     origin: str = ""
     date: str = ""
 

@@ -20,6 +20,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 import observer_rt.model.line.lump  # noqa: F401 - the lines every injector may have
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import ZERO_CELSIUS
+from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
 from observer_rt.model.line.interface import known_line
 from observer_rt.model.line.wave import FEWEST_CELLS, MOST_CELLS
@@ -176,6 +177,7 @@ class InjectorParameters(_Section):
     nozzle: NozzleParameters
     chamber: Chamber
     scaling: Scaling = Scaling()
+    accuracy: Accuracy = Accuracy()
     needle: Needle
     baseline: Baseline | None = None  # of the healthy injector, where the file was fitted
     remainder: Remainder | None = None  # of terms that were accepted in part

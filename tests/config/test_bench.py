@@ -8,8 +8,16 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, PACKAGE_DATA, load_bench, load_injector
+from observer_rt.config.bench import (
+    EXAMPLE_BENCH,
+    NOMINAL_INJECTOR,
+    PACKAGE_DATA,
+    Bench,
+    load_bench,
+    load_injector,
+)
 from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
+from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
@@ -54,9 +62,17 @@ def injector_refusal(folder: Path, old: str, new: str) -> UserError:
     return refused.value
 
 
+def with_real_sensors(bench: Bench) -> InjectorConfig:
+    """Of the example, whose sensors are a simulation's."""
+    stated = bench.injector.config.signals
+    pressures = ("rail_pressure", "line_pressure")
+    real = {name: getattr(stated, name).model_copy(update={"accuracy_percent": 0.7}) for name in pressures}
+    return bench.injector.config.model_copy(update={"signals": stated.model_copy(update=real)})
+
+
 def test_smallest_bench_file_has_the_defaults(tmp_path: Path) -> None:
     bench = load_bench(bench_file(tmp_path, BENCH))
-    assert (bench.config, bench.injector.config) == (load_bench().config, load_bench().injector.config)
+    assert (bench.config, bench.injector.config) == (load_bench().config, with_real_sensors(load_bench()))
     assert bench.injector.parameters == load_injector()
     assert bench.databases == (PACKAGE_DATA / "observer_fd.dbc",)
 
@@ -117,7 +133,7 @@ def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_
     bench = load_bench(
         bench_file(tmp_path, f'{BENCH}[learning]\nlookahead = 4\ntraining = "prediction_error"\n')
     )
-    assert bench.injector.config == load_bench().injector.config
+    assert bench.injector.config == with_real_sensors(load_bench())
     error = bench_refusal(tmp_path, f"{BENCH}[learning]\nlookahead = 2\n")
     assert (error.place.endswith(": learning.lookahead"), error.problem) == (True, "unknown key")
 

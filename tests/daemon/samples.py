@@ -33,7 +33,6 @@ from observer_rt.engine.learning.disturbances.colour import (
 )
 from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
-from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_injector import LearnedInjector
@@ -95,7 +94,6 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         lag_doubt=no_doubt(PARAMETERS),
         events=events,
         interval=1e-5,
-        gains=PressureGains(np.arange(6.0), seen=0.2),
         slow_rail=SlowRail(1.0, 2.0),
         jitter=TimeJitter(np.arange(5.0), 0.04),
         outliers=OutlierSearch(

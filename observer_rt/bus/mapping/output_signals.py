@@ -72,6 +72,8 @@ class SummaryValues(NamedTuple):
         says="1: all samples of the injection were valid and its own event passed its tests.")]
     learning: Annotated[bool, OutputSignal("learning", 1, 25, 1, 51)]
     state: Annotated[int, OutputSignal("report.state", 3, 26, 1, 48)]
+    calibrated: Annotated[bool, OutputSignal("report.calibration.is_calibrated", 1, 29, 1, 52,
+        says="1: a measured mass fixed the level of all masses; 0: it is that of the injector file, see MassSigma.")]
     end_index: Annotated[int, OutputSignal("report.end_index", 32, 64, 1, 16, wraps=True,
         says="Index of the input sample at which the window of the injection ends.")]
     injection_number: Annotated[int, OutputSignal("report.number", 32, 96, 2, 16, wraps=True,

@@ -15,7 +15,9 @@ from observer_rt.core.model.hydraulics cimport (
 )
 from observer_rt.core.model.network cimport fast_tanh
 from observer_rt.core.model.records cimport *
-from observer_rt.core.model.sensor cimport SENSOR_NUMBERS, LaggedSlopes, lagged, lagged_slopes, recorded, recorded_mean
+from observer_rt.core.model.sensor cimport (
+    SENSOR_GAIN, SENSOR_NUMBERS, LaggedSlopes, lagged, lagged_slopes, recorded, recorded_mean
+)
 
 cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it
 

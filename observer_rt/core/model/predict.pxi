@@ -11,7 +11,7 @@ cdef double predict(
 
     sensor: numbers of its law (SENSOR_NUMBERS,); gradient: to be moved with it, NULL for none.
     """
-    cdef double lag = sensor[0], before = x[0], indicated_before = indicated[0], moved
+    cdef double lag = sensor[0], before = x[0], indicated_before = indicated[0], moved, shown
     cdef LaggedSlopes slopes
     c, interval = &forced.coefficients, &forced.interval
     if gradient == NULL:
@@ -27,8 +27,12 @@ cdef double predict(
         _predict_gradient(gradient, &slopes, late, interval.length, lag, moved - indicated_before, c.is_mean)
     indicated[0] = moved
     if c.is_mean:
-        return recorded_mean(indicated_before, moved, x[c.states - 1] / interval.length, lag / interval.length, late)
-    return recorded(indicated_before, moved, late)
+        shown = recorded_mean(indicated_before, moved, x[c.states - 1] / interval.length, lag / interval.length, late)
+    else:
+        shown = recorded(indicated_before, moved, late)
+    if gradient != NULL:
+        _add_gain(gradient, sensor[SENSOR_GAIN], shown)
+    return (1.0 + sensor[SENSOR_GAIN]) * shown
 
 
 cdef void _predict_gradient(
@@ -51,6 +55,13 @@ cdef void _predict_gradient(
             shown = recorded(before, predicted, late)
         g.error[j] = -1.0 * shown
         g.indicated[j] = predicted
+
+
+cdef inline void _add_gain(Gradient* g, double gain, double shown) noexcept nogil:
+    """The gradient of the innovation through the sensor's gain, and its offset; shown: by a gain of 0."""
+    cdef int64_t j
+    for j in range(g.tangent.m):
+        g.error[j] = (1.0 + gain) * g.error[j] - shown * g.sensor[SENSOR_GAIN * g.tangent.m + j]
     g.error[COLUMN_OFFSET] -= 1.0
 
 

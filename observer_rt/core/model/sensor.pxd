@@ -1,9 +1,10 @@
-# The line-pressure sensor: a first-order lag, its signal recorded late, and an offset added elsewhere.
+# The line-pressure sensor: a first-order lag, its signal recorded late, its gain; an offset is added elsewhere.
 
 from libc.math cimport exp
 
 cdef enum:
-    SENSOR_NUMBERS = 1  # that are learned of the sensor's law: its time constant [s]
+    SENSOR_NUMBERS = 2  # that are learned of the sensor's law: its time constant [s], and gain over the rail sensor's
+    SENSOR_GAIN = 1  # which of them that is
 
 
 cdef struct LaggedSlopes:
@@ -50,6 +51,7 @@ cdef inline LaggedSlopes lagged_slopes(
     """Derivatives of `lagged`."""
     cdef LaggedSlopes result
     cdef double rise = pressure_end - pressure_start, share, decay, ramp, decay_slope, ramp_slope
+    result.by_number[SENSOR_GAIN] = 0.0  # of what is indicated; what is recorded of it grows with the gain
     if lag < 1e-3 * interval:
         share = lag / interval
         result.by_indicated, result.by_start, result.by_end = 0.0, share, 1.0 - share

@@ -295,7 +295,8 @@ cdef void look_at_rest(Observer* observer, int64_t position) noexcept nogil:
 
 cdef bint _is_line_full(Observer* observer, int64_t begin, int64_t end) noexcept nogil:
     """Whether the line pressure's mean over samples [begin, end) is the rail pressure's: the line feeds nothing."""
-    drop = _mean_drop(observer, begin, end) + observer.memory.pair.offset
+    by_gain = observer.memory.in_force.sensor[SENSOR_GAIN] * observer.ring[(end - 1) & MASK].rail_pressure
+    drop = _mean_drop(observer, begin, end) + observer.memory.pair.offset + by_gain
     return abs(drop) * observer.constants.pressure_scale < CALM
 
 

@@ -10,7 +10,7 @@ cdef void start_pair(Observer* observer, int64_t position) noexcept nogil:
     pair = &memory.pair
     row = &observer.ring[position & MASK]
     pair.offset = memory.in_force.learned_offset
-    row.indicated = row.line_pressure - pair.offset
+    row.indicated = (row.line_pressure - pair.offset) / (1.0 + memory.in_force.sensor[SENSOR_GAIN])
     row.innovation = 0.0
     memory.outliers.accepted_innovation = 0.0
     memory.monitor.normalised_innovation_squared = 0.0

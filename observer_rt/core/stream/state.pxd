@@ -3,7 +3,7 @@
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
-from observer_rt.core.model.sensor cimport SENSOR_NUMBERS
+from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS
 
 cdef enum:
     RING = 32768  # samples remembered: 0.33 s at 100 kHz
@@ -195,6 +195,7 @@ cdef struct Carried:
     double nozzle[NOZZLE_NUMBERS]
     double learned_offset
     double sensor[SENSOR_NUMBERS]  # as the model in force and what was learned say
+    double level  # factor on flows: of the rail pressure, by what was learned of its sensor
     double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
     # where the flow is known well enough: rail pressures, and p_S / p_L
     double rail_from

@@ -93,7 +93,7 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
     row = &s.observer.ring[position & MASK]
     x_tilde = _x_tilde(s, position)
     _take_line(s)
-    rest_line(x_tilde, row.line_pressure - s.observer.memory.pair.offset, &s.coefficients)
+    rest_line(x_tilde, row.indicated, &s.coefficients)
     x_tilde[SAC] = 0.0
     memcpy(_x_hat(s, position), x_tilde, s.observer.states * sizeof(double))
     for i in range(3 * s.of_tilde.rows):
@@ -157,4 +157,4 @@ cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Netw
     row.injection_rate = 0.0
     if not row.resting or x_hat[SAC] != 0.0:  # a term may hold the needle open
         u.rail, u.area = row.rail_pressure, max(row.seat_area, 0.0)
-        row.injection_rate = fault_and_rate(x_hat, u, c, network, row.phi)
+        row.injection_rate = s.observer.memory.in_force.level * fault_and_rate(x_hat, u, c, network, row.phi)

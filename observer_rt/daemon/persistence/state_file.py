@@ -144,7 +144,9 @@ def model_hash(parameters: InjectorParameters) -> str:
 
     Of the effects and terms in force it covers what they do, not why somebody believes in them.
     """
-    content = parameters.model_dump(mode="json", exclude={"effects", "terms", "format", "remainder"})
+    content = parameters.model_dump(
+        mode="json", exclude={"effects", "terms", "format", "remainder", "accuracy"}
+    )
     if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
         for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
             del content["fluid"][key]

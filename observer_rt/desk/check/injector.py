@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,7 +28,12 @@ from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.service.constants import bench_constants, configured_noise, rail_every
+from observer_rt.engine.service.constants import (
+    bench_constants,
+    calibration_of,
+    configured_noise,
+    rail_every,
+)
 from observer_rt.engine.service.learners import doubt_about_fit
 from observer_rt.engine.stream.front_end import noise_gain
 from observer_rt.foundation.errors import UserError
@@ -57,6 +63,7 @@ _NUMBERED = {
 }
 SAMPLES_PER_PERIOD = 10  # of the line's own oscillation, below which it is not seen well
 LARGEST_DEAD_BAND = 0.1  # of the full lift
+MEASURED_PERCENT = 0.2  # of a mass, one sigma: a good injection meter
 _LEVEL = {
     "file": "absolute level by A_L/(rho_L L_L) of the file, not measured",
     "measured_rate": "absolute level by the measured rate",
@@ -278,7 +285,7 @@ def observer_findings(fitted: BenchInjector) -> list[Finding]:
     fuel = fuel_findings(fitted) if is_stable else []
     steps_itself = effective_model(fitted.parameters).coefficients.line.fastest == 0.0
     observer = _observer(fitted) if is_stable or not steps_itself else []
-    return [*integration, *fuel, *_fitted_model(fitted), *observer]
+    return [*integration, *fuel, *_fitted_model(fitted), *level_findings(fitted), *observer]
 
 
 @ruled("integration")
@@ -308,6 +315,26 @@ def _fitted_model(fitted: BenchInjector) -> Iterator[Said]:
     yield (
         f"{fitted.parameters_path.name}: adequate, by {baseline.injections} healthy injections at "
         f"{baseline.sample_rate_Hz:g} Hz; {_LEVEL[baseline.level]}"
+    )
+
+
+@ruled("level")
+def level_findings(fitted: BenchInjector) -> Iterator[Said]:
+    """How well the level of all masses is known, and what would make it better known."""
+    calibration = calibration_of(fitted)
+    if calibration.is_calibrated:
+        if text := calibration.as_text():
+            yield text
+        return
+    bore, length = 100.0 * calibration.line_diameter, 100.0 * calibration.line_length
+    measured = replace(calibration, measured=0.01 * MEASURED_PERCENT)
+    yield (
+        False,
+        f"{calibration.as_text()}: by the line's bore (known to {bore:g} %) and length ({length:g} %), the pressure "
+        f"sensors ({100.0 * calibration.line_sensor:g} and {100.0 * calibration.rail_sensor:g} %) and flow beside "
+        "the nozzle",
+        f"one measured mass known to {MEASURED_PERCENT:g} % makes it ±{196.0 * measured.mass:.1f} %: "
+        "`observer-rt fit --mass`",
     )
 
 

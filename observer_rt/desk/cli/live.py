@@ -8,7 +8,14 @@ from typing import Annotated
 
 import typer
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, describes_files_only, load_bench
+from observer_rt.config.bench import (
+    EXAMPLE_BENCH,
+    NOMINAL_INJECTOR,
+    Bench,
+    describes_files_only,
+    example_text,
+    load_bench,
+)
 from observer_rt.daemon.options import RunOptions
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
@@ -88,7 +95,7 @@ def run(options: RunOptions) -> None:
     """Run the daemon of an injector: frames in, injection rate out, until SIGINT or SIGTERM."""
     if options.print_example_bench or options.print_example_injector:
         example = EXAMPLE_BENCH if options.print_example_bench else NOMINAL_INJECTOR
-        print(example.read_text(encoding="utf-8"), end="")
+        print(example_text(example), end="")
         return
     if (bench := options.bench) is None:
         raise UserError(

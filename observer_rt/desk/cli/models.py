@@ -62,11 +62,13 @@ def fit(options: FitOptions) -> None:
     from observer_rt.config.channels import effects_on_one_raster
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.fitted_model import fitted_model
+    from observer_rt.engine.service.constants import calibration_of
     from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
     from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.report import print_fit
     from observer_rt.identification.likelihood import reading
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
+    from observer_rt.model.accuracy import EXACT
 
     model, output, plot = options.model, options.output, options.plot
     decoder = options.decoder(model)
@@ -91,7 +93,8 @@ def fit(options: FitOptions) -> None:
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
-            fitted = fitted_model(start, found, weighed, reading.hashes(paths), progress)
+            sensors = EXACT if decoder is None else calibration_of(decoder.injector)
+            fitted = fitted_model(start, found, weighed, reading.hashes(paths), progress, sensors)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     fitted.write(output, source)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.segment import Segment, Signal, trace_of
-from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -127,8 +126,6 @@ class InjectionResult:
     rate_rmse: float  # m3/s
     nominal_rate_rmse: float  # m3/s
     rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
-    budget: VolumeBudget | None = None
-    """Budget of its uncertainty, of a second look."""
 
 
 def _of_report(each: Field[InjectionReport]) -> Field[InjectionResult]:

@@ -89,6 +89,11 @@ class Evaluation:
         time: Signal = self.trace.time
         return time
 
+    @property
+    def level(self) -> str:
+        """How well the level of its masses is known, in words; empty where nothing is unknown of it."""
+        return self.injections[-1].report.calibration.as_text() if len(self.injections) else ""
+
     @cached_property
     def reports(self) -> tuple[InjectionReport, ...]:
         """Reports of all injections, without the course of their sigma."""

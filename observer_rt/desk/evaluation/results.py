@@ -125,9 +125,18 @@ def _without_injections(evaluation: Evaluation, c: Coefficients) -> dict[str, An
             "valid_share": valid / len(evaluation.injections) if len(evaluation.injections) else 0.0,
             "adoptions": evaluation.counters.adoptions,
             "rejected_adoptions": evaluation.counters.rejected_adoptions,
+            **_level_json(evaluation),
             **_energizing_json(evaluation),
         },
     }
+
+
+def _level_json(evaluation: Evaluation) -> dict[str, Any]:
+    """How well the level of all masses is known; empty without an injection."""
+    for result in evaluation.injections[-1:]:
+        calibration = result.report.calibration
+        return {"level_ci95_pct": 196.0 * calibration.mass, "calibrated": calibration.is_calibrated}
+    return {}
 
 
 def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
@@ -197,6 +206,8 @@ def print_evaluation(
             console,
             "(they were learned from: --twice looks at them again, with what the others taught)",
         )
+    if evaluation.level:
+        say(console, evaluation.level)
     if count:
         for line in _line_side(evaluation.injections[-1], c):
             say(console, line)

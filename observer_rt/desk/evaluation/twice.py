@@ -44,6 +44,7 @@ from observer_rt.engine.service.constants import EVENTS_REQUIRED
 from observer_rt.engine.service.learners import make_learner
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason, State
+from observer_rt.model.accuracy import Calibration
 
 Matrix = NDArray[np.float64]
 _LIFTED = frozenset({Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.REVISED})
@@ -63,7 +64,7 @@ class _Event:
     """An event that was learned from, as it is run again.
 
     taught: beliefs about it; start: position of its first sample; systematic: share of a volume that the model gets
-    wrong, but for places far from all learned at; unknown: more of it; unseen: variances (m,) as of `LearningState`;
+    wrong, but for places far from all learned at; unknown: more of it; unseen: variances (m,) by a doubtful lag;
     passed: without objections.
     """
 
@@ -75,6 +76,7 @@ class _Event:
     by_coil: Matrix | float
     systematic: float
     unknown: float
+    calibration: Calibration
     unseen: Theta
     passed: bool
 
@@ -119,7 +121,8 @@ class SecondLook:
                 state.energizing.current.unsure,
                 math.sqrt(max(again.systematic**2 - far**2, 0.0)),
                 again.unknown,
-                state.unseen_variance,
+                again.calibration,
+                state.lag_doubt.variance,
                 not outcome.forward,
             )
         )
@@ -167,7 +170,12 @@ class SecondLook:
         again = resimulated(run.window, run.setting, event.noise, theta, carried, carried)
         far = UNSEEN * extrapolation_sigma(event.point, learned_at)
         unknown = min(event.unknown, self._events[-1].unknown)  # later events told
-        again = replace(again, systematic=math.hypot(event.systematic, far), unknown=unknown)
+        again = replace(
+            again,
+            systematic=math.hypot(event.systematic, far),
+            unknown=unknown,
+            calibration=event.calibration,
+        )
         return _Again(again, theta, gated.covariance + np.diag(event.unseen))
 
 
@@ -206,7 +214,6 @@ def _by_event(
         report=report,
         rate_rmse=math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2))),
         rate_ci95_halfwidth=1.96 * float(np.mean(sigma[rate != 0.0])) if rate.any() else math.nan,
-        budget=budget,
     ), replace(curves, estimated=rate, sigma=sigma)
 
 
@@ -222,7 +229,10 @@ def _report_by(
         mass=volume * report.density,
         mass_ci95=(low * report.density, high * report.density),
         peak_rate=float(again.event.run.rate[window].max()),
-        indicators=indicators_of(again.theta, again.covariance, report.middle_x, report.middle_u),
+        indicators=indicators_of(
+            again.theta, again.covariance, report.middle_x, report.middle_u, again.event.calibration
+        ),
+        budget=budget,
     )
     if not is_judged:
         return report

@@ -25,6 +25,7 @@ from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
 from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.service.constants import calibration_of
 from observer_rt.engine.service.learners import LearnerFactory
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import progress_bar, say
@@ -142,7 +143,8 @@ class Injector:
             weighed = {} if masses is None else read_masses(path_of("masses", masses), found)
             doubted = warnings(found)
             with progress_bar(screen, "fitting", 1.0) as progress:
-                fitted = fitted_model(self.parameters, found, weighed, digests(sources), progress)
+                sensors = calibration_of(self.bench.injector)
+                fitted = fitted_model(self.parameters, found, weighed, digests(sources), progress, sensors)
             said = (*map(coverage, found), *doubted)
         with TemporaryDirectory() as folder:
             path = Path(folder) / _FITTED

@@ -63,19 +63,19 @@ class EvaluationResult:
 
     @cached_property
     def budget(self) -> pd.DataFrame:
-        """Uncertainty of the masses [mg, one sigma] by what makes it, of injections that were looked at twice."""
+        """Uncertainty of the masses [mg, one sigma] by what makes it."""
         rows = [
             {
                 RECORDING: _name(one),
                 "number": result.report.number,
                 **{
                     f"by_{part}_mg": sigma * result.report.density / MILLIGRAM
-                    for part, sigma in result.budget._asdict().items()
+                    for part, sigma in result.report.budget._asdict().items()
                 },
             }
             for one in self.evaluations
             for result in one.injections
-            if result.budget is not None
+            if result.report.budget is not None
         ]
         columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
         return with_units(pd.DataFrame(rows, columns=columns))
@@ -124,7 +124,9 @@ class EvaluationResult:
     def _headline(self) -> str:
         count = len(self.injections)
         recordings = f"{len(self.evaluations)} recording{'s' if len(self.evaluations) > 1 else ''}"
-        return f"{count} injections of {recordings}, {int(self.injections.valid.sum())} of them valid"
+        valid = f"{count} injections of {recordings}, {int(self.injections.valid.sum())} of them valid"
+        found = [each.level for each in self.evaluations if each.level]
+        return f"{valid}; {found[0]}" if found else valid
 
     @property
     def _in_short(self) -> pd.DataFrame:

@@ -83,10 +83,11 @@ def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Gate:
-    """Columns of the gated parameters, and the lowest value each may take."""
+    """Columns of the gated parameters, and the lowest value each may take; held: columns that no event tells of."""
 
     columns: tuple[int, ...]
     lowest: tuple[float, ...]
+    held: tuple[int, ...] = ()
 
 
 def best_subset(
@@ -146,9 +147,15 @@ class GatedBelief:
 
     @cached_property
     def _by_joint(self) -> NDArray[np.float64]:
-        """Map (m, m) from the joint mean to the estimate: what is left out is known to be 0."""
+        """Map (m, m) from the joint mean to the estimate: what is left out is known to be 0.
+
+        What is held stays as it is, and all else moves given that: leaving a scalar out tells nothing of it.
+        """
         covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
         out = [column for column in self.gate.columns if column not in self.active]
+        for column in self.gate.held:
+            along = covariance[:, column]
+            covariance = covariance - np.outer(along, along) / along[column]
         if out:
             rows = covariance[out]
             result[:, out] = -np.linalg.solve(rows[:, out], rows).T

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.predictor import follow, propagate_noise
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.predictor import NO_RATE, NO_SLOPES, Setting, Window, gradient_of
-from observer_rt.engine.estimation.scalars import learned_of
+from observer_rt.engine.estimation.scalars import Parameter, learned_of
 
 
 class OpenLoop(NamedTuple):
@@ -43,7 +43,18 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
     )
     gradient = gradient_of(theta, setting.coefficients, learned, states)
     follow(window, setting, learned, window.opening, np.empty(n), NO_RATE, gradient, NO_SLOPES, run=result)
+    if setting.rail_share == 0.0:
+        return result
+    level = level_of(theta, setting)
+    for flow in (result.rate, result.slopes, result.gradient):
+        flow *= level
+    result.slopes[:, Parameter.LINE_PRESSURE_GAIN] += setting.rail_share / level * result.rate
     return result
+
+
+def level_of(theta: NDArray[np.float64], setting: Setting) -> float:
+    """Factor on flows with theta (m,), which are reckoned in the rail sensor's units."""
+    return 1.0 + setting.rail_share * float(theta[Parameter.LINE_PRESSURE_GAIN])
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from observer_rt.foundation.units import MEGAPASCAL
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
 TOLD = 1e-9  # of what an event tells of one parameter, below which it tells nothing of a direction
-_OFFSET = int(Parameter.LINE_PRESSURE_OFFSET)
+_OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +88,11 @@ class Linearisation:
         """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
 
         chi2, when the belief is right, with as many degrees of freedom as directions that the event tells of:
-        parameters that it cannot tell apart, or says nothing about, are no singularity.
+        parameters that it cannot tell apart, or says nothing about, are no singularity. The sensor's gain, which is
+        held, is not asked.
         """
         scale = np.sqrt(np.diag(self.information))
+        scale[_GAIN:][:1] = 0.0
         columns = np.flatnonzero(scale > 0.0)
         both, scale = np.ix_(columns, columns), scale[columns]
         told, directions = np.linalg.eigh(self.information[both] / np.outer(scale, scale))
@@ -134,6 +136,7 @@ class EventCost:
         self._whitening = whitening
         self._levels = levels
         self._offset, self._offset_weight = 0.0, 0.0
+        self._rail_pressure = float(window.inputs[:, 0].mean())
         if whitening is not None and whitening.forgetting is not None and offset is not None:
             self._offset = offset
             self._offset_weight = (setting.coefficients.pressure_scale / OFFSET_SIGMA) ** 2
@@ -142,8 +145,8 @@ class EventCost:
         self.temper = temper
         self._expected = expected
         self._together: int = max(1, round(setting.coefficients.line.resolved / setting.interval))
-        self.slopes = NO_SLOPES
-        """(n, m) of the innovations where J was last linearised."""
+        self.slopes = self.unfiltered_slopes = NO_SLOPES
+        """(n, m) of the innovations, and with the colour of the noise, where J was last linearised."""
         self.unfiltered = self.innovations = NO_RATE
 
     def beyond_noise(self, value: float) -> float:
@@ -156,8 +159,8 @@ class EventCost:
         return (self._window.output.size - self.burn_in) // self._together
 
     def of_offset(self, theta: NDArray[np.float64]) -> float:
-        """Part of J, before it is divided, by the sensor's offset at rest."""
-        return 0.5 * self._offset_weight * float(theta[_OFFSET] - self._offset) ** 2
+        """Part of J, before it is divided, by the line over the rail pressure at rest."""
+        return 0.5 * self._offset_weight * self._beside_rest(theta) ** 2
 
     def value(self, theta: NDArray[np.float64]) -> float:
         """J(theta), inf where the prediction is not finite; leaves the innovations behind."""
@@ -172,12 +175,14 @@ class EventCost:
         slopes = np.empty((self.unfiltered.size, theta.size))
         innovations_with_sensitivity(self._window, self._setting, theta, self.unfiltered, slopes)
         value = self._cost(theta)
-        self.slopes = self.whitened(slopes)
+        self.unfiltered_slopes, self.slopes = slopes, self.whitened(slopes)
         gradient = np.zeros(theta.size)
         information = np.zeros((theta.size, theta.size))
         weigh(self.innovations, self.slopes, self.burn_in, self.sigma, self._together, gradient, information)
-        gradient[_OFFSET] += self._offset_weight * (theta[_OFFSET] - self._offset)
-        information[_OFFSET, _OFFSET] += self._offset_weight
+        by_offset = np.zeros(theta.size)
+        by_offset[_OFFSET], by_offset[_GAIN] = 1.0, self._rail_pressure
+        gradient += self._offset_weight * self._beside_rest(theta) * by_offset
+        information += self._offset_weight * np.outer(by_offset, by_offset)
         return Linearisation(theta, value, gradient / self.temper, information / self.temper)
 
     def whitened(
@@ -189,6 +194,10 @@ class EventCost:
         if self._levels is None:
             return values
         return values / (self._levels if values.ndim == 1 else self._levels[:, None])
+
+    def _beside_rest(self, theta: NDArray[np.float64]) -> float:
+        """Line over rail pressure [p_0] at rest by theta (m,), over what it was."""
+        return float(theta[_OFFSET] + theta[_GAIN] * self._rail_pressure) - self._offset
 
     def _cost(self, theta: NDArray[np.float64]) -> float:
         if self._expected is not None:

@@ -46,6 +46,7 @@ class Setting(NamedTuple):
 
     late: by which share of an interval (0..1) the indicated pressure is recorded late; lag [s] and offset (in units
     of p_0): of the sensor of the model in force, what is learned comes on top. program: of the terms in force.
+    rail_share: of the sensors' gain, by which the rail's is expected below 0.
     """
 
     interval: float
@@ -56,6 +57,7 @@ class Setting(NamedTuple):
     lag: float = 0.0
     offset: float = 0.0
     program: NDArray[np.float64] = NO_PROGRAM
+    rail_share: float = 0.0
 
 
 class Gradient(NamedTuple):

@@ -25,6 +25,8 @@ Theta = NDArray[np.float64]
 NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset"
 """Indicators that have a place of their own in tables and frames."""
 
+EXACTLY = 1e-6  # standard deviation of a gain that is none
+GAIN_DRIFT = 1e-3  # from event to event, of the gain's prior
 _TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
 _several = lru_cache(maxsize=8, typed=True)
@@ -44,6 +46,7 @@ class Parameter(IntEnum):
     SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
     ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
     BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
+    LINE_PRESSURE_GAIN = 10 + HIDDEN  # of its sensor over the rail's; acts in the sensor only
 
 
 class Element(Enum):
@@ -94,7 +97,8 @@ class Scalar:
 
     prior, drift: one sigma, before any event and from one to the next; longest_step: of one Gauss-Newton iteration,
     beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
-    gated_from: of a parameter that must pay for being active, the lowest theta it then may take. change: its law, the
+    gated_from: of a parameter that must pay for being active, the lowest theta it then may take; held: rest tells
+    of it, no event. change: its law, the
     line with the scalar, analytic in it; None: it is none of line or guide. turn: laws of a lower one act first,
     those of the same in the order of the rows. element: whose law has the columns as its numbers, in the order of
     the rows.
@@ -108,6 +112,7 @@ class Scalar:
     bounds: tuple[float, float]
     counted: ScalarUnit = ScalarUnit.AS_IT_IS
     gated_from: float | None = None
+    held: bool = False
     columns: int = 1
     shown: ShownIndicator | None = None
     change: Callable[[Any, Any], Any] | None = None
@@ -194,7 +199,8 @@ class Scalars:
             if row.gated_from is not None
             for i in range(row.columns)
         ]
-        return Gate(tuple(column for column, _ in gated), tuple(lowest for _, lowest in gated))
+        held = tuple(row.column for row in self.rows if row.held)
+        return Gate(tuple(column for column, _ in gated), tuple(lowest for _, lowest in gated), held)
 
     def shown(self) -> Iterator[tuple[int, ShownIndicator]]:
         """Column and appearance of what is shown."""
@@ -236,6 +242,9 @@ SCALARS = Scalars((
            counted=ScalarUnit.TIME, gated_from=0.0, element=Element.SENSOR,
            shown=ShownIndicator("line_pressure_sensor_lag", lambda _: LAG_UNIT, label="line pressure sensor lag",
                        unit=("s", 1.0), screen_unit=("us", MICROSECOND))),
+    # Prior and drift are those of sensors without any, a bench's take their place.
+    Scalar("gain", Parameter.LINE_PRESSURE_GAIN, prior=EXACTLY, drift=GAIN_DRIFT * EXACTLY, longest_step=0.02,
+           bounds=(-0.1, 0.1), held=True, element=Element.SENSOR),
     Scalar("stiffness", Parameter.BULK_MODULUS, prior=0.18, drift=2e-4, longest_step=0.12, bounds=(-0.6, 1.0),
            gated_from=-0.6, shown=ShownIndicator("bulk_modulus", label="bulk modulus r"),
            change=stiffened, turn=0),
@@ -250,6 +259,12 @@ SCALARS = Scalars((
 PARAMETERS = SCALARS.width
 
 
+def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
+    """A vector (m,) with the gain of the line-pressure sensor of a bench, where it has one."""
+    vector[Parameter.LINE_PRESSURE_GAIN] = max(vector[Parameter.LINE_PRESSURE_GAIN], gain)
+    return vector
+
+
 _NOZZLE, _WEIGHTS, _SEAT = (
     int(each) for each in (Parameter.NOZZLE_BIAS, Parameter.NOZZLE_WEIGHT, Parameter.SEAT_BIAS)
 )
@@ -261,7 +276,7 @@ class Learned(NamedTuple):
     network: Network
     coefficients: Coefficients
     offset: float
-    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s]
+    sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
 
 
 def nothing_learned(c: Coefficients) -> Learned:

@@ -35,9 +35,12 @@ TEMPER_SIGNIFICANT = 2.5
 POOLING = 0.85  # weight of the statistics before this event
 # Standard deviations up to which they count, so that a passing trouble is over with the next event.
 REMEMBERED = 5.0
-# Pa, between line and rail pressure: more may be a gain of the sensor, which is an error of the mass
-LARGEST_OFFSET = 1.5e6
-LEAST_SCALE = 0.03  # of the logarithm of 1 + r
+LARGEST_OFFSET = 1.5e6  # Pa, between line and rail pressure
+# Standard deviations: of the stated accuracy, up to which a gain is a good sensor's; of what of it may be an offset,
+# which is then allowed on top.
+LARGEST_GAIN, UNTOLD = 3.0, 2.5
+# Of the logarithm of 1 + r; and standard deviations of the line's own inertance.
+LEAST_SCALE, LINE_SCALE = 0.03, 3.0
 LARGEST_LAG = 0.2e-3  # s
 CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
@@ -109,20 +112,23 @@ def tempering(statistics: PhaseStatistics) -> float:
     return max(found)
 
 
-def sensor_objections(offset: float, lag: float) -> list[Reason]:
-    """Objections to the line-pressure sensor with an offset [Pa] and a lag [s]."""
-    reasons = [Reason.PRESSURE_OFFSET] if abs(offset) > LARGEST_OFFSET else []
+def sensor_objections(offset: float, lag: float, untold: float = 0.0) -> list[Reason]:
+    """Objections to the line-pressure sensor with an offset [Pa] and a lag [s].
+
+    untold: standard deviation of what its gain may be of the offset [Pa].
+    """
+    reasons = [Reason.PRESSURE_OFFSET] if abs(offset) > LARGEST_OFFSET + UNTOLD * untold else []
     return [*reasons, Reason.SENSOR_LAG] if lag > LARGEST_LAG else reasons
 
 
 def objections(
-    statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED
+    statistics: PhaseStatistics, offset: float, lag: float, healthy: Healthy = NOT_FITTED, untold: float = 0.0
 ) -> list[Objection]:
-    """Objections to an event; offset [Pa] and lag [s] as identified; to a model that fits nobody, always.
+    """Objections to an event; offset, untold [Pa] and lag [s] as identified; to a model that fits nobody, always.
 
     Empty: it passed. What names a cause comes first.
     """
-    result = [Objection(reason) for reason in sensor_objections(offset, lag)]
+    result = [Objection(reason) for reason in sensor_objections(offset, lag, untold)]
     phase = inadequate_phase(statistics)
     if phase is not None or not healthy.adequate:
         result.append(Objection(Reason.MODEL_INADEQUATE, phase))
@@ -138,17 +144,17 @@ def is_worn_beyond_limits(theta: NDArray[np.float64]) -> bool:
     return any(not lowest < value < highest for value, (lowest, highest) in limits)
 
 
-def looks_like_inertance(nozzle_change: float, stiffness_change: float) -> bool:
+def looks_like_inertance(nozzle_change: float, stiffness_change: float, line: float = 0.0) -> bool:
     """Whether N_H and r together look like another A_L/(rho_L L_L) rather than like wear and another K_L.
 
     Flows, 1/K_L and inertance scaled together leave p_L as it is, so that the level of Q_H is not known then: with
-    the inertance off by a factor s, 1 + N_H -> s and 1 + r -> 1/s are found for a healthy injector.
+    the inertance off by a factor s, 1 + N_H -> s and 1 + r -> 1/s are found for a healthy injector. line: share by
+    which it is known, one sigma, which is in every interval.
     """
     stiffer = -math.log1p(stiffness_change)
     wider = math.log1p(max(nozzle_change, -0.99))
-    return abs(stiffer) > LEAST_SCALE and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(
-        stiffer
-    )
+    is_relevant = abs(stiffer) > max(LEAST_SCALE, LINE_SCALE * line)
+    return is_relevant and 0.5 * abs(stiffer) < math.copysign(1.0, stiffer) * wider < 2 * abs(stiffer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,22 +206,24 @@ class Examiner:
             )
         event = event_statistics(window, innovations, constants.interval, self._healthy)
         lag = sensor_lag(in_force)
-        offset = _offset(window, constants)
+        offset, untold = _offset(window, in_force, constants)
         if inadequate_phase(event) is not None:
-            found = objections(event, offset, lag, self._healthy)
+            found = objections(event, offset, lag, self._healthy, untold)
             to_pass = 1 if self._passed >= SETTLED else BELIEVED_AFTER
             return Examination(tuple(found), self.statistics, self._passed if self._passed < 0 else -to_pass)
         statistics = pooled(self.statistics, event)
-        found = objections(statistics, offset, lag, self._healthy)
+        found = objections(statistics, offset, lag, self._healthy, untold)
         passed = self._passed if found else min(self._passed + 1, SETTLED)
         if passed < 0 and not found:
             found = [Objection(Reason.MODEL_INADEQUATE)]
         return Examination(tuple(found), statistics, passed)
 
 
-def _offset(window: Window, constants: Constants) -> float:
-    """Line over rail pressure [Pa] with the needle shut before the event."""
-    shut = slice(0, max(window.opening, 1))
-    difference = window.output[shut] - window.inputs[shut, 0]
+def _offset(window: Window, in_force: Theta, constants: Constants) -> tuple[float, float]:
+    """Line over rail pressure [Pa] with the needle shut before the event, and what a gain may be of it."""
+    shut, scale = slice(0, max(window.opening, 1)), constants.coefficients.pressure_scale
+    rail, gain = window.inputs[shut, 0], float(in_force[Parameter.LINE_PRESSURE_GAIN])
+    difference = window.output[shut] - (1.0 + gain) * rail
     mean = float(difference.sum()) / difference.size
-    return (mean - constants.sensor.offset) * constants.coefficients.pressure_scale
+    untold = constants.calibration.gain if gain == 0.0 else 0.0
+    return (mean - constants.sensor.offset) * scale, untold * float(rail[0]) * scale

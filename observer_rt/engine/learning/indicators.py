@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import changes_and_activations
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, network_of
+from observer_rt.model.accuracy import EXACT, Calibration
 from observer_rt.model.network import HIDDEN
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
@@ -42,10 +43,11 @@ def indicators_of(
     covariance: NDArray[np.float64] | None,
     x: NDArray[np.float64],
     u: NDArray[np.float64],
+    calibration: Calibration = EXACT,
 ) -> Indicators:
     """Indicators by theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
 
-    None but those of nozzle and seat enters Q_H^.
+    None but those of nozzle and seat enters Q_H^; these are no better known than the level, by `calibration`.
     """
     nozzle, slopes = nozzle_change(theta, x, u)
 
@@ -56,6 +58,8 @@ def indicators_of(
             value, variance = theta[column], None if covariance is None else covariance[column, column]
             if variance is not None and effect == SEAT:
                 variance = variance + LEAST_SEAT_SIGMA**2
+        if variance is not None and effect in (NOZZLE, SEAT):
+            variance = variance + calibration.wear**2
         return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
 
     return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown()}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop, input_variance, open_loop
 from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.model.accuracy import EXACT, Calibration
 
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
@@ -25,7 +26,7 @@ class Resimulated:
     run: over the event's window; by_inputs: by the noise of the inputs. covariance: of the error of the theta it was
     run with (m, m); carried_covariance: of the theta in force when the rate was published. interval: of the samples
     [s]. systematic: standard deviation, as a share, of what the model gets wrong of a healthy injector; unknown: of
-    what recent events say that it gets wrong of this one.
+    what recent events say that it gets wrong of this one. calibration: of the level, which no event tells.
     """
 
     run: OpenLoop
@@ -35,6 +36,7 @@ class Resimulated:
     interval: float
     systematic: float = 0.0
     unknown: float = 0.0
+    calibration: Calibration = EXACT
 
     @property
     def model_share(self) -> float:
@@ -46,12 +48,18 @@ class VolumeBudget(NamedTuple):
     """Standard deviations of a volume [m3] by what makes it uncertain.
 
     parameters: what was learned is known so well only; inputs: noise of the signals; model: what the model gets wrong
-    of a healthy injector, and away from where it was learned.
+    of a healthy injector, and away from where it was learned; calibration: of the mass, constant over injections.
     """
 
     parameters: float
     inputs: float
     model: float
+    calibration: float
+
+    @property
+    def learning(self) -> float:
+        """By all that events could tell."""
+        return math.hypot(self.parameters, self.model)
 
 
 def resimulated(
@@ -82,10 +90,12 @@ def volume_interval(event: Resimulated, window: slice, published: float) -> tupl
 def volume_budget(event: Resimulated, window: slice) -> VolumeBudget:
     """Budget of the uncertainty of the volume injected in a window of the event."""
     gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
+    volume = volume_in(event, window)
     return VolumeBudget(
         math.sqrt(max(float(gradient @ event.covariance @ gradient), 0.0)),
         math.sqrt(float(event.by_inputs.volume[window][-1])),
-        event.model_share * volume_in(event, window),
+        event.model_share * volume,
+        event.calibration.mass * volume,
     )
 
 
@@ -100,7 +110,7 @@ def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
     slopes = event.run.slopes[window]
     by_parameters = np.einsum("ki,ij,kj->k", slopes, event.carried_covariance, slopes)
     by_hold = HOLD_SHARE * np.gradient(event.run.rate)[window]
-    by_model = event.model_share * event.run.rate[window]
+    by_model = math.hypot(event.model_share, event.calibration.rate) * event.run.rate[window]
     variance = by_parameters + event.by_inputs.rate[window] + by_hold**2 + by_model**2
     return np.asarray(np.sqrt(variance), np.float64)
 

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from observer_rt.engine.estimation.gating import Belief, GatedBelief
+from observer_rt.engine.estimation.held import held_at
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
+from observer_rt.engine.estimation.scalars import EXACTLY, SCALARS, Parameter, Theta, with_gain
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.learned_range import EventPoint
@@ -45,12 +46,17 @@ class LearnedInjector:
             return None
         return colour
 
-    def with_offset_moved(self, move: float) -> "LearnedInjector":
-        """What holds of a line-pressure sensor whose offset is another by so much [p_0]."""
-        step = np.zeros_like(self.theta)
-        step[Parameter.LINE_PRESSURE_OFFSET] = 0.0 if self.is_prior else move
-        belief = replace(self.belief, mean=self.belief.mean + step)
-        return replace(self, belief=belief, theta=self.theta + step)
+    def with_gain(self, sigma: float) -> "LearnedInjector":
+        """What holds of sensors, stated with a standard deviation of the gain of one over the other's, 0: none."""
+        column, known = int(Parameter.LINE_PRESSURE_GAIN), self.belief.covariance
+        if (sigma > 0.0) is bool(known[column, column] > 2.0 * EXACTLY**2):
+            return self
+        theta = self.theta.copy()
+        theta[column] = 0.0
+        given = held_at(self.belief, column, 0.0, EXACTLY**2).given
+        return replace(
+            self, belief=given.widened(with_gain(np.zeros_like(theta), max(sigma, EXACTLY))), theta=theta
+        )
 
     def begun(self, interval: float) -> "LearnedInjector":
         """What holds at a sample interval [s], whatever the one before was."""

@@ -40,11 +40,12 @@ class Learner:
         """constants: at the start; healthy: what the model leaves unexplained of a healthy injector."""
         gains_for = lru_cache(maxsize=SCHEDULES)(gain_schedule)
         scale = constants.coefficients.pressure_scale
-        self._reader = EventReader(constants.interval, scale, healthy, gains_for)
+        self._reader = EventReader(constants.interval, scale, healthy, constants.calibration, gains_for)
         self._constants = constants
         self.schedule = self._reader.gains(knowledge.in_force, knowledge.state.noise, constants)
         """Gains at the start."""
-        self.state = knowledge.state.begun(constants.interval, healthy.overdispersion)
+        state = knowledge.state.begun(constants.interval, healthy.overdispersion)
+        self.state = state.each(lambda learned: learned.with_gain(constants.calibration.gain))
         """State after the last event."""
 
     def learn(
@@ -122,5 +123,5 @@ def _failed(state: LearningState, event: ClosedEvent, objection: Objection, read
         forward=(objection,),
         objections=(objection,),
         estimate=state.learned.theta,
-        covariance=state.learned.gated.covariance + np.diag(state.unseen_variance),
+        covariance=state.learned.gated.covariance + np.diag(state.lag_doubt.variance),
     )

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.gating import prior_belief
@@ -20,7 +19,6 @@ from observer_rt.engine.learning.disturbances.coil_current import Energizing
 from observer_rt.engine.learning.disturbances.colour import SlowRail, TimeJitter
 from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.disturbances.masks import OutlierSearch
-from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.lift_lag import LiftLagSearch
@@ -43,7 +41,6 @@ class LearningState:
     lag_doubt: LagDoubt
     events: Count = 0
     interval: float = 0.0
-    gains: PressureGains = field(default_factory=PressureGains)
     slow_rail: SlowRail = field(default_factory=SlowRail)
     jitter: TimeJitter = field(default_factory=TimeJitter)
     outliers: OutlierSearch = field(default_factory=OutlierSearch)
@@ -58,11 +55,6 @@ class LearningState:
     def learned(self) -> LearnedInjector:
         """What the hypothesis believes that is carried."""
         return self.account.lead.learned
-
-    @property
-    def unseen_variance(self) -> NDArray[np.float64]:
-        """Variances (m,) of theta beside those of the belief: by what gains and lag of the sensors may be."""
-        return self.gains.wear_variance(self.learned.theta.size) + self.lag_doubt.variance
 
     def each(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "LearningState":
         """State in which every hypothesis believes what the change makes of it."""

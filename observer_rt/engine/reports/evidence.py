@@ -1,6 +1,7 @@
 """Evidence: inputs of an event as the observer saw them, with its verdict, for whoever asks later what is missing."""
 
 import json
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -55,10 +56,18 @@ def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
         return EvidenceKind.REFUSED
     if reasons - _OF_KNOWLEDGE:
         return None
-    is_wide = any(report.valid and not report.mass_bound <= WIDE * report.mass for report in reports)
+    is_wide = any(
+        report.valid and not _beyond_calibration(report) <= WIDE * report.mass for report in reports
+    )
     if is_wide or Reason.OUTSIDE_LEARNED_RANGE in reasons:
         return EvidenceKind.DOUBTFUL
     return EvidenceKind.GOOD
+
+
+def _beyond_calibration(report: InjectionReport) -> float:
+    """Bound of a mass [kg] without the part that every mass has."""
+    constant = 1.96 * report.calibration.mass * report.mass
+    return math.sqrt(max(report.mass_bound**2 - constant**2, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

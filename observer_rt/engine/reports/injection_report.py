@@ -14,11 +14,18 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, ShownIndicator
 from observer_rt.engine.learning.indicators import Indicators, indicators_of
-from observer_rt.engine.learning.interval import is_revised, rate_sigma, volume_interval
+from observer_rt.engine.learning.interval import (
+    VolumeBudget,
+    is_revised,
+    rate_sigma,
+    volume_budget,
+    volume_interval,
+)
 from observer_rt.engine.reports.event_record import EventRecord
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
+from observer_rt.model.accuracy import EXACT, Calibration
 from observer_rt.model.effective import Coefficients
 
 _NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
@@ -59,7 +66,7 @@ class InjectionReport:
     `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is
     None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which the flow
     was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty where
-    nothing was learned from it.
+    nothing was learned from it. calibration: of the level; budget: of the volume's uncertainty, once it is known.
     """
 
     number: int
@@ -87,6 +94,8 @@ class InjectionReport:
     further: tuple[Reason, ...] = ()
     known_rails: tuple[float, float] = (-math.inf, math.inf)
     posterior: Sequence[tuple[str, float]] = ()
+    calibration: Calibration = EXACT
+    budget: VolumeBudget | None = None
 
     @property
     def posterior_text(self) -> str:
@@ -128,14 +137,16 @@ def report_of(
     c = judged.fuel.constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
     theta = judged.known.in_force if outcome is None else outcome.estimate
-    indicators = indicators_of(theta, None if outcome is None else outcome.covariance, *middle)
+    covariance = None if outcome is None else outcome.covariance
+    indicators = indicators_of(theta, covariance, *middle, judged.fuel.constants.calibration)
     volume = float(injection["volume"])
-    interval, sigma, revised = None, None, False
+    interval, sigma, budget, revised = None, None, None, False
     belongs = injection["event"] == event["number"]
     if belongs and outcome is not None and outcome.resimulated is not None:
         first = int(event["window_start"])
         window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
         interval = volume_interval(outcome.resimulated, window, volume)
+        budget = volume_budget(outcome.resimulated, window)
         sigma = rate_sigma(outcome.resimulated, window)
         revised = is_revised(outcome.resimulated, window, volume)
     passed = not judged.objections
@@ -176,6 +187,8 @@ def report_of(
         commanded=commanded,
         further=reasons[1:],
         posterior=outcome.posterior if belongs and outcome is not None else (),
+        calibration=judged.fuel.constants.calibration,
+        budget=budget,
     )
 
 
@@ -262,6 +275,17 @@ def _indicator(shown: ShownIndicator) -> IndicatorFields:
 INDICATORS = tuple(_indicator(shown) for _, shown in SCALARS.shown())
 WEAR = tuple(_indicator(shown) for _, shown in SCALARS.shown() if shown.effect in (NOZZLE, SEAT))
 _INDEX = Output.JSON | Output.JOURNAL  # a recording tells time instead
+
+
+def _mass_part(name: str, part: Callable[[VolumeBudget], float]) -> Field[InjectionReport]:
+    """Half of the mass's 95 % interval by a part of its budget alone."""
+
+    def half(report: InjectionReport, _: Coefficients) -> float:
+        return math.nan if report.budget is None else 1.96 * part(report.budget) * report.density / MILLIGRAM
+
+    return Field(f"mass_{name}_mg", float, half, outputs=Output.JSON | Output.PARQUET)
+
+
 # fmt: off
 _COMMAND: tuple[Field[InjectionReport], ...] = (
     Field("command", int, lambda r, _: r.commanded and r.commanded.command, "command\nno", "d", Output.JOURNAL),
@@ -278,6 +302,9 @@ FIELDS: tuple[Field[InjectionReport], ...] = (
     Field("rail_pressure_MPa", float, lambda r, _: r.rail_pressure / MEGAPASCAL, "rail\nMPa", ".1f"),
     Field("mass_mg", float, lambda r, _: r.mass / MILLIGRAM, "mass\nmg", ".2f"),
     Field("mass_ci95_mg", tuple, lambda r, _: r.mass_ci95 and [bound / MILLIGRAM for bound in r.mass_ci95]),
+    _mass_part("noise", lambda budget: budget.inputs),
+    _mass_part("learning", lambda budget: budget.learning),
+    _mass_part("calibration", lambda budget: budget.calibration),
     Field("peak_rate_mm3_per_ms", float, lambda r, _: r.peak_rate / MM3_PER_MS, outputs=Output.JOURNAL),
     Field("valid", bool, lambda r, _: r.valid),
     Field("reasons", list, lambda r, _: [reason.name for reason in r.reasons]),

@@ -8,6 +8,7 @@ from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
+from observer_rt.model.accuracy import Calibration
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import (
     HIGHEST_TEMPERATURE,
@@ -72,7 +73,17 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     rate = fitted.config.sampling.rate_hz
     means = fitted.config.sampling.meaning is Meaning.MEAN
     stated = effects_after_alignment(fitted.config.signals)
-    return constants_for(injector, rate, durations, events_required, rail_every(fitted), means, stated)
+    calibration = calibration_of(fitted)
+    return constants_for(
+        injector, rate, durations, events_required, rail_every(fitted), means, stated, calibration
+    )
+
+
+def calibration_of(fitted: BenchInjector) -> Calibration:
+    """How well level and pressure sensors are known, as bench and injector file state it."""
+    signals = fitted.config.signals
+    line, rail = signals.line_pressure.accuracy_percent, signals.rail_pressure.accuracy_percent
+    return Calibration.of(line, rail, fitted.parameters.accuracy)
 
 
 def rail_every(fitted: BenchInjector) -> float:

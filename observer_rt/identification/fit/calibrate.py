@@ -40,8 +40,9 @@ from observer_rt.identification.fit.search import (
     searched,
     settled,
 )
+from observer_rt.identification.fit.sensor_gain import own_accuracy
 from observer_rt.identification.likelihood.appearance import healthy_remainder
-from observer_rt.identification.likelihood.likelihood import joint_likelihood
+from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before
 from observer_rt.identification.likelihood.reading import shortened
 from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures, PhaseFigures
@@ -235,6 +236,20 @@ class Calibrated:
         between = max(map(share_between_samples, self.found))
         return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level, between)
 
+    @property
+    def level_share(self) -> float | None:
+        """Standard deviation of the level, as a share: how well it was determined, and the measurement's own.
+
+        That of a rate is its gain's, and the density's; None where nothing was measured.
+        """
+        if self.level is FlowLevel.FILE:
+            return None
+        determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
+        by_fit = sum(2.0 * float(sigma) for one, sigma in determined if one is INERTANCE)
+        weighed = [fold.weighed for fold in self.fitted.calibration.folds if fold.weighed is not None]
+        by_rate = math.hypot(GAIN_ERROR, 0.01 * self.file.accuracy.fuel_density_percent)
+        return math.hypot(by_fit, own_accuracy(weighed) if weighed else by_rate)
+
 
 def calibrate(
     file: InjectorParameters,
@@ -304,6 +319,9 @@ def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Bas
             value = parameter.of(injector)
             number = Float(value, Trivia(), f"{value:.{_DIGITS}g}")
             content[parameter.section][parameter.key] = number
+        if (share := done.level_share) is not None:
+            density = done.file.accuracy.fuel_density_percent
+            content["accuracy"] = {"fuel_density_percent": density, "mass_percent": rounded(100.0 * share)}
         content.pop(BASELINE, None)
         content[BASELINE] = section_of(baseline.model_dump(mode="json", exclude_none=True))
 

@@ -14,7 +14,6 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM
 from observer_rt.identification.likelihood.measurement import (
-    COUNTED_LEAD,
     POINT_DURATION,
     Measurement,
     open_time,
@@ -122,13 +121,15 @@ def spread(items: Sequence[T], most: int) -> list[T]:
     return [items[n] for n in np.linspace(0, len(items) - 1, min(most, len(items))).round().astype(int)]
 
 
-def standstill_offset(fold: Fold) -> float:
-    """Mean of line minus rail pressure before the injections [Pa]."""
-    recording = fold.measurement.recording
-    difference = recording.line_pressure - recording.rail_pressure
-    before = math.ceil(COUNTED_LEAD * recording.sample_rate)
-    firsts = [event.openings[0].first for event in fold.measurement.events]
-    return float(np.mean([np.mean(difference[first - before : first]) for first in firsts]))
+def standstill(measurement: Measurement) -> tuple[float, float]:
+    """Means of line minus rail pressure, and of rail pressure, before the injections [Pa]."""
+    recording = measurement.recording
+    shut = [slice(event.start, event.openings[0].first) for event in measurement.events]
+    line, rail = (
+        float(np.mean([np.mean(pressure[each]) for each in shut]))
+        for pressure in (recording.line_pressure, recording.rail_pressure)
+    )
+    return line - rail, rail
 
 
 def refuse_clipped(found: Sequence[Measurement]) -> None:

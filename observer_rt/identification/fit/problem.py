@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
 from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIMETRE
-from observer_rt.identification.fit.cross_validation import Fold, standstill_offset
+from observer_rt.identification.fit.cross_validation import Fold, standstill
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
 from observer_rt.model.effective import EffectiveModel, coefficients
@@ -173,7 +173,7 @@ class Calibration:
         """Likelihoods of the folds, in their order."""
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         self.centre = np.concatenate(
-            [np.log(values_of(start, free)), [standstill_offset(fold) / MEGAPASCAL for fold in folds]]
+            [np.log(values_of(start, free)), [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds]]
         )
 
     @property

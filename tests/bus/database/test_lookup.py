@@ -80,7 +80,8 @@ def test_every_message_starts_with_the_same_header(ours: Database) -> None:
     for message in ours.messages:
         header = {s.name: (s.start, s.length) for s in message.signals if s.start < 64}
         flags = {"Valid": (24, 1), "Learning": (25, 1), "State": (26, 3)} if message.frame_id >= 0x200 else {}
-        own = {"TroubledBus": (29, 3)} if message.name == "ObserverStatus" else {}
+        named = {"ObserverStatus": {"TroubledBus": (29, 3)}, "InjectionSummary": {"Calibrated": (29, 1)}}
+        own = named.get(message.name, {})
         assert header == {"CRC": (0, 16), "Counter": (16, 8), "SampleIndex": (32, 32)} | flags | own
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -80,6 +81,7 @@ def test_every_role_is_described() -> None:
 
 RAIL = "SG_ RailPressure_00 : 64|16@1+ "
 RANGE = RAIL + "(0.005,-10) [-10|317.665]"
+STATED = "".join(re.findall(r"(?m)^\w+_percent = .*\n", NOMINAL_INJECTOR.read_text()))
 
 
 @pytest.mark.parametrize(
@@ -91,6 +93,23 @@ RANGE = RAIL + "(0.005,-10) [-10|317.665]"
         ("mapping", "warning", "database", "(0.01,-50) [-50|605.33]", "(0.004,-50) [-50|212]", "0 to 300 um"),
         ("mapping", "warning", "injector", "max_lift = 0.30e-3", "max_lift = 0.70e-3", "0 to 700 um"),
         ("dead band", "warning", "bench", "needle_lift_um = 0.4", "needle_lift_um = 10", "50 um"),
+        (
+            "level",
+            "warning",
+            "injector",
+            "diameter_percent = 0.0",
+            "diameter_percent = 1.0",
+            "±3.9 %, not cal",
+        ),
+        (
+            "level",
+            "warning",
+            "injector",
+            "diameter_percent = 0.0",
+            "diameter_percent = 1.0",
+            "makes it ±0.4 %",
+        ),
+        ("level", "ok", "injector", STATED, "mass_percent = 0.2\n", "±0.4 %, calibrated"),
     ],
 )
 def test_what_is_odd_is_said(

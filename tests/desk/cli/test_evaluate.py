@@ -5,8 +5,10 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text
 from observer_rt.files.formats import read_recording, write_recording
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines, frames_of, simulated
@@ -20,6 +22,7 @@ INJECTION_KEYS = {
     *("mass_ci95_mg", "nominal_mass_mg", "measured_mass_mg", "rate_rmse_mm3_per_ms"),
     *("nominal_rate_rmse_mm3_per_ms", "rate_ci95_halfwidth_mm3_per_ms", "valid", "reasons", "state"),
     *("phi_version", "posterior", "indicators"),
+    *("mass_noise_mg", "mass_learning_mg", "mass_calibration_mg"),
 }
 INDICATORS = {
     *("nozzle_v_H", "seat_v_S", "line_friction", "guide_leakage", "line_pressure_sensor_offset"),
@@ -33,7 +36,9 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert found["schema"] == 1
     (recording,) = found["recordings"]
     assert recording.keys() == RECORDING_KEYS
-    assert recording["summary"].keys() == {"valid_share", "adoptions", "rejected_adoptions"}
+    summary = {"valid_share", "adoptions", "rejected_adoptions", "level_ci95_pct", "calibrated"}
+    assert recording["summary"].keys() == summary
+    assert recording["summary"]["calibrated"] is True  # of a simulation nothing is unknown
     assert recording["file"] == str(worn)
     assert recording["sample_rate_hz"] == 50e3
     assert recording["lost_samples"] == 0
@@ -54,6 +59,23 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert low < 0.3 < high
     assert recording["summary"]["valid_share"] == 0.5
     assert recording["summary"]["adoptions"] >= 2
+
+
+def test_a_level_that_nobody_measured_is_said(command: Command, worn: Path, tmp_path: Path) -> None:
+    bench, injector = tmp_path / "bench.toml", tmp_path / "injector.toml"
+    bench.write_text(example_text(EXAMPLE_BENCH).replace("rate_hz = 100e3", "rate_hz = 50e3"))
+    injector.write_text(example_text(NOMINAL_INJECTOR))
+    real = ("evaluate", worn, "--bench", bench, "--model", injector)
+    assert "level ±4.2 %, not calibrated" in command.done(*real).out.splitlines()
+    (recording,) = json.loads(command.done(*real, "--json").out)["recordings"]
+    assert not recording["summary"]["calibrated"]
+    last = recording["injections"][-1]
+    assert last["valid"]  # the model explains it, for all that
+    parts = [last[f"mass_{part}_mg"] for part in ("noise", "learning", "calibration")]
+    low, high = last["mass_ci95_mg"]
+    assert np.hypot.reduce(parts) == pytest.approx(0.5 * (high - low), rel=0.01)
+    level = 0.01 * recording["summary"]["level_ci95_pct"]
+    assert parts[2] == pytest.approx(level * 0.5 * (low + high), rel=0.01)
 
 
 def test_table_fits_80_columns_and_tells_what_is_not_valid(command: Command, worn: Path) -> None:

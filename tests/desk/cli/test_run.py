@@ -14,7 +14,13 @@ from typing import ClassVar
 import pytest
 
 from observer_rt.bus.links.link import Frame, Link, LinkDownError
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.config.bench import (
+    EXAMPLE_BENCH,
+    NOMINAL_INJECTOR,
+    example_text,
+    load_bench,
+    load_injector,
+)
 from observer_rt.daemon import link_opening
 from observer_rt.daemon.persistence.state_file import (
     learned_beside,
@@ -25,6 +31,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.formats import read_recording
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
+from observer_rt.model.accuracy import Accuracy
 from tests.daemon.end_to_end import SUMMARY, Heard, decoded
 from tests.daemon.participants import BLOCK_ID, ScriptedLink, give_link, until
 from tests.desk.cli.bench_engineer import run_and_stop
@@ -265,12 +272,16 @@ def test_a_terminal_that_hangs_up_ends_it_in_order(bench: Path, tmp_path: Path) 
 )
 def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, option: str, path: Path) -> None:
     outcome = command.done("run", option)
-    assert outcome.out == path.read_text()
+    assert outcome.out == example_text(path)
     (tmp_path / path.name).write_text(outcome.out)
     if option == "--print-example-bench":
-        assert load_bench(tmp_path / path.name).config == load_bench().config
+        bench = load_bench(tmp_path / path.name)
+        assert bench.config == load_bench().config
+        assert bench.injector.config.signals.rail_pressure.accuracy_percent == 0.7
     else:
-        assert load_injector(tmp_path / path.name) == load_injector()
+        injector = load_injector(tmp_path / path.name)
+        assert injector.accuracy == Accuracy()
+        assert injector == load_injector().model_copy(update={"accuracy": Accuracy()})
 
 
 def test_what_check_only_warns_of_starts(

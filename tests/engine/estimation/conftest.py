@@ -98,6 +98,7 @@ def worn_theta(seed: int = 1) -> NDArray[np.float64]:
     theta[Parameter.SENSOR_LAG] = 25e-6 / LAG_UNIT
     theta[Parameter.ENTRAINED_AIR] = 0.02
     theta[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = 0.03, 0.02
+    theta[Parameter.LINE_PRESSURE_GAIN] = -0.012
     return theta
 
 
@@ -126,7 +127,7 @@ def simulated_event(
         indicated.append(lagged(indicated[-1], before, x[0], setting.interval, lag))
     shown = np.array(indicated)
     shown[1:] -= setting.late * np.diff(shown)
-    output = shown + setting.offset + learned.offset
+    output = (1.0 + float(learned.sensor[1])) * shown + setting.offset + learned.offset
     measured = inputs.copy()
     if seed is not None:
         random = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
 
 HEALTHY = np.zeros(PARAMETERS)
-SENSOR = (Parameter.LINE_PRESSURE_OFFSET, Parameter.SENSOR_LAG)
+SENSOR = (Parameter.LINE_PRESSURE_OFFSET, Parameter.SENSOR_LAG, Parameter.LINE_PRESSURE_GAIN)
 
 
 def rate_of(

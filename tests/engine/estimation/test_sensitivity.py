@@ -15,7 +15,7 @@ from tests.engine.estimation.conftest import Case, event_inputs, innovations_at,
 HEALTHY = np.zeros(PARAMETERS)
 FLOW = [
     *range(Parameter.LINE_PRESSURE_OFFSET),
-    *range(Parameter.BACK_PRESSURE, PARAMETERS),
+    *range(Parameter.BACK_PRESSURE, Parameter.LINE_PRESSURE_GAIN),
 ]  # nozzle and seat
 QUICK = worn_theta()
 QUICK[Parameter.SENSOR_LAG] = 5e-9 / LAG_UNIT  # far shorter than a sample: another branch of the sensor

@@ -18,7 +18,7 @@ from observer_rt.identification.fit.cross_validation import (
     folds_of,
     refuse_clipped,
     share_between_samples,
-    standstill_offset,
+    standstill,
     thinned,
     warnings,
 )
@@ -53,7 +53,8 @@ def test_masses_are_compared_in_standard_deviations() -> None:
 def test_an_offset_is_found_at_standstill() -> None:
     recording = TWO[0].recording
     (moved,) = measurements([replace(recording, line_pressure=recording.line_pressure + 0.8e6)])
-    before, after = (standstill_offset(folds_of([one], {})[0]) for one in (TWO[0], moved))
+    (before, pressure), (after, _) = (standstill(one) for one in (TWO[0], moved))
+    assert pressure == pytest.approx(60e6, abs=0.3e6)
     assert after - before == pytest.approx(0.8e6, abs=1.0)
 
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import lru_cache
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from observer_rt.engine.stream.state import Reason
 P = Parameter
 _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
 WEAR = (int(P.NOZZLE_BIAS), *range(P.NOZZLE_WEIGHT, P.SEAT_BIAS), int(P.SEAT_BIAS), *_BACK_PRESSURE)
-SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG))
+SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
 LINE = tuple(column for column, _ in SCALARS.laws)
 
 
@@ -115,12 +114,6 @@ def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
         begins |= {kind: kind.rate for kind in NEW}
     yield BEFORE, max(1.0 - sum(begins.values()), 1e-3)
     yield from begins.items()
-
-
-@lru_cache
-def widths_of(kind: Kind, pressure_scale: float) -> Theta:
-    """Widths (m,) of a kind; pressure_scale p_0 [Pa]."""
-    return kind.widths(SCALARS.prior(pressure_scale), SCALARS.drift(pressure_scale))
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ class Believing:
         if explanation.fit is not None:
             theta, active = explanation.theta, explanation.fit.active
         else:
-            information, mean = explanation.prior.information, explanation.prior.mean
+            information, mean = explanation.held.given.information, explanation.held.given.mean
             theta, active = best_subset(
                 information + cost.information, information @ mean + cost.vector, SCALARS.gate, before.active
             )
@@ -72,7 +72,7 @@ class Believing:
         statistics = reading.leaves(explanation.theta, explanation.fit).statistics
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
         learned = LearnedInjector(
-            belief=explanation.prior.updated(cost.information / temper, cost.vector / temper),
+            belief=explanation.held.updated(cost.information / temper, cost.vector / temper),
             theta=theta,
             statistics=pooled(before.statistics, statistics),
             active=active,

@@ -7,7 +7,9 @@ import numpy as np
 
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account.hypotheses import SETTLED, Possibility
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas
 from observer_rt.engine.learning.learned_injector import LearnedInjector
@@ -16,15 +18,20 @@ from observer_rt.engine.learning.posterior.believing import Believing, Continued
 from observer_rt.engine.learning.posterior.explaining import Offers, Weighing, coming_back, offered
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader, Follows, setting_of
 from observer_rt.engine.learning.posterior.reading import EventReading
+from observer_rt.engine.learning.posterior.resting_pressure import RestingPressure, resting_pressure
 from observer_rt.engine.learning.state import LearningState
+from observer_rt.foundation.units import MEGAPASCAL
+
+MOVED = 0.005 * MEGAPASCAL  # of offset or gain: beyond it an event is linearised anew
+_SENSOR = (int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN))
 
 
 class ExplainedEvent(NamedTuple):
     """An event as far as it is understood.
 
-    state: before it, but for what was seen of the range's ends; recorded: its window without the share of the gains;
-    unmasked: without the coil, too; window: nor outliers; found: explanations, the likeliest first; carried: those
-    that are carried on, first the one that leads.
+    state: before it, but for what was seen of the range's ends; recorded: its window; unmasked: without the coil;
+    window: nor outliers; found: explanations, the likeliest first; carried: those that are carried on, first the one
+    that leads.
     """
 
     state: LearningState
@@ -48,10 +55,7 @@ def explain(
 
     Raises numpy.linalg.LinAlgError where nothing is finite.
     """
-    if move := state.gains.move_to(float(event.window.inputs[:, 0].mean())):
-        state = state.each(lambda learned: learned.with_offset_moved(move))
-    recorded = event.window._replace(output=state.gains.undone(event.window.output))
-    window = unmasked = state.energizing.current.undone(recorded)
+    window = unmasked = state.energizing.current.undone(event.window)
     likeliest = sorted(state.account.hypotheses, key=lambda each: -each.log_weight)
     reads = _Reads(state, event, window, offset, reader)
     for hypothesis, offers in zip(likeliest, offered(likeliest), strict=True):
@@ -68,7 +72,7 @@ def explain(
     point = operating_point(window, reader.interval)
     believing = Believing(reader, state, point)
     found = [(each, believing.after(each)) for each in explanations]
-    return ExplainedEvent(state, recorded, unmasked, window, point, found, carried_on(found))
+    return ExplainedEvent(state, event.window, unmasked, window, point, found, carried_on(found))
 
 
 class _Reads:
@@ -86,7 +90,7 @@ class _Reads:
         self._event, self._offset, self._reader = event, offset, reader
         self._phases = phases_of(window, round(EDGE / reader.interval), round(AFTERGLOW / reader.interval))
         self._readings: list[EventReading] = []
-        self.weighing = Weighing(reader, state.gains)
+        self.weighing = Weighing(reader)
 
     def weigh(self, hypothesis: Possibility, offers: Offers) -> None:
         """Explain the event by a hypothesis, where that is finite. Raises numpy.linalg.LinAlgError when singular."""
@@ -122,15 +126,13 @@ class _Reads:
         """Reads the event round what a hypothesis believes."""
         state, event, reader, offset = self.state, self._event, self._reader, self._offset
         schedule = reader.gains(learned.theta, state.noise, event.constants)
-        if offset is not None:
-            offset = state.gains.undone_offset(offset, float(event.window.inputs[:, 0].mean()))
         follows = Follows(
             setting_of(event.constants, schedule),
             Sigmas(schedule.innovation_sigma, state.noise.line_pressure / reader.pressure_scale),
             offset,
         )
         cost = reader.cost_of(state, learned, self.window, follows)
-        first = cost.linearised(learned.theta)
+        first, rest = self._linearised(learned, cost)
         return EventReading(
             learned,
             self.window,
@@ -143,4 +145,17 @@ class _Reads:
             cost.slopes,
             self._phases,
             reader.healthy,
+            rest,
         )
+
+    def _linearised(self, learned: LearnedInjector, cost: EventCost) -> tuple[Linearisation, RestingPressure]:
+        """Linearises a cost at what is believed, with offset and gain as rest says where these are others."""
+        reader, window = self._reader, self.window
+        first = cost.linearised(learned.theta)
+        rest = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)
+        move = rest.held(learned.belief).given.mean - learned.belief.mean
+        move[list(SCALARS.gate.columns)] = 0.0
+        if np.abs(move[list(_SENSOR)]).max() * reader.pressure_scale < MOVED:
+            return first, rest
+        first = cost.linearised(learned.theta + move)
+        return first, resting_pressure(window, cost, first.theta, reader.interval, reader.pressure_scale)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from observer_rt.engine.estimation.gating import Belief
+from observer_rt.engine.estimation.held import HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account import constants as c
@@ -24,11 +25,9 @@ from observer_rt.engine.learning.account.hypotheses import (
     Possibility,
     is_compatible,
     transitions,
-    widths_of,
 )
 from observer_rt.engine.learning.account.velocity import Moving, moving
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
-from observer_rt.engine.learning.disturbances.pressure_gains import PressureGains
 from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.posterior.reader import EventReader
 from observer_rt.engine.learning.posterior.reading import EventReading
@@ -40,7 +39,8 @@ _OWN = (BEFORE, QUICK)
 class Explanation:
     """An event as one kind of what it may be, after a hypothesis: prior, and where it is explained best.
 
-    log_weight: of it; weight: over those of all. cost: round theta (m,), where that was fitted, fit: that;
+    log_weight: of it; weight: over those of all. held: the prior, given the gain as rest says.
+    cost: round theta (m,), where that was fitted, fit: that;
     kind: `SETTLED` of hypotheses that come back, mode: after it. moving: where wear moves on.
     """
 
@@ -49,6 +49,7 @@ class Explanation:
     log_weight: float
     reading: EventReading
     prior: Belief
+    held: HeldBelief
     cost: Linearisation
     theta: Theta
     fit: EventFit | None
@@ -65,13 +66,13 @@ class Explanation:
         """Score of the event before it was fitted; None where it came not as believed, or nothing was believed."""
         if self.kind not in BELIEVED or self.hypothesis.learned.is_prior:
             return None
-        return self.reading.first.score(self.prior.covariance)
+        return self.reading.first.score(self.held.given.covariance)
 
     def fitted(self, reader: EventReader) -> "Explanation":
         """The same, fitted."""
         if self.fit is not None:
             return self
-        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.prior, c.STEPS)
+        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.held.given, c.STEPS)
         return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
 
 
@@ -80,6 +81,7 @@ class _Found:
     """A kind's evidence: its logarithm, where, the cost there; a fit where the closed form does not serve."""
 
     prior: Belief
+    held: HeldBelief
     log: float
     theta: Theta
     cost: Linearisation
@@ -127,20 +129,21 @@ def offered(hypotheses: Sequence[Possibility]) -> list[Offers]:
 class Weighing:
     """Weighs what an event may be, hypothesis after hypothesis, the likeliest first."""
 
-    def __init__(self, reader: EventReader, gains: PressureGains) -> None:
-        """gains: those of the line pressure against the rail's, as far as they are known."""
-        self._reader, self._gains = reader, gains
+    def __init__(self, reader: EventReader) -> None:
+        self._reader = reader
         self._best = -math.inf
         self._found: list[Explanation] = []
 
     def add(self, hypothesis: Possibility, reading: EventReading, logs: Offers) -> None:
         """Explain the event by what a hypothesis offers. Raises numpy.linalg.LinAlgError when singular."""
         moved, priors = self._priors(hypothesis, logs)
+        held = [reading.rest.held(prior) for prior in priors.values()]
         found = {
-            kind: _Found(prior, *one, reading.first)
-            for (kind, prior), one in zip(
+            kind: _Found(prior, of, one.log + of.log, one.theta, reading.first)
+            for (kind, prior), of, one in zip(
                 priors.items(),
-                evidences(reading.first, list(priors.values()), self._reader.limits),
+                held,
+                evidences(reading.first, [each.given for each in held], self._reader.limits),
                 strict=True,
             )
         }
@@ -174,6 +177,7 @@ class Weighing:
                     logs[kind] - reading.level + log,
                     reading,
                     one.prior,
+                    one.held,
                     one.cost,
                     one.theta,
                     one.fit,
@@ -204,9 +208,9 @@ class Weighing:
         learned, reader = hypothesis.learned, self._reader
         if learned.is_prior:
             return None, {BEFORE: learned.belief}
-        before = self._gains.rescaled(learned.belief.drifted(reader.drift))
+        before = learned.belief.drifted(reader.drift)
         priors = {
-            kind: before.widened(widths_of(kind, reader.pressure_scale)) if kind.columns else before
+            kind: before.widened(reader.widths(kind)) if kind.columns else before
             for kind in kinds
             if kind.mode.is_good
         }
@@ -235,7 +239,7 @@ class Weighing:
             return
         start = first if before.fit is None else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        one.fit = fitter_of(hypothesis, reading, self._reader).fit(start, one.prior, steps)
+        one.fit = fitter_of(hypothesis, reading, self._reader).fit(start, one.held.given, steps)
         one.cost = one.fit.linearisation
-        one.log, _ = evidence(one.cost, one.prior, self._reader.limits)
+        one.log = evidence(one.cost, one.held.given, self._reader.limits).log + one.held.log
         one.theta = one.cost.theta

@@ -4,6 +4,7 @@ The ends of the line pressure's range, outliers, the coil, sensors whose gains d
 inertance taken for wear, a lift that is late. What they are followed by moves only while events are explained.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,10 +13,10 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import Parameter, Theta, sensor_lag
+from observer_rt.engine.estimation.scalars import EXACTLY, Parameter, Theta, sensor_lag
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.hypotheses import SENSOR_CHANGED
 from observer_rt.engine.learning.adequacy import (
+    LARGEST_GAIN,
     Objection,
     inadequate_phase,
     looks_like_inertance,
@@ -123,8 +124,6 @@ def _followed(
     reading, fit, first = explanation.reading, explanation.fit, reader.burn_in
     assert fit is not None
     sigma = reading.follows.sigmas.innovation
-    rail_pressure = float(found.window.inputs[:, 0].mean())
-    offset = float(explanation.theta[Parameter.LINE_PRESSURE_OFFSET])
     rest = resting_segments(found.window, first, reader.resting)
     overdispersion = state.overdispersion
     if explanation.score_as_believed is not None:
@@ -133,9 +132,6 @@ def _followed(
         state,
         events=state.events + 1,
         overdispersion=overdispersion,
-        gains=state.gains.after(
-            state.gains.as_recorded(offset, rail_pressure), rail_pressure, explanation.kind is SENSOR_CHANGED
-        ),
         jitter=state.jitter.after(found.window, fit.unfiltered, sigma, first),
         slow_rail=state.slow_rail.after([found.window.inputs[part, 0] for part in rest], reader.interval),
     )
@@ -185,12 +181,18 @@ def _objections(
     theta = learned.theta
     reasons = [Reason.CONTRADICTED] if is_disturbed else []
     offset = float(theta[Parameter.LINE_PRESSURE_OFFSET]) * reader.pressure_scale
-    reasons += sensor_objections(offset, sensor_lag(theta))
-    if state.gains.is_too_large and Reason.PRESSURE_OFFSET not in reasons:
-        reasons.append(Reason.PRESSURE_OFFSET)
+    gain, untold = (
+        float(theta[Parameter.LINE_PRESSURE_GAIN]),
+        learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN],
+    )
+    pressure = float(window.inputs[:, 0].mean()) * reader.pressure_scale
+    if abs(gain) > LARGEST_GAIN * max(reader.calibration.gain, EXACTLY):
+        offset = math.inf
+    reasons += sensor_objections(offset, sensor_lag(theta), untold * pressure)
     if state.lag_doubt.is_relevant:
         reasons.append(Reason.TIME_BASE)
-    if looks_like_inertance(_open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])):
+    nozzle, stiffness = _open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])
+    if looks_like_inertance(nozzle, stiffness, reader.calibration.line):
         reasons.append(Reason.AMBIGUOUS_SCALE)
     found = tuple(Objection(reason) for reason in reasons)
     phase = inadequate_phase(learned.statistics)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow
+from observer_rt.engine.estimation.open_loop import level_of
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import Theta, learned_of
 from observer_rt.engine.learning.account import constants as c
@@ -53,7 +54,8 @@ class EventMass:
         learned, window = learned_of(theta, self.setting.coefficients), self.window.until(self.flows_until)
         rate, errors = np.empty((2, window.output.size))
         follow(window, self.setting, learned, window.opening, errors, rate, None, NO_SLOPES)
-        return float(np.trapezoid(rate[_part(window)])) * self.setting.interval / max(self.volume, LEAST)
+        volume = float(np.trapezoid(rate[_part(window)])) * self.setting.interval
+        return level_of(theta, self.setting) * volume / max(self.volume, LEAST)
 
     def variance(self, covariance: NDArray[np.float64]) -> float:
         """Variance of the volume, as a share, by a covariance (m, m) of theta."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.hypotheses import BELIEVED, QUICK, widths_of
+from observer_rt.engine.learning.account.hypotheses import BELIEVED, QUICK
 from observer_rt.engine.learning.account.velocity import FLOWS, Velocity
 from observer_rt.engine.learning.interval import resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
@@ -39,7 +39,6 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
     systematic = math.hypot(
         reader.healthy.mass_share,
         UNSEEN * extrapolation_sigma(found.point, explanation.hypothesis.learned.learned_at),
-        beside.state.gains.flow_share,
     )
     shares = shares_of(mass, account, found, systematic)
     verdict = verdict_of(found, mass, shares, event.in_force, beside.objections, reader.wide)
@@ -56,6 +55,7 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
         carried_covariance=learned.gated.carried(event.in_force) + by_coil,
         systematic=math.hypot(systematic, state.lag_doubt.volume_share),
         unknown=shares.beside,
+        calibration=reader.calibration,
     )
     return Outcome(
         adoption=Adoption.REJECTED if np.array_equal(in_force, event.in_force) else Adoption.ADOPTED,
@@ -64,7 +64,7 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
         forward=forward,
         objections=forward or verdict.own,
         estimate=theta,
-        covariance=covariance + np.diag(state.unseen_variance),
+        covariance=covariance + np.diag(state.lag_doubt.variance),
         resimulated=again,
         outliers=int(found.window.masked.sum()) - int(found.unmasked.masked.sum()),
         loudest=state.jitter.loudest(found.window, explanation.reading.follows.sigmas.innovation),
@@ -87,9 +87,9 @@ def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: 
         theta = carried.learned.theta.copy()
         if carried.velocity is not None:
             theta[list(FLOWS)] += carried.velocity.mean
-        belief = found.state.gains.rescaled(carried.learned.belief.drifted(reader.drift))
+        belief = carried.learned.belief.drifted(reader.drift)
         if explanation.kind is QUICK:
-            belief = belief.widened(widths_of(QUICK, reader.pressure_scale))
+            belief = belief.widened(reader.widths(QUICK))
         variance = mass.variance(replace(carried.learned, belief=belief).gated.covariance)
         wander = account.wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
     if explanation.score_as_believed is not None:

@@ -1,7 +1,7 @@
 """What learning reads of an event: gains, its cost by what is known of noise and range, what does not count of it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,7 +12,8 @@ from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_s
 from observer_rt.engine.estimation.phases import PhaseStatistics
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import SCALARS, Theta, learned_of
+from observer_rt.engine.estimation.scalars import GAIN_DRIFT, SCALARS, Theta, learned_of, with_gain
+from observer_rt.engine.learning.account.hypotheses import Kind
 from observer_rt.engine.learning.adequacy import BURN_IN, tempering
 from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of
@@ -22,6 +23,7 @@ from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
+from observer_rt.model.accuracy import EXACT, Calibration
 
 COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
 RAIL_TEMPER = 2.0
@@ -55,13 +57,16 @@ class EventReader:
     """What is fixed for an injector.
 
     interval: of samples [s]; pressure_scale: p_0 [Pa]; healthy: what the model leaves unexplained of a healthy one;
+    calibration: of level and sensors;
     gains_for: `gain_schedule`, which most events ask for the same.
     """
 
     interval: float
     pressure_scale: float
     healthy: Healthy = NOT_FITTED
+    calibration: Calibration = EXACT
     gains_for: Callable[..., GainSchedule] = gain_schedule
+    _widths: dict[Kind, Theta] = field(default_factory=dict)
 
     @cached_property
     def burn_in(self) -> int:
@@ -76,17 +81,23 @@ class EventReader:
     @cached_property
     def wide(self) -> NDArray[np.float64]:
         """Standard deviations (m,) of theta before any event."""
-        return SCALARS.prior(self.pressure_scale)
+        return with_gain(SCALARS.prior(self.pressure_scale), self.calibration.gain)
 
     @cached_property
     def drift(self) -> NDArray[np.float64]:
         """Standard deviations (m,) of the change of theta from event to event."""
-        return SCALARS.drift(self.pressure_scale)
+        return with_gain(SCALARS.drift(self.pressure_scale), GAIN_DRIFT * self.calibration.gain)
 
     @cached_property
     def limits(self) -> Limits:
         """Limits of theta."""
         return theta_limits(self.pressure_scale)
+
+    def widths(self, kind: Kind) -> Theta:
+        """Standard deviations (m,) by which theta moves where an event is of a kind."""
+        if kind not in self._widths:
+            self._widths[kind] = kind.widths(self.wide, self.drift)
+        return self._widths[kind]
 
     def gains(self, theta: Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
         """Those of x~ with theta (m,): with others a line with waves may swing ever higher."""
@@ -150,4 +161,5 @@ def setting_of(constants: Constants, schedule: GainSchedule) -> Setting:
         lag=sensor.lag,
         offset=sensor.offset,
         program=constants.program,
+        rail_share=constants.calibration.rail_share,
     )

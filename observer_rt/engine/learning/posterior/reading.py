@@ -22,6 +22,7 @@ from observer_rt.engine.learning.fitting import EventFit
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import Follows
+from observer_rt.engine.learning.posterior.resting_pressure import RestingPressure
 
 
 class Left(NamedTuple):
@@ -33,10 +34,10 @@ class Left(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EventReading:
-    """An event read with what `learned` says: its cost, and that linearised.
+    """An event read with what `learned` says: its cost, and that linearised, at the gain that its rest says.
 
     innovations, unfiltered: (n,) there, the latter with the colour of the noise; slopes: (n, m); phases: (n,);
-    healthy: what is left of a healthy injector.
+    healthy: what is left of a healthy injector; rest: of the event.
     """
 
     learned: LearnedInjector
@@ -50,6 +51,7 @@ class EventReading:
     slopes: NDArray[np.float64]
     phases: NDArray[np.int8]
     healthy: Healthy
+    rest: RestingPressure
     _left: dict[bytes, Left] = field(default_factory=dict)
 
     @cached_property

@@ -49,7 +49,7 @@ def test_names_tell_them_apart() -> None:
 def test_an_older_belief_is_of_the_same_injector_and_not_alike() -> None:
     """Surer by later events, whose mean lies within what it said."""
     older = prior_belief(np.zeros(SCALARS.width), np.diag((0.2 * WIDE) ** 2))
-    surer = prior_belief(np.full(SCALARS.width, 1e-5), np.diag((0.01 * WIDE) ** 2))
+    surer = prior_belief(np.minimum(1e-5, 0.1 * WIDE), np.diag((0.01 * WIDE) ** 2))
     assert is_compatible(older, surer)
     assert not is_alike(older, surer)
     assert is_alike(surer, surer)

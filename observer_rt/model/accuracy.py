@@ -1,0 +1,126 @@
+"""Accuracies of sensors, geometry and fuel, and what they make of results that no pressure can tell.
+
+Flows grow with the rail sensor's gain, with the square of the line's bore over its length, and with what leaves the
+line beside the nozzle; the same innovations fit other levels as well. Of the two pressure sensors only the gain of
+one over the other shows. All are one sigma.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Percent = Annotated[float, Field(ge=0, le=30)]
+LEAK = 1.1  # change of a mass by a flow beside the nozzle, over that flow's share
+# Of nozzle and seat flow, over that of the level: by the pressures' common gain, and by the density.
+WEAR_BY_GAIN, WEAR_BY_DENSITY = 0.5, 0.5
+_GEOMETRY = ("line_diameter_percent", "line_length_percent", "parallel_flow_percent")
+
+
+class Accuracy(BaseModel):
+    """How well an injector file is known; what it leaves out is as a workshop knows its parts.
+
+    parallel_flow: that leaves the line beside the open nozzle, over the injected one; mass: of the level, where
+    masses were measured, in place of geometry and gains.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    line_diameter_percent: Percent = 1.0
+    line_length_percent: Percent = 0.5
+    fuel_density_percent: Percent = 0.5
+    parallel_flow_percent: Percent = 0.2
+    mass_percent: Percent | None = None
+
+    @model_validator(mode="after")
+    def _stated_once(self) -> Self:
+        if self.mass_percent is not None and (both := self.model_fields_set.intersection(_GEOMETRY)):
+            raise ValueError(f"'mass_percent' stands in place of {', '.join(sorted(both))}; leave out either")
+        return self
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Shares, one sigma: of the pressure sensors' gains, and what the injector file states."""
+
+    line_sensor: float = 0.0
+    rail_sensor: float = 0.0
+    line_diameter: float = 0.0
+    line_length: float = 0.0
+    density: float = 0.0
+    parallel_flow: float = 0.0
+    measured: float | None = None
+
+    @classmethod
+    def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "Calibration":
+        """Calibration by the accuracies of the pressure sensors and of an injector file."""
+        mass = stated.mass_percent
+        return cls(
+            0.01 * line_percent,
+            0.01 * rail_percent,
+            0.01 * stated.line_diameter_percent,
+            0.01 * stated.line_length_percent,
+            0.01 * stated.fuel_density_percent,
+            0.01 * stated.parallel_flow_percent,
+            None if mass is None else 0.01 * mass,
+        )
+
+    @property
+    def gain(self) -> float:
+        """Of the line sensor's gain over the rail's, which is learned."""
+        return math.hypot(self.line_sensor, self.rail_sensor)
+
+    @property
+    def rail_share(self) -> float:
+        """By which the rail sensor's gain is expected below 0, of that gain."""
+        return (self.rail_sensor / self.gain) ** 2 if self.gain else 0.0
+
+    def level(self, gain: float) -> float:
+        """Factor on flows, which are reckoned in the rail sensor's units, where the learned gain is known."""
+        return 1.0 + self.rail_share * gain
+
+    @property
+    def common(self) -> float:
+        """Of the gain that both sensors share, which nothing shows."""
+        return self.line_sensor * self.rail_sensor / self.gain if self.gain else 0.0
+
+    @property
+    def line(self) -> float:
+        """Of a flow by the line's inertance."""
+        return math.hypot(2.0 * self.line_diameter, self.line_length)
+
+    @property
+    def mass(self) -> float:
+        """Of every mass: constant over injections."""
+        if self.measured is not None:
+            return self.measured
+        return math.hypot(self.common, self.line, LEAK * self.parallel_flow)
+
+    @property
+    def rate(self) -> float:
+        """Of rate and volume."""
+        return math.hypot(self.mass, self.density)
+
+    @property
+    def wear(self) -> float:
+        """Of the flows of nozzle and seat against those of a new part."""
+        if self.measured is not None:
+            return self.measured
+        by_fuel = WEAR_BY_GAIN * self.common, WEAR_BY_DENSITY * self.density
+        return math.hypot(*by_fuel, self.line, self.parallel_flow)
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether a measured mass fixed the level, or there is nothing to fix."""
+        return self.measured is not None or self.mass == 0.0
+
+    def as_text(self) -> str:
+        """The level with its 95 % bound; empty where nothing is unknown."""
+        if self.mass == 0.0:
+            return ""
+        return f"level ±{196.0 * self.mass:.1f} %, {'calibrated' if self.is_calibrated else 'not calibrated'}"
+
+
+EXACT = Calibration()
+"""Of a simulation."""

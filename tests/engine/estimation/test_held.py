@@ -1,0 +1,54 @@
+"""A parameter that is held and considered: an event teaches nothing of it, and all else is unsure by it."""
+
+import numpy as np
+import pytest
+
+from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.held import held_at, nothing_held
+
+HELD, DRAWS = 2, 40_000
+
+
+def belief() -> Belief:
+    random = np.random.default_rng(3)
+    root = random.normal(size=(3, 3))
+    return prior_belief(np.array([0.3, -0.2, 0.1]), root @ root.T + 0.1 * np.eye(3))
+
+
+def test_the_error_after_an_event_is_what_is_said_of_it() -> None:
+    """By truths drawn from the belief, of which somebody else measured what is held."""
+    random, before = np.random.default_rng(4), belief()
+    slopes = random.normal(size=(2, 3))
+    truths = random.multivariate_normal(before.mean, before.covariance, DRAWS)
+    own, noise = before.covariance[HELD, HELD], 0.3
+    variance = own * noise / (own + noise)
+    seen = truths[:, HELD] + np.sqrt(noise) * random.normal(size=DRAWS)
+    values = before.mean[HELD] + own / (own + noise) * (seen - before.mean[HELD])
+    errors = []
+    for truth, value in zip(truths, values, strict=True):
+        measured = slopes @ truth + random.normal(size=2)
+        after = held_at(before, HELD, value, variance).updated(slopes.T @ slopes, slopes.T @ measured)
+        errors.append(after.mean - truth)
+        assert after.mean[HELD] == pytest.approx(value, abs=1e-6)
+    np.testing.assert_allclose(
+        np.cov(np.array(errors).T), after.covariance, atol=0.03 * np.max(after.covariance)
+    )
+
+
+def test_what_is_not_held_is_learned_as_ever() -> None:
+    before, information = belief(), np.diag([2.0, 1.0, 3.0])
+    vector = np.array([0.4, 0.1, -0.2])
+    one, other = nothing_held(before).updated(information, vector), before.updated(information, vector)
+    np.testing.assert_array_equal(one.mean, other.mean)
+    np.testing.assert_array_equal(one.covariance, other.covariance)
+
+
+def test_holding_costs_what_the_value_is_unlikely_by() -> None:
+    """An event that teaches the held parameter alone is as likely, held where it lies best, as with the belief."""
+    before, noise = belief(), 0.2
+    own, measured = before.covariance[HELD, HELD], before.mean[HELD] + 1.5
+    variance = own * noise / (own + noise)
+    value = variance * (before.mean[HELD] / own + measured / noise)
+    exact = -0.5 * (measured - before.mean[HELD]) ** 2 / (own + noise) - 0.5 * np.log((own + noise) / noise)
+    held = -0.5 * (measured - value) ** 2 / noise
+    assert held + held_at(before, HELD, value, variance).log == pytest.approx(exact)

@@ -1,0 +1,131 @@
+"""Masses of independent plants whose sensors and lines are drawn from the accuracies that are stated of them."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.reports.injection_report import InjectionReport
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.model.accuracy import Accuracy
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings, record
+from tests.plants.windows import windows_of
+
+RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
+DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
+SENSORS = 0.7  # %
+LINE = Accuracy(line_diameter_percent=1.0, line_length_percent=0.5, parallel_flow_percent=0.0)
+KNOWN = Accuracy(
+    line_diameter_percent=0.0, line_length_percent=0.0, fuel_density_percent=0.0, parallel_flow_percent=0.0
+)
+EVENTS = 10
+FALLS, RECOVERS, DIP = 0.8e-3, 6e-3, 2e6  # s, s, Pa: of a rail that feeds an injection
+
+
+class Seen(NamedTuple):
+    """Reports, and true masses [kg]."""
+
+    reports: tuple[InjectionReport, ...]
+    true: NDArray[np.float64]
+
+    @property
+    def inside(self) -> list[bool]:
+        """Of valid masses, whether they lie in their intervals."""
+        found = zip(self.reports, self.true, strict=True)
+        return [r.mass_ci95[0] <= true <= r.mass_ci95[1] for r, true in found if r.valid and r.mass_ci95]
+
+
+def seen(
+    faults: Faults,
+    injector: Injector,
+    accuracy: Accuracy,
+    *,
+    pressures: tuple[float, ...] = RAIL_PRESSURES,
+    dips: bool = False,
+    seed: int = 1,
+) -> Seen:
+    shots = [(Shot(7e-6 * (k % 5), DURATIONS[k % 3]),) for k in range(EVENTS)]
+    events = tuple(Event(pressures[k % len(pressures)], shot, faults) for k, shot in enumerate(shots))
+    plant = Bench(injector, Needle(), events, seed=seed)
+
+    def dip(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        total = np.zeros_like(time)
+        for start in plant.starts[:-1]:
+            since = np.maximum(time - start, 0.0)
+            total -= DIP * (np.exp(-since / RECOVERS) - np.exp(-since / FALLS))
+        return total
+
+    if dips:
+        plant = replace(plant, around=Surroundings(supply=(dip,)))
+    outcome = record(plant)
+    bench = bench_at(plant.sample_rate, accuracy_percent=SENSORS)
+    bench = bench.with_parameters(bench.injector.parameters.model_copy(update={"accuracy": accuracy}))
+    reports = evaluate(bench, [recording_of(outcome)]).evaluations[0].reports
+    masses = windows_of(outcome, plant.sample_rate).event_masses_mg(
+        outcome.truth.injection_rate, injector.density
+    )
+    return Seen(reports, MILLIGRAM * np.array(masses))
+
+
+def drawn(random: Generator) -> Faults:
+    """Worn injectors, whose pressure sensors are as good as stated."""
+    return Faults(
+        orifice_area=random.uniform(-0.2, 0.3),
+        seat_area=random.uniform(-0.15, 0.2),
+        line_pressure_sensor_gain=0.01 * SENSORS * random.normal(),
+        rail_pressure_sensor_gain=0.01 * SENSORS * random.normal(),
+        line_pressure_sensor_offset=0.3e6 * random.normal(),
+    )
+
+
+@pytest.mark.parametrize(
+    ("faults", "pressures", "dips"),
+    [
+        (Faults(line_pressure_sensor_gain=0.012), RAIL_PRESSURES, False),
+        (Faults(rail_pressure_sensor_gain=-0.01), RAIL_PRESSURES, True),
+        (Faults(line_pressure_sensor_gain=-0.01, line_pressure_sensor_offset=0.4e6), (100e6,), False),
+    ],
+    ids=["line", "rail that dips", "at one pressure, with an offset"],
+)
+def test_a_gain_within_its_accuracy_is_in_the_interval(
+    faults: Faults, pressures: tuple[float, ...], dips: bool
+) -> None:
+    found = seen(faults, Injector(), KNOWN, pressures=pressures, dips=dips)
+    assert [report.valid for report in found.reports] == [False, False, *[True] * (EVENTS - 2)]
+    assert sum(found.inside) >= len(found.inside) - 1
+    for report, true in zip(found.reports[4:], found.true[4:], strict=True):
+        assert report.mass_bound < 0.02 * true
+
+
+def test_a_bore_that_nobody_knows_better_is_in_the_interval() -> None:
+    part = Injector()
+    wider = part._replace(line_area=part.line_area * 1.015**2)
+    found = seen(Faults(), wider, LINE)
+    assert np.all(
+        np.abs([r.mass for r in found.reports[4:]] / found.true[4:] - 1.0) > 0.02
+    )  # nothing shows it
+    assert all(report.valid for report in found.reports[2:])
+    assert all(found.inside)
+
+
+@pytest.mark.slow
+def test_coverage_of_drawn_benches() -> None:
+    random, inside, valid = np.random.default_rng(57), [], 0
+    for number in range(40):
+        part = Injector()
+        by_bore, by_length = 0.01 * random.normal(), 0.005 * random.normal()
+        part = part._replace(
+            line_area=part.line_area * (1.0 + by_bore) ** 2, line_length=part.line_length * (1.0 + by_length)
+        )
+        pressures = RAIL_PRESSURES if number % 2 else (float(random.choice(RAIL_PRESSURES)),)
+        found = seen(drawn(random), part, LINE, pressures=pressures, dips=number % 4 > 1, seed=number)
+        inside += found.inside
+        valid += sum(report.valid for report in found.reports[2:])
+    assert valid >= 0.9 * 40 * (EVENTS - 2)
+    assert np.mean(inside) >= 0.9  # a bore beyond two sigma is outside in all its events

@@ -55,7 +55,7 @@ class Departure(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Operation:
+class BenchOperation:
     """Injections, one every `period` [s], in turn at these rail pressures [Pa] and energizing times [s]."""
 
     rail_pressures: Sequence[float]
@@ -118,7 +118,7 @@ class BenchRecording:
         return float(np.trapezoid(rate)) / self.recording.sample_rate * DENSITY
 
 
-def record(operation: Operation, departure: Departure, sample_rate: float, seed: int) -> BenchRecording:
+def record(operation: BenchOperation, departure: Departure, sample_rate: float, seed: int) -> BenchRecording:
     """Run the injector at a sample rate [Hz]; seed: of the sensors' noise."""
     duration = FIRST_EVENT + operation.injections * operation.period
     time = np.arange(round(duration * sample_rate) + 1) / sample_rate
@@ -156,7 +156,7 @@ _SCALES = np.array([100e6, 60e-6, 100e6])  # of the states p_L, Q_L, p_S: one to
 
 
 def _rates(
-    x: NDArray[np.float64], time: float, operation: Operation, departure: Departure
+    x: NDArray[np.float64], time: float, operation: BenchOperation, departure: Departure
 ) -> tuple[float, float, float]:
     """Rates of p_L, Q_L and p_S [1/s], each over its scale."""
     line, flow, sac = (x * _SCALES).tolist()

@@ -24,7 +24,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, loa
 from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.persistence.journal import reading_journal
 from observer_rt.daemon.run import serve
-from observer_rt.desk.demonstration.bench_injector import BenchRecording, Departure, Operation, record
+from observer_rt.desk.demonstration.bench_injector import BenchOperation, BenchRecording, Departure, record
 from observer_rt.desk.demonstration.worn import PERIOD, RAIL_PRESSURES, demo_link
 from observer_rt.desk.evaluation.figures import ESTIMATED, NOMINAL, REFERENCE
 from observer_rt.desk.question import question, step_back
@@ -183,7 +183,7 @@ class EffectDemo:
 
     def _recorded(self, injections: int, seed: int) -> BenchRecording:
         """Injections of the injector with the hidden effect."""
-        operation = Operation(RAIL_PRESSURES, ENERGIZING_TIMES, injections, PERIOD)
+        operation = BenchOperation(RAIL_PRESSURES, ENERGIZING_TIMES, injections, PERIOD)
         return record(operation, self.hidden.departure, SAMPLE_RATE, seed)
 
     def _play(self, bench: Bench, scenes: Sequence[BenchRecording]) -> None:

@@ -25,7 +25,7 @@ from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.nominal import ComparedRate, NominalInjection
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
-from observer_rt.desk.demonstration.bench_injector import Departure, Operation, record
+from observer_rt.desk.demonstration.bench_injector import BenchOperation, Departure, record
 from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.desk.evaluation.figures import MassRow, Picture, plot_injections
 from observer_rt.engine.reports.injection_report import InjectionReport
@@ -84,7 +84,7 @@ class Demo:
         """wear: v_H of (27)."""
         self.link = demo_link()
         self.bench = _on_link(load_bench(), self.link)
-        operation = Operation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
+        operation = BenchOperation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
         worn = Departure(nozzle=lambda _: 1.0 + wear)
         self._truth = record(operation, worn, self.bench.injector.config.sampling.rate_hz, seed)
         self.recording = self._truth.recording

@@ -20,9 +20,9 @@ from observer_rt.desk.demonstration.bench_injector import (
     SEAT_DIAMETER,
     SEAT_FLOW,
     STIFFNESS,
+    BenchOperation,
     BenchRecording,
     Departure,
-    Operation,
     record,
 )
 
@@ -32,7 +32,7 @@ PRESSURE = 140e6  # Pa
 
 
 def recorded(departure: Departure, energizing: float = 1.5e-3) -> BenchRecording:
-    return record(Operation([PRESSURE], [energizing], 1, 2.0 * LONG), departure, RATE, seed=0)
+    return record(BenchOperation([PRESSURE], [energizing], 1, 2.0 * LONG), departure, RATE, seed=0)
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
 from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
-from observer_rt.files.canlog.can_log import NANOSECONDS
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogReader
 from observer_rt.files.formats import open_log
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.recording_frames import Extent, refuse_unordered
@@ -113,44 +113,42 @@ class LogPart:
 
     def __iter__(self) -> Iterator[TimedFrame]:
         """Read the log once. Raises `UserError`, also while iterating: malformed, or nothing is selected."""
-        refuse_unordered(self.start, self.stop)
-        return self._frames(_Seen())
+        return self._frames(open_log(self.path))
 
     def extent(self) -> LogExtent:
         """Read the log to its end: what is malformed is found before anything is sent; errors as by iterating."""
-        refuse_unordered(self.start, self.stop)
-        seen = _Seen()
+        log = open_log(self.path)
         duration, frames = 0.0, 0
         identifiers: set[Sent] = set()
         channels: dict[str, None] = {}
-        for frame in self._frames(seen):
+        for frame in self._frames(log):
             duration, frames = frame.time, frames + 1
             identifiers.add(Sent(frame.bus, frame.frame_id, frame.is_extended))
             channels[frame.channel] = None
-        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(seen.notes))
+        return LogExtent(duration, frames, frozenset(identifiers), tuple(channels), tuple(log.notes()))
 
-    def _frames(self, seen: "_Seen") -> Iterator[TimedFrame]:
+    def _frames(self, log: LogReader) -> Iterator[TimedFrame]:
+        refuse_unordered(self.start, self.stop)
         start = 0.0 if self.start is None else self.start
         stop = math.inf if self.stop is None else self.stop
-        leave_out = frozenset(self.leave_out)
-        log = open_log(self.path)
+        leave_out, channels = frozenset(self.leave_out), set[str]()
         first_stamp: int | None = None
-        selected = 0
+        selected, moment = 0, 0.0
         for entry in log:
             frame = entry.frame
             if first_stamp is None:
                 first_stamp = frame.stamp_ns
-            seen.channels.add(entry.channel)
-            seen.until = (frame.stamp_ns - first_stamp) / NANOSECONDS
+            channels.add(entry.channel)
+            moment = (frame.stamp_ns - first_stamp) / NANOSECONDS
             bus = 0 if self.buses is None else self.buses.get(entry.channel)
             if (
                 bus is not None
-                and start <= seen.until < stop
+                and start <= moment < stop
                 and (bus, frame.frame_id, frame.is_extended) not in leave_out
             ):
                 selected += 1
                 yield TimedFrame(
-                    seen.until - start,
+                    moment - start,
                     frame.frame_id,
                     frame.is_extended,
                     frame.is_fd,
@@ -160,21 +158,21 @@ class LogPart:
                     frame.error_state_indicator,
                     bus,
                 )
-        seen.notes = log.notes()
         if not selected:
-            self._refuse_empty(seen)
+            self._refuse_empty(channels, moment, log.notes())
 
-    def _refuse_empty(self, seen: "_Seen") -> None:
-        if not seen.channels:
-            notes = f" ({'; '.join(seen.notes)})" if seen.notes else ""
+    def _refuse_empty(self, channels: set[str], until: float, notes: Sequence[str]) -> None:
+        """Raise `UserError` for a log of which nothing is sent; until: time of its last frame [s]."""
+        if not channels:
+            said = f" ({'; '.join(notes)})" if notes else ""
             raise UserError(
-                str(self.path), f"holds no data frame{notes}", "record it while frames are on the bus"
+                str(self.path), f"holds no data frame{said}", "record it while frames are on the bus"
             )
-        missing = sorted(set(self.buses or ()) - seen.channels)
+        missing = sorted(set(self.buses or ()) - channels)
         if missing:
             raise UserError(
                 f"channel {', '.join(missing)}",
-                f"is not in {self.path}, which has {', '.join(sorted(seen.channels))}",
+                f"is not in {self.path}, which has {', '.join(sorted(channels))}",
                 "name a channel of the log",
             )
         if self.start is None and self.stop is None:
@@ -183,19 +181,9 @@ class LogPart:
             )
         raise UserError(
             "--start, --stop",
-            f"select no frame of {self.path}, which runs from 0 to {seen.until:.6g} s",
+            f"select no frame of {self.path}, which runs from 0 to {until:.6g} s",
             "choose times within the log",
         )
-
-
-@dataclass
-class _Seen:
-    """State of one reading of a log."""
-
-    channels: set[str] = field(default_factory=set)
-    until: float = 0.0
-    """Time of the last frame read, selected or not, in seconds after the log's first."""
-    notes: list[str] = field(default_factory=list)
 
 
 def log_frames(part: LogPart, loop: int = 1) -> Iterator[TimedFrame]:

@@ -60,17 +60,6 @@ def test_an_interface_that_goes_and_comes_back(bench: Path, frames: list[TimedFr
     assert count.max() == 1
 
 
-def test_a_changed_reason_is_told(bench: Path) -> None:
-    link = TroubledLink()
-    daemon = HeardDaemon(bench, link)
-    with serving(daemon):
-        link.plugged.clear()
-        until(lambda: len(daemon.messages) == 1)
-        link.why = "there is no interface can5"
-        until(lambda: len(daemon.messages) == 2)
-    assert "there is no interface can5" in daemon.messages[1]
-
-
 def test_a_device_that_comes_and_goes_is_told_once(bench: Path) -> None:
     class LooseLink(TroubledLink):
         """Can be connected, and fails at once."""

@@ -54,28 +54,6 @@ def load_text(folder: Path, text: str) -> Database:
     return load_database(path)
 
 
-@pytest.mark.parametrize(
-    ("name", "frame_id", "length", "samples"),
-    [
-        ("SampleBlock", 0x100, 64, 9),
-        ("RailPressureBlock", 0x110, 64, 28),
-        ("NeedleLiftBlock", 0x111, 64, 28),
-        ("LinePressureBlock", 0x112, 64, 28),
-        ("InjectionRate", 0x200, 64, 28),
-        ("InjectionSummary", 0x201, 48, None),
-        ("ObserverStatus", 0x202, 64, None),
-    ],
-)
-def test_our_messages(ours: Database, name: str, frame_id: int, length: int, samples: int | None) -> None:
-    layout = MessageLayout.of(find_message(ours, name))
-    assert (layout.frame_id, layout.length, layout.samples_per_frame) == (frame_id, length, samples)
-    assert layout.is_fd
-    assert not layout.is_extended
-    assert layout.e2e_profile == 5
-    if samples:
-        assert layout.sample_period_ns == 10_000
-
-
 def test_every_message_starts_with_the_same_header(ours: Database) -> None:
     for message in ours.messages:
         header = {s.name: (s.start, s.length) for s in message.signals if s.start < 64}
@@ -88,26 +66,6 @@ def test_every_message_starts_with_the_same_header(ours: Database) -> None:
 def test_protected_messages_have_distinct_data_ids(ours: Database) -> None:
     data_ids = [MessageLayout.of(message).e2e_data_id for message in ours.messages]
     assert len(set(data_ids)) == len(ours.messages)
-
-
-@pytest.mark.parametrize(
-    ("message", "signal", "unit", "step", "lowest", "highest"),
-    [
-        ("SampleBlock", "RailPressure_08", "MPa", 0.005, -10, 317.665),
-        ("SampleBlock", "NeedleLift_00", "um", 0.01, -50, 605.33),
-        ("SampleBlock", "FuelTemperature", "K", 0.01, 200, 855.33),
-        ("InjectionRate", "InjectionRate_27", "mm3/ms", 0.01, -100, 555.33),
-        ("InjectionSummary", "Mass", "mg", 0.01, -50, 605.33),
-        ("InjectionSummary", "NozzleWear", "-", 0.0001, -3, 3.5533),
-    ],
-)
-def test_our_physical_signals(
-    ours: Database, message: str, signal: str, unit: str, step: float, lowest: float, highest: float
-) -> None:
-    found = find_message(ours, message).get_signal_by_name(signal)
-    assert (found.unit, found.scale, found.offset) == (unit, step, lowest)
-    assert (found.minimum, found.maximum) == (lowest, pytest.approx(highest))
-    assert reserved_codes(found) == (65535, 65534)
 
 
 def test_samples_are_interleaved_in_triples(ours: Database) -> None:

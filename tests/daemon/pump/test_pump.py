@@ -21,7 +21,7 @@ from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.verdict import Taken
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
-from tests.daemon.end_to_end import RATE, STATUS, SUMMARY, decoded, payloads, published_rates, results_of
+from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
 from tests.daemon.participants import Pumped, bench_file, serving, until
 from tests.daemon.slow_frames import bed, slow_bench
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
@@ -89,24 +89,6 @@ def pumped(
         with Pumped(path, link, waits_for_verdicts) as it:
             yield device, it
         device.read()
-
-
-def test_same_frames_as_evaluate(tmp_path: Path) -> None:
-    """Bit for bit, learning included: a loop in compiled code, and everything in one thread without a bus."""
-    path = bench_file(tmp_path, "0")
-    worn = worn_recording()
-    frames = frames_of(path, worn)
-    history = evaluate(load_bench(path), [worn])
-    with connected(path) as (device, daemon):
-        with serving(daemon):
-            device.send(frames)
-            until(lambda: daemon.core.counters.frames == len(frames))
-        device.read()
-    assert (device.received[RATE.frame_id], device.received[SUMMARY.frame_id]) == results_of(history.frames)
-    last = decoded(STATUS, device.received[STATUS.frame_id][-1])
-    assert last["SamplesProcessed"] == worn.samples
-    assert last["DroppedFrames"] == last["LateAdoptions"] == 0
-    assert daemon.core.counters.adoptions >= 2
 
 
 def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> None:

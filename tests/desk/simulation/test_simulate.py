@@ -68,12 +68,6 @@ def test_check_masses_of_the_nominal_injector(
     assert mass(truth) == pytest.approx(expected, rel=0.03)
 
 
-@pytest.mark.parametrize(("rail_pressure", "peak"), [(60e6, 53.0), (100e6, 69.0), (140e6, 82.0)])
-def test_check_peaks_of_the_nominal_injector(rail_pressure: float, peak: float) -> None:
-    truth = run(make_schedule([rail_pressure], 1, 0.05, [1.9e-3]))
-    assert truth.injection_rate.max() * 1e6 == pytest.approx(peak, abs=0.5)
-
-
 @pytest.mark.parametrize(
     ("rail_pressure", "v_h", "v_s"), [(40e6, 0.0, 0.0), (100e6, 0.3, 0.0), (140e6, -0.3, -0.2)]
 )
@@ -218,11 +212,6 @@ def test_truth_file(tmp_path: Path) -> None:
     )
 
 
-def test_truth_file_that_cannot_be_written(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="no such file or folder"):
-        write_truth(tmp_path / "absent" / "truth.csv", run(sample_rate=20e3))
-
-
 DATABASE = cantools.database.load_string((files("observer_rt.data") / "observer_fd.dbc").read_text("utf-8"))
 SIGNALS = {signal.name: signal for signal in DATABASE.get_message_by_name("SampleBlock").signals}
 
@@ -274,42 +263,8 @@ def values(texts: list[str]) -> dict[str, tuple[float, ...]]:
     return {item.effect.id: item.values for item in parse_effects(texts)}
 
 
-def test_no_effect_is_a_healthy_injector() -> None:
-    assert parse_effects([]) == ()
-
-
 def test_parameter_may_be_left_out() -> None:
     assert parse_effects(["orifice_area=0.3"]) == parse_effects(["orifice_area:v_H=0.3"])
-
-
-def test_several_effects_in_si_units() -> None:
-    texts = [
-        "orifice_area:v_H=0.3",
-        "seat_area=-0.2",
-        "line_pressure_sensor_offset:o=0.8",
-        "rail_pressure_sensor_offset=-3",
-        "lift_offset=20",
-        "channel_skew:d=-12.5",
-        "guide_leakage=3e-14",
-        "seat_outflow",
-    ]
-    expected = {
-        "orifice_area": 0.3,
-        "seat_area": -0.2,
-        "line_pressure_sensor_offset": 0.8e6,
-        "rail_pressure_sensor_offset": -3e6,
-        "lift_offset": 20e-6,
-        "channel_skew": -12.5e-6,
-        "guide_leakage": 3e-14,
-    }
-    found = values(texts)
-    assert found.pop("seat_outflow") == ()
-    assert {name: value for name, (value,) in found.items()} == pytest.approx(expected)
-
-
-def test_an_effect_with_two_parameters() -> None:
-    texts = ["lift_dependent_seat_coefficient:a=0.2", "lift_dependent_seat_coefficient:x_c=80"]
-    assert values(texts)["lift_dependent_seat_coefficient"] == pytest.approx((0.2, 80e-6))
 
 
 @pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)
@@ -318,13 +273,6 @@ def test_the_whole_vocabulary_to_its_bounds(effect: Effect) -> None:
         limits = tuple(getattr(parameter, name) for parameter in effect.parameters)
         texts = [f"{effect.id}:{p.name}={getattr(p, name) / p.si!r}" for p in effect.parameters]
         assert values(texts or [effect.id])[effect.id] == pytest.approx(limits)
-
-
-def test_unknown_id_names_the_nearest_and_the_known() -> None:
-    with pytest.raises(UserError) as raised:
-        parse_effects(["orifice_aria=0.3"])
-    assert "the nearest is 'orifice_area'" in str(raised.value)
-    assert "seat_area:v_S" in raised.value.remedy
 
 
 @pytest.mark.parametrize(

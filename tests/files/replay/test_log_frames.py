@@ -67,11 +67,6 @@ def test_an_empty_part_of_a_log(log: Path, start: float | None, stop: float | No
         LogPart(log, start=start, stop=stop).extent()
 
 
-def test_an_empty_part_of_a_log_names_its_range(log: Path) -> None:
-    with pytest.raises(UserError, match=r"bus\.log, which runs from 0 to 1 s"):
-        LogPart(log, start=7.0).extent()
-
-
 def test_frames_of_some_channels_only(log: Path) -> None:
     assert [frame.payload for frame in LogPart(log, buses={"can1": 0})] == [b"\xaa\x02"]
     with pytest.raises(UserError, match=r"channel can7: is not in .* which has can0, can1"):

@@ -160,11 +160,6 @@ def test_an_empty_part(bus: BusMap, start: float | None, stop: float | None) -> 
         part_of(recording_of(1000, start=2.0), bus, False, start=start, stop=stop).frames()
 
 
-def test_an_empty_part_names_the_range(bus: BusMap) -> None:
-    with pytest.raises(UserError, match=r"recorded\.csv, which runs from 2 to 2\.00999 s"):
-        part_of(recording_of(1000, start=2.0), bus, False, start=7.0).frames()
-
-
 def test_a_recording_split_into_stretches_is_sent_as_on_one_grid(bus: BusMap) -> None:
     split = Repeated(recording_of(5003, open_at=(200, 4950)), 4, 2)
     for windowed in (False, True):

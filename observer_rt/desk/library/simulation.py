@@ -26,7 +26,6 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, MM
 if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
 
-TRUTH = "truth"
 _PARAMETERS = {
     RAIL_PRESSURE_OPTION: "rail_pressure_MPa",
     ENERGIZING_TIME_OPTION: "energizing_ms",

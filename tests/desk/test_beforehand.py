@@ -1,5 +1,6 @@
 """What is learned from evidence before a model is taken over: its first masses are as good as later ones."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,21 @@ def amended(folder: Path, g: float = 0.02) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a bench file and the evidence of an injector whose rail pressure is seen too large."""
+    folder = tmp_path_factory.mktemp("kept")
+    keep(bench_at(folder), GAIN, injections=KEPT)
+    return folder
+
+
+@pytest.fixture
+def bench(kept: Path, tmp_path: Path) -> Bench:
+    """Of a copy of it."""
+    shutil.copytree(kept, tmp_path, dirs_exist_ok=True)
+    return load_bench(tmp_path / "bench.toml")
+
+
 def begun(path: Path) -> Knowledge | None:
     """What a daemon begins with, its log being read by nobody."""
     return knowledge_beside(path, load_injector(path), lambda _: None)
@@ -57,9 +73,8 @@ def masses(bench: Bench, path: Path, knowledge: Knowledge | None) -> tuple[list[
     return valid, errors
 
 
-def test_the_first_masses_with_an_amended_model_are_right(tmp_path: Path) -> None:
-    bench, path = bench_at(tmp_path), amended(tmp_path)
-    keep(bench, GAIN, injections=KEPT)
+def test_the_first_masses_with_an_amended_model_are_right(bench: Bench, tmp_path: Path) -> None:
+    path = amended(tmp_path)
     assert learn_beforehand(bench, path) == KEPT
     valid, errors = masses(bench, path, begun(path))
     assert valid == [False, True, True, True, True, True]
@@ -69,15 +84,15 @@ def test_the_first_masses_with_an_amended_model_are_right(tmp_path: Path) -> Non
     assert np.abs(errors).max() > RIGHT
 
 
-def test_what_the_bench_file_states_of_the_lift_is_undone_once(tmp_path: Path) -> None:
+def test_what_the_bench_file_states_of_the_lift_is_undone_once(bench: Bench, tmp_path: Path) -> None:
     """Evidence holds the lift as the observer saw it."""
-    plain, late = tmp_path / "plain", tmp_path / "late"
+    (tmp_path / "late").mkdir()
+    late = bench_at(tmp_path / "late", "lag_us = 30")
+    keep(late, GAIN, sized("needle_lift_sensor_lag", tau=30e-6), injections=KEPT)
     found = []
-    for folder, lift, lag in ((plain, "", 0.0), (late, "lag_us = 30", 30e-6)):
-        folder.mkdir()
-        bench, path = bench_at(folder, lift), amended(folder)
-        keep(bench, GAIN, *([sized("needle_lift_sensor_lag", tau=lag)] if lag else []), injections=KEPT)
-        assert learn_beforehand(bench, path) == KEPT
+    for each in (bench, late):
+        path = amended(each.path.parent)
+        assert learn_beforehand(each, path) == KEPT
         knowledge = begun(path)
         assert knowledge is not None
         found.append(knowledge)
@@ -86,10 +101,11 @@ def test_what_the_bench_file_states_of_the_lift_is_undone_once(tmp_path: Path) -
     np.testing.assert_array_less(np.abs(without - with_lag), 1.5 * sigma)
 
 
-def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(tmp_path: Path) -> None:
-    bench, path = bench_at(tmp_path), amended(tmp_path, g=-0.02)
+def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(
+    bench: Bench, tmp_path: Path
+) -> None:
+    path = amended(tmp_path, g=-0.02)
     learned_beside(path).write_text("left by an earlier step")
-    keep(bench, GAIN, injections=KEPT)
     assert learn_beforehand(bench, path) == 0
     assert not learned_beside(path).exists()
 
@@ -103,9 +119,6 @@ def test_a_damaged_file_is_told_and_left_alone(tmp_path: Path, content: str) -> 
     assert learned_beside(path).read_text() == content
 
 
-def test_evidence_of_another_model_teaches_nothing(tmp_path: Path) -> None:
-    bench, path = bench_at(tmp_path), amended(tmp_path)
-    keep(bench, GAIN, injections=KEPT)
+def test_evidence_of_another_model_teaches_nothing(bench: Bench, tmp_path: Path) -> None:
     other = bench.with_parameters(load_injector(amended(tmp_path, 0.01)))
-    assert learn_beforehand(bench, amended(tmp_path)) == KEPT
-    assert learn_beforehand(other, path) == 0
+    assert learn_beforehand(other, amended(tmp_path)) == 0

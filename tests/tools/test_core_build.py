@@ -30,20 +30,30 @@ def run(command: list[str], **options: object) -> str:
     return str(ran.stdout)
 
 
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
-    """A package laid out as this one, with a core of one law and one module."""
-    core = tmp_path / "observer_rt" / "core"
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package laid out as this one, with a core of one law and one module, built; each test edits it further."""
+    folder = tmp_path_factory.mktemp("package")
+    core = folder / "observer_rt" / "core"
     core.mkdir(parents=True)
-    (tmp_path / "tools" / "lib").mkdir(parents=True)
+    (folder / "tools" / "lib").mkdir(parents=True)
     for name in ("build_core.py", "core_stubs.py"):
-        shutil.copy(REPOSITORY / "tools" / "lib" / name, tmp_path / "tools" / "lib")
+        shutil.copy(REPOSITORY / "tools" / "lib" / name, folder / "tools" / "lib")
     for name in ("__init__.py", "meson.build", "meson.options"):
         shutil.copy(REPOSITORY / "observer_rt" / "core" / name, core)
     (core.parent / "__init__.py").touch()
     (core / "trial.pyx").write_text(LAW.format(package="observer_rt.core"))
     (core / "law.pxd").write_text(HEADER.format(factor=2))
-    return tmp_path
+    assert twice(folder, 3.0) == 6.0
+    return folder
+
+
+def edited(package: Path) -> float:
+    """The law's next factor, in a header that trial.pyx includes."""
+    header = package / "observer_rt" / "core" / "law.pxd"
+    factor = int(re.findall(r"return (\d+)", header.read_text())[0]) + 1
+    header.write_text(HEADER.format(factor=factor))
+    return float(factor)
 
 
 def twice(package: Path, value: float) -> float:
@@ -73,46 +83,27 @@ def test_a_stub_states_all_that_python_sees(source: Path) -> None:
     assert set(stated) == {name for name in there if not name.startswith("_")}
 
 
-def test_importing_builds_what_was_edited(package: Path) -> None:
-    assert twice(package, 3.0) == 6.0
+def test_importing_builds_what_was_edited_and_nothing_else(package: Path) -> None:
     built = (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns
-    assert twice(package, 4.0) == 8.0
+    before = twice(package, 4.0)
     assert (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns == built
-    (package / "observer_rt" / "core" / "law.pxd").write_text(
-        HEADER.format(factor=3)
-    )  # which trial.pyx includes
-    assert twice(package, 3.0) == 9.0
+    assert edited(package) == twice(package, 1.0) != before / 4.0
 
 
 def test_an_edit_is_built_where_the_meson_of_the_first_build_is_gone(package: Path) -> None:
     """As that of the environment in which pip has built."""
-    assert twice(package, 3.0) == 6.0
     meson = shutil.which("meson", path=str(Path(sys.executable).parent))
     assert meson is not None
     for name in ("build.ninja", "asked-for"):
         file = package / "build" / "core" / name
         assert meson in file.read_text()
         file.write_text(file.read_text().replace(meson, "/nowhere/meson"))
-    (package / "observer_rt" / "core" / "law.pxd").write_text(HEADER.format(factor=3))
-    assert twice(package, 3.0) == 9.0
+    assert edited(package) == twice(package, 1.0)
 
 
-def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
-    twice(package, 1.0)
-    (package / "observer_rt" / "core" / "other.pyx").write_text("value = 1\n")
-    (package / "observer_rt" / "core" / "trial.pyx").unlink()
-    program = "import observer_rt.core.other as o; print(o.value); import observer_rt.core.trial"
-    ran = subprocess.run(
-        [sys.executable, "-c", program], cwd=package, env=environment(), capture_output=True, text=True
-    )
-    assert ran.stdout == "1\n"
-    assert "ModuleNotFoundError" in ran.stderr
-
-
-def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Path, tmp_path: Path) -> None:
+def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Path) -> None:
     """As after an update of a checkout that was installed without what developers need."""
-    twice(package, 1.0)
-    (package / "observer_rt" / "core" / "law.pxd").write_text(HEADER.format(factor=3))
+    edited(package)
     program = (
         "import shutil; shutil.which = lambda *_, **__: None\n"
         "try:\n    import observer_rt.core\n"
@@ -125,13 +116,15 @@ def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Pa
 
 @pytest.mark.parametrize("wrong", ["cdef int f(int[::1] x):\n    return x[-1]\n", "def f(:\n"])
 def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Path, wrong: str) -> None:
-    (package / "observer_rt" / "core" / "trial.pyx").write_text(wrong)
+    module = package / "observer_rt" / "core" / "trial.pyx"
+    module.write_text(wrong)
     ran = subprocess.run(
         [sys.executable, str(package / "tools" / "lib" / "build_core.py")],
         capture_output=True,
         text=True,
         env=environment(),
     )
+    module.write_text(LAW.format(package="observer_rt.core"))
     assert ran.returncode == 1
     assert "trial.pyx:" in ran.stderr
     assert "Traceback" not in ran.stderr
@@ -147,6 +140,17 @@ def test_without_headers_the_command_that_brings_them_is_named(package: Path) ->
         [sys.executable, "-c", program], cwd=package, capture_output=True, text=True, env=environment()
     )
     assert "sudo apt-get install python3-dev" in ran.stderr
+
+
+def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
+    (package / "observer_rt" / "core" / "other.pyx").write_text("value = 1\n")
+    (package / "observer_rt" / "core" / "trial.pyx").unlink()
+    program = "import observer_rt.core.other as o; print(o.value); import observer_rt.core.trial"
+    ran = subprocess.run(
+        [sys.executable, "-c", program], cwd=package, env=environment(), capture_output=True, text=True
+    )
+    assert ran.stdout == "1\n"
+    assert "ModuleNotFoundError" in ran.stderr
 
 
 @pytest.mark.slow

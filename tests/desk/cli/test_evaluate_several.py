@@ -33,8 +33,8 @@ def test_all_of_them_each_as_alone(command: Command, folder: Path) -> None:
         masses = [one.mass / MILLIGRAM for one in alone.evaluations[0].reports]
         (recording,) = found[name]["recordings"]
         assert [one["mass_mg"] for one in recording["injections"]] == masses
-        chosen = document(command, folder / "bus.log", "--bench", folder / "bench.toml", "--injector", name)
-        assert chosen == found[name]
+    chosen = document(command, folder / "bus.log", "--bench", folder / "bench.toml", "--injector", "two")
+    assert chosen == found["two"]
 
 
 def test_tables_and_files_are_told_apart(
@@ -52,7 +52,6 @@ def test_tables_and_files_are_told_apart(
         for name in NAMES
         for file in (f"worn_{name}.png", f"learned_{name}.json", f"traces/{name}/bus.log.trace.csv")
     }
-    command.done(*arguments, *files, "--force")
     (tmp_path / "worn_two.png").unlink()
     assert "worn_one.png" in command.refused(*arguments, "--plot", "worn.png")
     assert not (tmp_path / "worn_two.png").exists()
@@ -109,7 +108,5 @@ def test_one_whose_inputs_are_missing_leaves_the_others_alone(
     found = json.loads(printed.out)["injectors"]
     assert list(found) == list(NAMES)
     assert "NeedleLiftBlock_two" in found["two"]["error"]
-    for name in ("one", "three"):
-        alone = document(command, folder / "bus.log", "--bench", folder / "bench.toml", "--injector", name)
-        masses = [one["mass_mg"] for one in alone["recordings"][0]["injections"]]
-        assert [one["mass_mg"] for one in found[name]["recordings"][0]["injections"]] == masses
+    alone = document(command, folder / "bus.log", "--bench", folder / "bench.toml", "--injector", "three")
+    assert found["three"]["recordings"][0]["injections"] == alone["recordings"][0]["injections"] != []

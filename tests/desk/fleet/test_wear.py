@@ -21,6 +21,7 @@ def a_truth(random: np.random.Generator) -> tuple[Signal, Signal]:
     return days, np.cumsum(STEP * rate + of_level * steps[1])
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_date_holds_it_as_often_as_it_says() -> None:
     random = np.random.default_rng(5)
     holds, is_closed = [], []

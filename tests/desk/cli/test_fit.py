@@ -37,7 +37,6 @@ def wrong(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
     command: Command, healthy: tuple[Path, ...], wrong: Path, tmp_path: Path
 ) -> None:

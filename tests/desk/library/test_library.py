@@ -138,6 +138,15 @@ def test_learned_state_goes_on(
         ort.Injector.load().evaluate(worn[0], state=tmp_path / "other.state")
 
 
+def test_chained_recordings_are_one_history(worn: tuple[Recording, pd.DataFrame]) -> None:
+    injector, recording = ort.Injector.load(), worn[0]
+    apart, chained = (
+        injector.evaluate([recording, recording], chain=chain, twice=False) for chain in (False, True)
+    )
+    assert list(apart.injections.recording.unique()) == ["recording 1", "recording 2"]
+    assert chained.valid_share > apart.valid_share
+
+
 @pytest.mark.parametrize("block", [61, 5000])
 def test_observer_in_blocks_sees_what_evaluate_sees(
     worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, block: int

@@ -193,15 +193,6 @@ def test_a_trial_is_forgotten_when_the_kernel_changes(machine: Machine) -> None:
     assert machine.obtain()[0] == str(program)
 
 
-def test_nothing_to_be_had(machine: Machine) -> None:
-    """Archives without the package, or without a network: nothing half done is left."""
-    chosen, said = machine.obtain()
-    assert chosen == ""
-    assert "user-mode-linux" in said
-    assert "MEND sudo" in said
-    assert {path.name for path in machine.cache.iterdir()} == {"lock", "trials"}
-
-
 def test_several_at_once_fetch_it_once(machine: Machine) -> None:
     machine.offer(BOOTS)
     outputs = [process.communicate(timeout=60) for process in [machine.start() for _ in range(3)]]

@@ -6,12 +6,6 @@ from pathlib import Path
 from tests.desk.cli.conftest import Command
 
 
-def test_example_bench_has_no_error(command: Command) -> None:
-    outcome = command.done("check")
-    assert "steps a sample" in outcome.out
-    assert "bus load" in outcome.out
-
-
 def test_json_document(command: Command, bench: Path) -> None:
     outcome = command.done("check", "--bench", bench, "--json")
     found = json.loads(outcome.out)

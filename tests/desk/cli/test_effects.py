@@ -70,10 +70,3 @@ def test_an_effect_that_is_not_known_is_a_law_to_state(command: Command, unknown
     assert "no file of Python is read" in said
     assert "[[terms]]" in said
     assert not Path("executed").exists()
-
-
-def test_there_is_no_option_for_files_of_python(command: Command, unknown: Path) -> None:
-    assert "no such option: --effects" in command.refused(
-        "check", "--model", unknown, "--effects", "my_effects.py"
-    )
-    assert not Path("executed").exists()

@@ -10,8 +10,6 @@ import pytest
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.files.signals.recording import Recording
 from tests.desk.cli.conftest import Command, document
-from tests.device import frames_of, later
-from tests.files.canlog.log_cases import sent_log, write_log
 
 SECTION = """
 [recording]
@@ -104,15 +102,6 @@ def test_a_foreign_file_is_read_by_its_headings(command: Command, speaking: Path
     assert "bus database" not in told
 
 
-def test_headings_without_units_name_the_section(command: Command, foreign: Path) -> None:
-    for words in (("evaluate", foreign), ("check", "--recording", foreign)):
-        outcome = command(*words)
-        said = outcome.out + outcome.err
-        assert outcome.code in (1, 2)
-        assert "[recording.rail_pressure]" in said
-        assert 'column = "p_Rail"' in said
-
-
 def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:
     command.done("convert", foreign, tmp_path / "x.parquet", "--bench", own)
     first, second = (read_recording(tmp_path / f"x_000{number}.parquet") for number in (1, 2))
@@ -151,35 +140,12 @@ def test_wrong_units_are_refused_by_every_command(
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_time_in_ms_is_named(command: Command, worn: Path, tmp_path: Path) -> None:
-    head, *rows = worn.read_text().splitlines()
-    slow = [f"{float(row.split(',', 1)[0]) * 1e3:.6g},{row.split(',', 1)[1]}" for row in rows]
-    path = tmp_path / "ms.csv"
-    path.write_text("\n".join([head, *slow]) + "\n")
-    said = command.refused("evaluate", path)
-    assert "is sampled at 50 Hz" in said
-    assert "unit of the time, which is likely ms" in said
-
-
 def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp_path: Path) -> None:
     shutil.copy(worn, tmp_path / "worn.csv")
     (tmp_path / "worn.csv.truth.csv").write_text("time_s,sac_pressure_MPa\n0,5\n")
     outcome = command.done("evaluate", *sorted(tmp_path.glob("*.csv")))
     assert "left out: 1 files truth.csv" in outcome.err
     command.refused("evaluate", tmp_path / "worn.csv.truth.csv")
-
-
-def test_a_log_with_a_restart_is_split(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
-    frames = frames_of(bench, worn)
-    again = later(frames, frames[-1].time + 1.0)
-    path = tmp_path / "bus.blf"
-    write_log(path, sent_log([*frames, *again]))
-    outcome = command.done("evaluate", path, "--bench", bench)
-    assert "a device was restarted" in outcome.err
-    (found,) = document(command, path, "--bench", bench)["recordings"]
-    assert len(found["injections"]) == 8
-    command.done("convert", path, tmp_path / "x.csv", "--bench", bench)
-    assert read_recording(tmp_path / "x_0001.csv").samples == read_recording(tmp_path / "x_0002.csv").samples
 
 
 def test_many_injections_are_summarised(command: Command, tmp_path: Path) -> None:

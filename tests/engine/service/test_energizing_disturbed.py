@@ -231,22 +231,6 @@ def test_which_openings_are_commanded_and_which_commands_missing(tmp_path: Path,
     assert watched.core.counters.crc_errors == case.crc_errors
 
 
-def test_what_is_said_of_it(tmp_path: Path) -> None:
-    pulses, recording = injected(3)
-    second = pulses[1][0]
-    shut = misfired(recording, (second, second + 5e-3))
-    [missing] = watch(pulse_bench(tmp_path, Told.LEVEL), shut, on_change(pulses)).notes.mismatches
-    assert missing.index == pytest.approx(second * SAMPLE_RATE, abs=1)
-    assert missing.as_text().startswith("injection missing: ")
-    assert "3 ms of command 2 at index" in missing.as_text()
-    early = pulse_bench(tmp_path, Told.LEVEL + "missing_after_ms = 0.2\n")
-    sooner = next(one for one in watch(early, shut, on_change(pulses)).notes.mismatches if one.is_missing)
-    assert "within 0.2 ms" in sooner.as_text()
-    told = on_change([pulses[0], pulses[2]])
-    [uncommanded] = watch(pulse_bench(tmp_path, Told.LEVEL), recording, told).notes.mismatches
-    assert "injection 2 opened at index" in uncommanded.as_text()
-
-
 @every_kind
 @pytest.mark.parametrize("lost", [(-0.5e-3, 3e-3), (0.2e-3, 0.6e-3), (0.6e-3, 0.8e-3)])
 def test_lost_samples_are_no_misfire(tmp_path: Path, kind: str, lost: tuple[float, float]) -> None:

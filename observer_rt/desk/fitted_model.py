@@ -10,7 +10,7 @@ from observer_rt.identification.fit.calibrate import Calibrated, baseline_of, ca
 from observer_rt.identification.fit.cross_validation import MeasuredMasses
 from observer_rt.identification.fit.sensor_gain import masses_without, sensor_gain, without_gain
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.model.accuracy import EXACT, Calibration
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.parameters import InjectorParameters
 
@@ -33,7 +33,7 @@ def fitted_model(
     weighed: Mapping[int, MeasuredMasses],
     digests: dict[str, str],
     progress: Callable[[float], None],
-    calibration: Calibration = EXACT,
+    calibration: StatedAccuracy = EXACT,
 ) -> FittedModel:
     """Fit a model; weighed: measured masses by the number of the recording; digests: SHA-256 of recordings by name.
 

@@ -48,7 +48,7 @@ from observer_rt.engine.stream.state import (
 from observer_rt.engine.stream.verdict import no_verdicts
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.accuracy import EXACT, Calibration
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import averaged
 from observer_rt.model.effects import effective_model
@@ -87,7 +87,7 @@ def constants_for(
     rail_every: float = 1.0,
     means: bool = False,
     stated: Sequence[SizedEffect] = (),
-    calibration: Calibration = EXACT,
+    calibration: StatedAccuracy = EXACT,
 ) -> Constants:
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 

@@ -41,7 +41,7 @@ class Accuracy(BaseModel):
 
 
 @dataclass(frozen=True)
-class Calibration:
+class StatedAccuracy:
     """Shares, one sigma: of the pressure sensors' gains, and what the injector file states."""
 
     line_sensor: float = 0.0
@@ -53,8 +53,8 @@ class Calibration:
     measured: float | None = None
 
     @classmethod
-    def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "Calibration":
-        """Calibration by the accuracies of the pressure sensors and of an injector file."""
+    def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "StatedAccuracy":
+        """What the accuracies of the pressure sensors and of an injector file say."""
         mass = stated.mass_percent
         return cls(
             0.01 * line_percent,
@@ -122,5 +122,5 @@ class Calibration:
         return f"level ±{196.0 * self.mass:.1f} %, {'calibrated' if self.is_calibrated else 'not calibrated'}"
 
 
-EXACT = Calibration()
+EXACT = StatedAccuracy()
 """Of a simulation."""

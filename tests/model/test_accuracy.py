@@ -6,13 +6,13 @@ import pytest
 from pydantic import ValidationError
 
 from observer_rt.config.bench import load_injector
-from observer_rt.model.accuracy import EXACT, Accuracy, Calibration
+from observer_rt.model.accuracy import EXACT, Accuracy, StatedAccuracy
 
-BENCH = Calibration(0.007, 0.007, 0.01, 0.005, 0.005, 0.0)
+BENCH = StatedAccuracy(0.007, 0.007, 0.01, 0.005, 0.005, 0.0)
 
 
 def test_a_bore_known_to_a_percent_makes_four() -> None:
-    assert 1.96 * Calibration(line_diameter=0.01).mass == pytest.approx(0.0392)
+    assert 1.96 * StatedAccuracy(line_diameter=0.01).mass == pytest.approx(0.0392)
     assert 1.96 * BENCH.mass == pytest.approx(0.0416, abs=1e-4)
     assert BENCH.rate == pytest.approx(math.hypot(BENCH.mass, 0.005))
 
@@ -20,14 +20,14 @@ def test_a_bore_known_to_a_percent_makes_four() -> None:
 def test_the_gain_that_sensors_share_is_what_their_difference_leaves() -> None:
     """Of both gains by their difference: variances of a Gaussian conditioned on it."""
     line, rail = 0.004, 0.009
-    found = Calibration(line, rail)
+    found = StatedAccuracy(line, rail)
     assert found.common**2 == pytest.approx(rail**2 - rail**4 / (line**2 + rail**2))
     assert found.level(0.01) == pytest.approx(1.0 + 0.01 * rail**2 / (line**2 + rail**2))
-    assert Calibration(line, 0.0).level(0.01) == 1.0
+    assert StatedAccuracy(line, 0.0).level(0.01) == 1.0
 
 
 def test_a_measured_mass_takes_the_place_of_geometry_and_gains() -> None:
-    measured = Calibration.of(0.7, 0.7, Accuracy(mass_percent=0.2, fuel_density_percent=0.5))
+    measured = StatedAccuracy.of(0.7, 0.7, Accuracy(mass_percent=0.2, fuel_density_percent=0.5))
     assert measured.is_calibrated
     assert measured.mass == pytest.approx(0.002)
     assert measured.rate == pytest.approx(math.hypot(0.002, 0.005))
@@ -42,6 +42,6 @@ def test_it_is_said_where_nothing_was_measured() -> None:
 
 
 def test_a_simulation_is_exact() -> None:
-    assert Calibration.of(0.0, 0.0, load_injector().accuracy) == EXACT
+    assert StatedAccuracy.of(0.0, 0.0, load_injector().accuracy) == EXACT
     assert (EXACT.mass, EXACT.wear, EXACT.as_text(), EXACT.is_calibrated) == (0.0, 0.0, "", True)
-    assert Calibration.of(0.7, 0.7, Accuracy()).wear > 0.02
+    assert StatedAccuracy.of(0.7, 0.7, Accuracy()).wear > 0.02

@@ -44,7 +44,7 @@ from observer_rt.engine.service.constants import EVENTS_REQUIRED
 from observer_rt.engine.service.learners import make_learner
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason, State
-from observer_rt.model.accuracy import Calibration
+from observer_rt.model.accuracy import StatedAccuracy
 
 Matrix = NDArray[np.float64]
 _LIFTED = frozenset({Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE, Reason.REVISED})
@@ -76,7 +76,7 @@ class _Event:
     by_coil: Matrix | float
     systematic: float
     unknown: float
-    calibration: Calibration
+    calibration: StatedAccuracy
     unseen: Theta
     passed: bool
 

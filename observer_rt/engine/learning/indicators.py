@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import changes_and_activations
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, network_of
-from observer_rt.model.accuracy import EXACT, Calibration
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import HIDDEN
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
@@ -43,7 +43,7 @@ def indicators_of(
     covariance: NDArray[np.float64] | None,
     x: NDArray[np.float64],
     u: NDArray[np.float64],
-    calibration: Calibration = EXACT,
+    calibration: StatedAccuracy = EXACT,
 ) -> Indicators:
     """Indicators by theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop, input_variance, open_loop
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.model.accuracy import EXACT, Calibration
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 # Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
 # all where the needle leaves its seat and comes back.
@@ -36,7 +36,7 @@ class Resimulated:
     interval: float
     systematic: float = 0.0
     unknown: float = 0.0
-    calibration: Calibration = EXACT
+    calibration: StatedAccuracy = EXACT
 
     @property
     def model_share(self) -> float:

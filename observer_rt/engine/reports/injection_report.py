@@ -25,7 +25,7 @@ from observer_rt.engine.reports.event_record import EventRecord
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
-from observer_rt.model.accuracy import EXACT, Calibration
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
 
 _NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
@@ -94,7 +94,7 @@ class InjectionReport:
     further: tuple[Reason, ...] = ()
     known_rails: tuple[float, float] = (-math.inf, math.inf)
     posterior: Sequence[tuple[str, float]] = ()
-    calibration: Calibration = EXACT
+    calibration: StatedAccuracy = EXACT
     budget: VolumeBudget | None = None
 
     @property

@@ -8,7 +8,7 @@ from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.state import Constants
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND
-from observer_rt.model.accuracy import Calibration
+from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import (
     HIGHEST_TEMPERATURE,
@@ -79,11 +79,11 @@ def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bo
     )
 
 
-def calibration_of(fitted: BenchInjector) -> Calibration:
+def calibration_of(fitted: BenchInjector) -> StatedAccuracy:
     """How well level and pressure sensors are known, as bench and injector file state it."""
     signals = fitted.config.signals
     line, rail = signals.line_pressure.accuracy_percent, signals.rail_pressure.accuracy_percent
-    return Calibration.of(line, rail, fitted.parameters.accuracy)
+    return StatedAccuracy.of(line, rail, fitted.parameters.accuracy)
 
 
 def rail_every(fitted: BenchInjector) -> float:

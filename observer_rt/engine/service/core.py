@@ -39,7 +39,7 @@ from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_f
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, state_of_service
 from observer_rt.engine.words import Topic, is_good
-from observer_rt.model.accuracy import Calibration
+from observer_rt.model.accuracy import StatedAccuracy
 
 _NOT_LEARNED = (
     "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
@@ -187,7 +187,7 @@ class Core:
         self._judging.on_learned = wake
 
     @property
-    def calibration(self) -> Calibration:
+    def calibration(self) -> StatedAccuracy:
         """How well level and pressure sensors are known."""
         return self.compiled.observer.constants.calibration
 

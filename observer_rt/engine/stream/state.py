@@ -11,7 +11,7 @@ from observer_rt.core.stream.stream import RECORDS, Stream
 from observer_rt.engine.stream.verdict import Verdicts
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.foundation.records import dtype_of
-from observer_rt.model.accuracy import Calibration
+from observer_rt.model.accuracy import StatedAccuracy
 from observer_rt.model.effective import Coefficients, InputTerms
 from observer_rt.model.sensor import Sensor
 
@@ -122,7 +122,7 @@ class Constants(NamedTuple):
     undoing: Undoing
     quickest: float  # m a sample: no needle is
     program: NDArray[np.float64]  # of the terms in force
-    calibration: Calibration  # of level and pressure sensors
+    calibration: StatedAccuracy  # of level and pressure sensors
 
 
 class Observer(NamedTuple):

@@ -13,13 +13,13 @@ import numpy as np
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.fit.cross_validation import MeasuredMasses, standstill
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.model.accuracy import Calibration
+from observer_rt.model.accuracy import StatedAccuracy
 
 OFFSET = 2.5 * MEGAPASCAL  # standard deviation of the sensor's offset
 DRIFT = 0.05 * MEGAPASCAL  # and of what it differs by from recording to recording
 
 
-def sensor_gain(found: Sequence[Measurement], calibration: Calibration) -> float:
+def sensor_gain(found: Sequence[Measurement], calibration: StatedAccuracy) -> float:
     """The gain g of y = (1 + g) p_L + o by rest at the pressures of the recordings; 0 of sensors without any."""
     if calibration.gain == 0.0:
         return 0.0

@@ -13,10 +13,10 @@ from observer_rt.identification.fit.cross_validation import MeasuredMasses
 from observer_rt.identification.fit.problem import STRUCTURES
 from observer_rt.identification.fit.sensor_gain import masses_without, sensor_gain, without_gain
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.model.accuracy import EXACT, Calibration
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from tests.identification.fit.healthy import NOMINAL, simulations
 
-SENSORS = Calibration(0.007, 0.007)
+SENSORS = StatedAccuracy(0.007, 0.007)
 GAIN = 0.012
 POINTS = [(60e6, 1.2e-3), (100e6, 0.8e-3), (140e6, 1.2e-3)]
 LUMP = [one for one in STRUCTURES if one.line == "lump"][:1]
@@ -66,4 +66,4 @@ def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     accuracy = load_injector(tmp_path / "fitted.toml").accuracy
     assert accuracy.mass_percent is not None
     assert 0.3 <= accuracy.mass_percent < 0.6
-    assert Calibration.of(0.7, 0.7, accuracy).is_calibrated
+    assert StatedAccuracy.of(0.7, 0.7, accuracy).is_calibrated

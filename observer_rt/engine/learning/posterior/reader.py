@@ -23,7 +23,7 @@ from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
-from observer_rt.model.accuracy import EXACT, Calibration
+from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
 RAIL_TEMPER = 2.0
@@ -64,7 +64,7 @@ class EventReader:
     interval: float
     pressure_scale: float
     healthy: Healthy = NOT_FITTED
-    calibration: Calibration = EXACT
+    calibration: StatedAccuracy = EXACT
     gains_for: Callable[..., GainSchedule] = gain_schedule
     _widths: dict[Kind, Theta] = field(default_factory=dict)
 

@@ -58,16 +58,6 @@ def test_failed_writes_are_shown_once_there_are_any(path: Path) -> None:
     assert "3 failed writes of learned state, journal or log" in daemon.drawn()
 
 
-def test_more_injections_where_there_is_room(view: View) -> None:
-    shown = [sum(" valid " in line for line in drawn(view, 80, height)) for height in (24, 50)]
-    assert 1 <= shown[0] < shown[1]
-
-
-@pytest.mark.parametrize("height", [24, 40, 70])
-def test_the_height_there_is_is_used(view: View, height: int) -> None:
-    assert height - 3 <= len(drawn(view, 100, height)) <= height
-
-
 def test_the_line_pressure_where_there_is_room(view: View) -> None:
     assert not any("line pressure, MPa" in line for line in drawn(view, 80, 24))
     (tall,) = (line for line in drawn(view, 80, 60) if "line pressure, MPa" in line)

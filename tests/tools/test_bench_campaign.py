@@ -9,10 +9,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import typer
-from typer.testing import CliRunner
 
 import tools.benchmarks.__main__  # noqa: F401
-from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import (
     CHANCE,
     Bar,
@@ -24,7 +23,6 @@ from tools.benchmarks.campaign import (
     run_cases,
     table,
 )
-from tools.benchmarks.command_line import app
 
 ROWS: list[Row] = [
     {"label": "a 0", "kind": "a", "errors": [1.0, -3.0], "right": True, "wide": None},
@@ -130,20 +128,3 @@ def test_the_exit_code_and_json_tell_what_is_missed(
     assert told["details"]["missed"] == (["largest"] if most < 2.0 else [])
     assert told["details"]["failed"] == (["b 1: ValueError: no"] if len(rows) > 3 else [])
     assert len(pd.read_csv(tmp_path / "rows.csv")) == len(rows)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("accuracy", "--classes", "nozle"),
-        ("faults", "--only", "nothing"),
-        ("discovery", "--effects", "nozle"),
-        ("discovery", "--effects", "seat_area+nozle", "--tier", "B"),
-        ("discovery", "--rate", "perhaps"),
-        ("discovery", "--all-kinds"),
-        ("speed", "--only", "everything"),
-    ],
-    ids=" ".join,
-)
-def test_names_that_are_not_known_are_refused(words: tuple[str, ...]) -> None:
-    assert isinstance(CliRunner().invoke(app, words).exception, UserError)

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.foundation.errors import RunError
 from tools.benchmarks.speed.injectors import (
-    counted,
     in_windows,
     lost,
     measure_injectors,
@@ -60,23 +58,6 @@ def test_what_injectors_lost_is_counted_window_by_window(traffic: Traffic) -> No
     assert lost(passages(np.delete(told, 1)), is_sent) == RATES
     assert lost(passages(np.delete(told, 3)), is_sent) == 90 - 84
     assert lost(passages(np.delete(told, range(4, 12))), is_sent) == 90
-
-
-def test_what_several_injectors_say_is_added_up() -> None:
-    record = '{"time": "x", "injector": "i0", "number": 1, "reasons": [%s]}'
-    words = (
-        "INFO stop: stopped after 9 samples, %d injections; 0 samples lost, 5 corrections adopted, %d late, "
-        "%d events not learned from in time"
-    )
-    said = [
-        *(record % each for each in ("", '"SUDDEN_CHANGE"', '"NOT_JUDGED"')),
-        words % (2, 1, 0),
-        words % (1, 0, 1),
-    ]
-    row = counted(2, 0.5, 0, said)
-    assert (row["injections"], row["not_judged"], row["learned"], row["late"]) == (3, 1, 2, 1)
-    with pytest.raises(RunError, match="1 of 2 injectors"):
-        counted(2, 0.5, 0, said[:-1])
 
 
 @pytest.mark.slow

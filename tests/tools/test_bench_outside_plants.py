@@ -22,16 +22,8 @@ from tests.plants.plant import (
     record,
 )
 from tests.plants.wave import LINES, Variant, WaveLine, new_part
-from tools.benchmarks.discovery.cases import (
-    OUTSIDE_INJECTIONS,
-    Asked,
-    HiddenCase,
-    outside_benches,
-)
-from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.kinds import HiddenKind, TermEquation
 from tools.benchmarks.discovery.laws import KINDS, NOT_IN, VOCABULARY_KINDS
-from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig
 from tools.benchmarks.discovery.vocabulary import OUTSIDE
 
 PLANTS: dict[str, tuple[Injector, WaveLine | None]] = {
@@ -90,16 +82,3 @@ def test_names_of_the_vocabulary_are_all_there_and_no_kind_has_one() -> None:
     assert set(VOCABULARY_KINDS) == set(VOCABULARY)
     assert not set(KINDS) & set(VOCABULARY)
     assert set().union(*NOT_IN.values()) <= set(VOCABULARY)
-
-
-@pytest.mark.parametrize("rig", [None, Rig(Discrepancy.TAPER, False, 1)])
-def test_given_and_further_recordings_share_the_plant_and_its_law(rig: Rig | None) -> None:
-    values = tuple(p.highest for p in KINDS["slow_friction"].parameters)
-    case = HiddenCase("x", Asked.OUTSIDE, (("slow_friction", values),), False, rig, 5)
-    given, further = outside_benches(case, GIVEN), outside_benches(case, FURTHER, 0.0)
-    assert [len(given), len(further)] == [len(GIVEN), len(FURTHER)]
-    assert {len(bench.events) for bench in (*given, *further)} == {OUTSIDE_INJECTIONS}
-    assert {bench.laws for bench in (*given, *further)} == {KINDS["slow_friction"].laws(values)}
-    assert len({(b.injector, b.needle, b.line) for b in (*given, *further)}) == 1
-    assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
-    assert ({b.noise for b in given}, {b.noise for b in further}) == ({1.0}, {0.0})

@@ -11,7 +11,7 @@ from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Outcome, Shot, Surroundings, record
 from tests.plants.wave import LINES, Variant, WaveLine, new_part, real_part
 from tools.benchmarks.discovery.cases import real_benches, real_case
-from tools.benchmarks.discovery.discrepancies import LONGEST, Discrepancy, drawn_rail, plant_of
+from tools.benchmarks.discovery.discrepancies import Discrepancy, plant_of
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches
 from tools.benchmarks.discovery.vocabulary import EFFECTS, OUTSIDE, PAIRS
 
@@ -89,24 +89,6 @@ def test_an_orifice_behind_the_rail_takes_its_pressure() -> None:
     flow = float(np.mean(short(part, line, Faults(), duration=4e-3).truth.injection_rate[1150:1350]))
     taken = mean_pressure(line) - mean_pressure(line._replace(inlet_loss=loss))
     assert taken == pytest.approx(loss * flow**2, rel=0.15)
-
-
-def test_the_rail_dips_ripples_and_recovers() -> None:
-    rng = np.random.default_rng(1)
-    time = 1e-5 * np.arange(8000.0)
-    for rail in (drawn_rail(rng) for _ in range(20)):
-        still = replace(rail, ripple=0.0, pump=0.0)
-        dip = -still.supply([(0.01, LONGEST)], 100e6, 0.0)(time)
-        assert np.max(dip[:1001]) == 0.0
-        assert 0.7e6 < np.max(dip) <= 1.5e6
-        assert int(np.argmax(dip)) == pytest.approx(1000 + LONGEST / 1e-5, abs=1)
-        assert dip[-1] < 0.01 * np.max(dip)
-        half = -still.supply([(0.01, 0.5 * LONGEST)], 100e6, 0.0)(time)
-        assert 0.45 < np.max(half) / np.max(dip) < 0.62
-        ripple = replace(rail, dip=0.0, pump=0.0).supply([(0.01, LONGEST)], 100e6, 0.0)(time)
-        assert 0.1e6 < np.max(np.abs(ripple)) < 0.4e6
-    pump = replace(rail, dip=0.0, ripple=0.0).supply([], 100e6, 0.25)(time)
-    assert np.max(pump) == pytest.approx(rail.pump, rel=1e-3)
 
 
 def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:

@@ -2,7 +2,6 @@
 
 import socket
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +16,8 @@ from tools.benchmarks.speed.observers import observer
 from tools.benchmarks.speed.pace import Pacer, Passage
 from tools.benchmarks.speed.roundtrip import (
     ECHO,
-    OURS,
     PARTIES,
     command_of,
-    rows_of,
 )
 from tools.benchmarks.speed.traffic import (
     DATA_ID,
@@ -111,20 +108,3 @@ def test_what_is_missing_is_lost_and_what_is_given_up_has_no_latency(traffic: Tr
     given_up = sent.copy()
     given_up[traffic.trigger(index[:1])] = 0
     assert passage(index, sent=given_up).latencies(traffic, open_only=False).size == 7
-
-
-def test_parties_are_compared_with_the_echo_at_their_pace(traffic: Traffic) -> None:
-    sent = 1000 + 90_000 * np.arange(28)
-    index = np.arange(0, 8 * RATES, RATES)
-
-    def answered_after(microseconds: int) -> list[Passage]:
-        heard = sent[traffic.trigger(index)] + 1000 * microseconds
-        return [Passage(0, 0, sent, index, heard)]
-
-    parties = {ECHO: answered_after(50), OURS: answered_after(75)}
-    open_everywhere = replace(traffic, is_open=np.ones_like(traffic.is_open))
-    echo, ours = rows_of("90 us", parties, open_everywhere)
-    assert (echo["vs_ours"], ours["vs_echo"]) == (pytest.approx(50.0 / 75.0), pytest.approx(1.5))
-    assert ours["excess"] == pytest.approx(25.0 / 75.0)
-    assert echo["kept"]
-    assert not rows_of("90 us", {**parties, ECHO: answered_after(91)}, open_everywhere)[0]["kept"]

@@ -149,13 +149,6 @@ def test_newest_brings_its_c_library(machine: Machine) -> None:
     assert ASKS_FOR_LOADER.encode()[len("# /lib64/") :] in chosen.read_bytes()
 
 
-def test_newest_comes_from_the_mirrors_of_a_debian_system(machine: Machine) -> None:
-    machine.mirrors = "http://a.invalid/debian/ http://b.invalid/debian http://a.invalid/debian"
-    (machine.shelf / "debian-archive-keyring").mkdir()  # and nothing else, so that each is asked
-    machine.obtain()
-    assert machine.sources() == {f"http://{mirror}.invalid/debian testing main" for mirror in "ab"}
-
-
 @pytest.mark.parametrize("system", ["debian", "ubuntu"])
 def test_where_no_archive_is_known_the_systems_own_kernel_is_taken(machine: Machine, system: str) -> None:
     """One line says what names an archive; none is asked that neither the system nor the user names."""
@@ -184,13 +177,6 @@ def test_none_boots(machine: Machine) -> None:
         assert f"MEND rm {machine.cache}" in said
     trials = list((machine.cache / "trials").iterdir())
     assert len(trials) == 3
-
-
-def test_a_trial_is_forgotten_when_the_kernel_changes(machine: Machine) -> None:
-    write_kernel(machine.system, PANICS)
-    assert machine.obtain()[0] == ""
-    program = write_kernel(machine.system, f"{BOOTS} # mended")
-    assert machine.obtain()[0] == str(program)
 
 
 def test_several_at_once_fetch_it_once(machine: Machine) -> None:

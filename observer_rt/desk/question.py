@@ -11,7 +11,7 @@ def question(evidence: Path, out: Path, bench: Path | None = None, injector: str
     """Command that asks evidence in a process of its own, and takes the first proposal into the amended model."""
     named = [*(["--bench", str(bench)] if bench else []), *(["--injector", injector] if injector else [])]
     asked = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", str(evidence), *named]
-    return [*asked, "--out", str(out), "--accept-term", "1", "--in-part", "--force"]
+    return [*asked, "--out", str(out), "--accept-term", "1", "--force"]
 
 
 def step_back() -> None:

@@ -7,7 +7,6 @@ from observer_rt.foundation.errors import UserError
 EXTRAS = {
     "asammdf": "desk",
     "jinja2": "desk",
-    "latex2mathml": "desk",
     "matplotlib": "desk",
     "dask": "batch",
     "distributed": "batch",

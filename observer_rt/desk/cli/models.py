@@ -147,21 +147,8 @@ class DiscoverOptions(ModelOptions):
     ] = ""
     accept_term: Annotated[
         int | None,
-        Option("Number of the proposal, in an `unknown` answer, that the amended model is to have.", "N", 0),
+        Option("Number of the proposed law that the amended model is to have.", "N", 0),
     ] = None
-    instead: Annotated[
-        str,
-        Option(
-            "With --accept-term: the law of this equation, which line pressure cannot tell from the proposal's.",
-            "EQUATION",
-        ),
-    ] = ""
-    in_part: Annotated[
-        bool,
-        Option(
-            "With --accept-term: also a proposal that closes two thirds of the gap; the rest widens all intervals."
-        ),
-    ] = False
     force: shared.Force = False
     data: Annotated[bool, Option("Also write the figures (SVG) and the numbers behind them (CSV).")] = False
     plan: Annotated[
@@ -183,10 +170,7 @@ def discover(options: DiscoverOptions) -> None:
     from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
 
-    require("jinja2", "latex2mathml", "matplotlib")
-    for name, wanted in (("--in-part", options.in_part), ("--instead", options.instead)):
-        if wanted and not options.accept_term:
-            raise UserError(name, "says nothing of which proposal", "add --accept-term N")
+    require("jinja2", "matplotlib")
     begin = time.monotonic()
     if (options.from_evidence is None) == (not options.recordings):
         raise UserError(
@@ -212,8 +196,7 @@ def discover(options: DiscoverOptions) -> None:
         asked.hashes,
         chosen,
         options.accept_term or 0,
-        options.instead,
-        observer_remainder if options.in_part else None,
+        observer_remainder,
     )
     discovery.refuse_incomparable(task, str(asked.model))
     make_folder("--out", out)

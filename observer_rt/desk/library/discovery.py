@@ -18,7 +18,6 @@ from observer_rt.desk.evaluation.healthy_events import observer_remainder
 from observer_rt.desk.library.notes import CallNotes, screen
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.console import progress_bar
-from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.discover import (
@@ -34,7 +33,7 @@ from observer_rt.identification.discovery.discover import (
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.results import Proposal
-from observer_rt.identification.discovery.words.formula import law_text
+from observer_rt.identification.discovery.words.law_words import law_text
 from observer_rt.identification.discovery.words.sentences import proposal_words
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import coverage
@@ -49,7 +48,7 @@ PROPOSAL: dict[str, Callable[[Proposal], Any]] = {
     "gap_before_MPa": lambda one: one.held_out[0] / MEGAPASCAL,
     "gap_after_MPa": lambda one: one.held_out[1] / MEGAPASCAL,
     "may_enter": lambda one: one.may_enter,
-    "may_enter_in_part": lambda one: one.may_enter_in_part,
+    "in_part": lambda one: one.part is not None,
     "refused": lambda one: "" if one.refusal is None else one.refusal.reason,
 }
 """Columns of a table of proposals."""
@@ -136,8 +135,6 @@ class Wanted:
 
     choose: str = ""
     accept_term: int = 0
-    instead: str = ""
-    in_part: bool = False
 
 
 def discovered(
@@ -151,9 +148,6 @@ def discovered(
     load: "Callable[[Path], Injector]",
 ) -> DiscoveryResult:
     """Search for what the model of a bench's injector is missing in measurements; load: as of `DiscoveryResult`."""
-    for name, of_one in (("in_part", wanted.in_part), ("instead", wanted.instead)):
-        if of_one and not wanted.accept_term:
-            raise UserError(name, "says nothing of which proposal", "give accept_term, too")
     task = DiscoveryTask(
         bench.injector.parameters,
         tuple(measured),
@@ -161,8 +155,7 @@ def discovered(
         digests,
         effects_named("choose", wanted.choose),
         wanted.accept_term,
-        wanted.instead,
-        observer_remainder if wanted.in_part else None,
+        observer_remainder,
     )
     refuse_incomparable(task, file.name)
     with progress_bar(screen, "looking for what is missing", 1.0) as progress:

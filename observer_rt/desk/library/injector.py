@@ -216,8 +216,6 @@ class Injector:
         healthy: Recordings | None = None,
         choose: str = "",
         accept_term: int = 0,
-        instead: str = "",
-        in_part: bool = False,
     ) -> DiscoveryResult:
         """Find the physical effect that the model is missing, its size and how sure that is.
 
@@ -230,12 +228,8 @@ class Injector:
         choose : str
             Effect for the amended model, where several explain the recordings as well; `ID+ID` for two.
         accept_term : int
-            Number of the proposal, in an `unknown` answer, that the amended model is to have; 0: none.
-        instead : str
-            Equation of the law that it is to have in place of that proposal's, of those that line pressure cannot
-            tell from it.
-        in_part : bool
-            Also a proposal that closes two thirds of the gap; the rest widens all intervals.
+            Number of the proposed law that the amended model is to have; 0: none. What a law leaves widens all
+            intervals.
 
         Returns
         -------
@@ -257,7 +251,7 @@ class Injector:
                 measured[: len(sources)],
                 measured[len(sources) :],
                 digests(sources),
-                Wanted(choose, accept_term, instead, in_part),
+                Wanted(choose, accept_term),
                 notes,
                 self._with_file,
             )

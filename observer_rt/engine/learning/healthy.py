@@ -39,9 +39,9 @@ class Healthy:
     variance: (PHASES,), colour: (PHASES, len(BLOCKS)), of the innovations by phase, at least 1, without their shape;
     mass_share: standard deviation of a mass, as a share, that comes of the model; adequate: whether the fitted model
     may be learned, or named, with at all; live_variance: the largest of a phase with the shape in it; shape: their
-    mean course, None: 0; overdispersion: factor by which events scatter beyond noise. For `discover`, appears: what
-    effects the injector seems to have, by id; line_pressure_offset_MPa: of its sensor; rate: innovations of a
-    measured injection rate.
+    mean course, None: 0; overdispersion: factor by which events scatter beyond noise; seen: line pressures at which
+    laws in force were seen. For `discover`, appears: what effects the injector seems to have, by id;
+    line_pressure_offset_MPa: of its sensor; rate: innovations of a measured injection rate.
     """
 
     variance: NDArray[np.float64] = field(default_factory=lambda: _ones(PHASES))
@@ -54,6 +54,7 @@ class Healthy:
     appears: Mapping[str, Appearance] = field(default_factory=dict)
     line_pressure_offset_MPa: float = 0.0  # noqa: N815 - as in [baseline]
     rate: PhaseStatistics | None = None
+    seen: tuple[float, float] = (-math.inf, math.inf)  # Pa
 
     def relative(self, statistics: PhaseStatistics) -> PhaseStatistics:
         """Statistics of an event, measured against these."""

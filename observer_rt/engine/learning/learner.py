@@ -30,6 +30,7 @@ OTHER_NOISE = 1.25  # times a level
 IMPLAUSIBLE = 15 * MEGAPASCAL
 # Of the rail pressure in an event, and more than the line's by this factor.
 SWINGS, SWAPPED = 2 * MEGAPASCAL, 3.0
+_ENDS = (0.01, 0.99)  # of the samples of an event, that are no outliers
 SCHEDULES = 6  # gains that are kept: those of all hypotheses
 
 
@@ -69,7 +70,7 @@ def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outc
     state = replace(state, held_rail=state.held_rail.after(window, standstill, event.constants.rail_every))
     if state.held_rail.is_held:
         return _failed(state, event, Objection(Reason.INPUT_FROZEN), reader)
-    objection = implausible(window, reader.pressure_scale)
+    objection = implausible(window, reader.pressure_scale) or _unseen(event, reader)
     if objection is not None:
         return _failed(state, event, objection, reader)
     offset = offset_between(state.standstill, standstill)
@@ -94,6 +95,14 @@ def implausible(window: Window, pressure_scale: float) -> Objection | None:
     if rail_swing * pressure_scale > SWINGS and rail_swing > SWAPPED * float(np.std(window.output)):
         return Objection(Reason.CONTRADICTED)
     return None
+
+
+def _unseen(event: ClosedEvent, reader: EventReader) -> Objection | None:
+    """Objection to line pressures beyond those at which laws in force were seen, but for single samples."""
+    chamber = event.constants.coefficients.chamber_pressure
+    low, high = (chamber + reader.pressure_scale * end for end in np.quantile(event.window.output, _ENDS))
+    lowest, highest = reader.healthy.seen
+    return None if lowest <= low and high <= highest else Objection(Reason.OUTSIDE_LEARNED_RANGE)
 
 
 def _with_noise(state: LearningState, noise: NoiseLevels) -> LearningState:

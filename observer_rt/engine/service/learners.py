@@ -20,6 +20,7 @@ from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.foundation.continuity import Doubt
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
+from observer_rt.model.terms.variable import Variable
 
 LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]
 """Factory of a `Core`'s learner: `make_learner`, or another where learners are compared."""
@@ -40,7 +41,10 @@ def healthy_injector(fitted: BenchInjector) -> Healthy:
     """Remainder of the healthy injector by its model, if fitted, and of terms accepted in part."""
     config, rate = fitted.config, fitted.config.sampling.rate_hz
     healthy = healthy_of(fitted.parameters.baseline, rate, config.learning.on_inadequate_model)
-    return with_remainder(healthy, fitted.parameters.remainder, rate)
+    ranges = [term.range_seen.get(Variable.LINE_PRESSURE) for term in fitted.parameters.terms]
+    lows, highs = zip((-math.inf, math.inf), *(one for one in ranges if one is not None), strict=True)
+    seen = MEGAPASCAL * max(lows), MEGAPASCAL * min(highs)
+    return with_remainder(replace(healthy, seen=seen), fitted.parameters.remainder, rate)
 
 
 class FitDoubt(NamedTuple):

@@ -14,11 +14,8 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.identification.discovery.findings import starts_anew
 from observer_rt.identification.discovery.search.hypothesis import Sizing, minimum_from
 from observer_rt.identification.discovery.search.results import (
-    INCOMPLETE,
     Discovery,
     FittedEffect,
-    Proposal,
-    Refusal,
     Size,
     Verdict,
 )
@@ -77,21 +74,19 @@ def accepted(
     found: Discovery,
     number: int,
     recordings: Mapping[str, str],
-    in_part: bool = False,
 ) -> tuple[tuple[EffectInForce, ...], tuple[TermInForce, ...]]:
     """All effects and terms that the amended file has in force with a proposal, 1 for the first.
 
-    in_part: also one that leaves something. Raises `UserError` where there is no such proposal, or it may not enter
-    a model.
+    Raises `UserError` where there is no such proposal, or it may not enter a model.
     """
     option, many = f"--accept-term {number}", len(found.proposals)
     if not 1 <= number <= many:
         there = f"there are {many}" if many else f"the verdict is '{found.verdict.value}'"
         raise UserError(option, f"there is no such proposal: {there}", "see the report")
     proposal = found.proposals[number - 1]
-    if proposal.refusal is not None and not (in_part and proposal.may_enter_in_part):
-        refusal = refusal_in_part(proposal) or proposal.refusal
-        raise UserError(option, f"no model may have this proposal: {refusal.reason}", refusal.remedy)
+    if proposal.refusal is not None:
+        reason, remedy = proposal.refusal
+        raise UserError(option, f"no model may have this proposal: {reason}", remedy)
     evidence = f"-2 log L falls by {proposal.gain:.0f}; {', '.join(shortened(recordings))}"
     if proposal.part is not None:
         evidence += f"; in part: closes {proposal.part.closed:.0%} of the gap held out, see [remainder]"
@@ -99,17 +94,11 @@ def accepted(
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
     sizes = proposal.found.parameters
     effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.effects]
-    terms = [TermInForce.of(_rounded(term), str(term.equation.unit), **why) for term in proposal.terms]
+    terms = [
+        TermInForce.of(_rounded(term), str(term.equation.unit), proposal.seen, **why)
+        for term in proposal.terms
+    ]
     return (*parameters.effects, *effects), (*parameters.terms, *terms)
-
-
-def refusal_in_part(proposal: Proposal) -> Refusal | None:
-    """Objection to a proposal that leaves something; None where it has no other."""
-    if proposal.part is None:
-        return None
-    return proposal.part.refusal or Refusal(
-        INCOMPLETE.reason, "add --in-part: what it leaves is then part of the model's stated uncertainty"
-    )
 
 
 def _rounded(term: Term) -> Term:

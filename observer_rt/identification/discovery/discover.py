@@ -33,22 +33,21 @@ from observer_rt.identification.discovery.findings import (
     remedies,
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of
-from observer_rt.identification.discovery.in_part import variance_by_phase, with_parts
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
-from observer_rt.identification.discovery.pairs import exchanged, with_alternatives
 from observer_rt.identification.discovery.report.data import remove_data, write_data
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.rivals import next_measurement
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
-from observer_rt.identification.discovery.search.candidates import FitMemory, FitStore, problem_key
+from observer_rt.identification.discovery.search.fits import FitMemory
+from observer_rt.identification.discovery.search.in_part import variance_by_phase
 from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Discovery,
     Part,
-    Proposal,
     Verdict,
 )
+from observer_rt.identification.discovery.search.store import FitStore, problem_key
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.discovery.words.sentences import headline
@@ -115,9 +114,8 @@ class DiscoveryTask:
 
     healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
     user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
-    proposal whose terms the amended model is to have, 0: none; instead: equation of a law that it is to have in their
-    place, one that line pressure cannot tell from them, empty: none; in_part: what measures the remainder of one that
-    leaves something, None: only one that explains all is accepted.
+    proposal whose terms the amended model is to have, 0: none; observed: what measures the remainder of one that
+    leaves something.
     """
 
     parameters: InjectorParameters
@@ -126,8 +124,7 @@ class DiscoveryTask:
     hashes: Mapping[str, str]
     chosen: tuple[str, ...] = ()
     accepted: int = 0
-    instead: str = ""
-    in_part: ObserverRemainder | None = None
+    observed: ObserverRemainder | None = None
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
@@ -159,8 +156,6 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
 
     found = name_effects(nominal, measured, SearchOptions(workers, memory, named, baseline, task.chosen))
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
-    proposals = _as_wanted(with_alternatives(found.proposals, likelihood, nominal), task, nominal)
-    found = replace(found, proposals=with_parts(proposals, likelihood, nominal))
     there = task.accepted if task.accepted <= len(found.proposals) else 0
     shown = replace(found, accepted=there).shown
     gaps = gaps_of(shown, measured, nominal, baseline.shape)
@@ -179,15 +174,11 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
     terms, refused, remainder, taken = task.parameters.terms if in_force else (), "", None, 0
     if task.accepted:
         try:
-            in_force, terms = accepted(
-                task.parameters, found, task.accepted, task.hashes, task.in_part is not None
-            )
+            in_force, terms = accepted(task.parameters, found, task.accepted, task.hashes)
             taken = task.accepted
             part = found.proposals[taken - 1].part
-            if part is not None and task.in_part is not None:
-                remainder = _remainder(
-                    task, task.in_part, part, in_force, terms, [one.after for one in where]
-                )
+            if part is not None:
+                remainder = _remainder(task, part, in_force, terms, [one.after for one in where])
         except UserError as error:
             refused = str(error)
     return Findings(
@@ -220,18 +211,6 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
     )
 
 
-def _as_wanted(
-    proposals: Sequence[Proposal], task: DiscoveryTask, nominal: EffectiveModel
-) -> Sequence[Proposal]:
-    """Proposals, that to be accepted with the law of another equation where the task says so."""
-    if not task.instead or task.accepted > len(proposals):
-        return proposals
-    return [
-        exchanged(one, number, task.instead, nominal) if number == task.accepted else one
-        for number, one in enumerate(proposals, 1)
-    ]
-
-
 def _left_of_masses(found: Discovery, shown: Candidate) -> float:
     """Half width of the 95 % interval of a mass, as a share, by what the proposal shown leaves."""
     parts = (one.part for one in found.proposals if one.found is shown)
@@ -240,7 +219,6 @@ def _left_of_masses(found: Discovery, shown: Candidate) -> float:
 
 def _remainder(
     task: DiscoveryTask,
-    observed: ObserverRemainder,
     part: Part,
     effects: tuple[EffectInForce, ...],
     terms: tuple[TermInForce, ...],
@@ -254,7 +232,7 @@ def _remainder(
         mass_share=float(f"{part.mass_half / NORMAL_975:.3g}"),
         sample_rate_Hz=recordings[0].sample_rate,
         variance=variance_by_phase(cells),
-        observer=observed(amended, amended.baseline, recordings),
+        observer=task.observed(amended, amended.baseline, recordings) if task.observed else None,
         origin=ORIGIN,
         date=date.today().isoformat(),
     )

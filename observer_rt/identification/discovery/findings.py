@@ -253,7 +253,7 @@ class Findings(Discovery):
     @property
     def is_open(self) -> bool:
         """Whether several explanations are tied and none was chosen."""
-        return self.verdict is Verdict.AMBIGUOUS and not self.chosen
+        return self.verdict is Verdict.AMBIGUOUS and not self.chosen and not self.accepted
 
     def as_json(self) -> dict[str, Any]:
         """findings.json: in printed units."""

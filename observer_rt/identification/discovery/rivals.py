@@ -3,10 +3,10 @@
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
+from operator import attrgetter
 
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.identification.discovery.search.results import Candidate, Discovery, Verdict
-from observer_rt.identification.discovery.search.search import price
 from observer_rt.identification.discovery.search.verdict import confidence_before
 from observer_rt.identification.discovery.words.sentences import candidate_words, proposal_words
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
@@ -40,16 +40,14 @@ def next_measurement(
 
 def rivals_of(found: Discovery, nominal: EffectiveModel) -> list[Rival]:
     """Explanations that are left, the leading one first: those tied, else the answer and the next best."""
-    proposed = {one.found.ids: (proposal_words(one), one.found) for one in found.proposals}
-    left = list(proposed.values())
-    if found.verdict is not Verdict.UNKNOWN:
-        tied = (found.named.ids, *found.rivals)
-        left = [_in_words(one) for ids in tied for one in found.ranking if one.ids == ids]
+    left = [(proposal_words(one), one.found) for one in found.proposals]
+    tied = (found.named.ids, *found.rivals) if found.verdict is not Verdict.UNKNOWN else ()
+    left = [*(_in_words(one) for ids in tied for one in found.ranking if one.ids == ids), *left]
     if len(left) == 1:
         leader = left[0][1]
         others = [
             one
-            for one in sorted(found.ranking, key=price)
+            for one in sorted(found.ranking, key=attrgetter("price"))
             if one.plausible and one.ids != leader.ids and not set(leader.ids) < set(one.ids)
         ]
         left += [_in_words(one) for one in others[:1]]
@@ -59,7 +57,7 @@ def rivals_of(found: Discovery, nominal: EffectiveModel) -> list[Rival]:
             partial(one.hypothesis.model, nominal),
             one.theta,
             one.hypothesis.ranges(),
-            price(one) - price(left[0][1]),
+            one.price - left[0][1].price,
         )
         for words, one in left
     ]

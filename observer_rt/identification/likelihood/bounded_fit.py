@@ -42,6 +42,11 @@ class Residuals:
         """Sum of squares, linear beyond HUBER sigma: what `statistic` counts of them."""
         return 2.0 * float(robust_cost(self.z, 0, 1.0))
 
+    @property
+    def spread(self) -> float:
+        """Their mean square as `statistic` counts it, 1 at least."""
+        return max(1.0, self.squares / self.z.size)
+
 
 class Problem(Protocol):
     """Residuals as a function of parameters theta (p,)."""

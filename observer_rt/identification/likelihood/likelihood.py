@@ -122,20 +122,6 @@ class RecordingLikelihood:
             [e.clock.time + interval * np.arange(e.counted - e.start, e.end - e.start) for e in events]
         )
 
-    def lift_and_rate(
-        self, model: EffectiveModel, at_line: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Measured lift [m] and a model's injection rate [m3/s].
-
-        at_line: (n,) at the counted innovations; else (m,) where a measured rate is judged.
-        """
-        stable = self._stable(model)
-        assert stable is not None  # the model was judged
-        model = stable
-        _, rate = self._predicted(model, self._inputs_of(model), 0, self._schedule(model))
-        rows = np.flatnonzero(self._rows.counted) if at_line else self._rows.rate_rows
-        return self.measurement.recording.needle_lift[self._rows.samples[rows]], rate[rows]
-
     def _stable(self, model: EffectiveModel) -> EffectiveModel | None:
         """A model as this recording has it, in cells that are stable."""
         measurement = self.measurement

@@ -3,11 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import gain_schedule
+from observer_rt.foundation.documents import key, unit
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
 from observer_rt.identification.likelihood.rail_pressure import smoothing_of
 from observer_rt.identification.likelihood.windows import (
@@ -22,6 +26,7 @@ from observer_rt.identification.likelihood.windows import (
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.stability import in_stable_cells, substeps_needed
 
+KEPT = 16  # runs of a recording: most models are asked for more than once
 SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 
 
@@ -39,11 +44,36 @@ class Simulated:
     rate: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Consequence:
+    """By how much a model moves: root mean square of the line pressure from opening to the end of the ringing [Pa],
+    and mean of the injected mass [kg], over all events."""
+
+    line_pressure: Annotated[float, key("line_pressure_rms_MPa"), unit(MEGAPASCAL)]
+    mass: Annotated[float, key("injected_mass_mean_mg"), unit(MILLIGRAM)]
+
+
+NO_CONSEQUENCE = Consequence(0.0, 0.0)
+_RUNS: WeakKeyDictionary[Measurement, list[tuple[EffectiveModel, tuple[Simulated, ...]]]] = (
+    WeakKeyDictionary()
+)
+
+
 def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulated, ...]:
     """Line pressure as it would be recorded, and injection rate, of every event of a recording.
 
-    The state follows the measurement by x~ up to the opening and runs open loop from there.
+    The state follows the measurement by x~ up to the opening and runs open loop from there. The last runs are kept.
     """
+    kept = _RUNS.setdefault(measurement, [])
+    for known, run in tuple(kept):
+        if known == model:
+            return run
+    run = _simulated(measurement, model)
+    kept[:] = [*kept[1 - KEPT :], (model, run)]
+    return run
+
+
+def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulated, ...]:
     interval = measurement.interval
     highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
     stable = in_stable_cells(measurement.as_recorded(model), interval, highest_pressure)
@@ -84,6 +114,22 @@ def mean_mass(measured: Sequence[Measurement], model: EffectiveModel) -> float:
     """Mean injected mass of an event of recordings [kg]."""
     density = model.coefficients.density
     return float(np.mean([mass(each, one, density) for each in measured for one in simulated(each, model)]))
+
+
+def consequence(
+    measured: Sequence[Measurement], before: EffectiveModel, after: EffectiveModel
+) -> Consequence:
+    """By how much line pressure and mass move from one model to another."""
+    pressures, masses = [], []
+    for measurement in measured:
+        for old, new in zip(simulated(measurement, before), simulated(measurement, after), strict=True):
+            pressures.append(new.line_pressure - old.line_pressure)
+            masses.append(
+                mass(measurement, new, after.coefficients.density)
+                - mass(measurement, old, before.coefficients.density)
+            )
+    squares = np.concatenate(pressures) ** 2
+    return Consequence(float(np.sqrt(np.mean(squares))), float(np.mean(masses)))
 
 
 def measured_mass(measurement: Measurement, one: Simulated, density: float) -> float:

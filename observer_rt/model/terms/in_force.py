@@ -1,13 +1,18 @@
 """Terms as an injector file states them."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.model.terms.variable import PURE, UNIT_NAMES, unit_named
+from observer_rt.model.terms.variable import PURE, UNIT_NAMES, VARIABLES, Variable, unit_named
 
+SeenRange = Mapping[Variable, tuple[float, float]]
+"""Lowest and highest value of variables, in their units."""
+NOT_SEEN: SeenRange = MappingProxyType({})
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -31,19 +36,23 @@ class TermCoefficient(BaseModel):
 
 
 class TermInForce(BaseModel):
-    """A term added to the nominal model: what `discover` found, or somebody knows, of this injector."""
+    """A term added to the nominal model: what `discover` found, or somebody knows, of this injector.
+
+    seen: range of every variable in which the law was seen; beyond, it stays what it is at the end.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     equation: TermEquation
     law: str
     coefficient: TermCoefficient | None = None
+    seen: dict[str, tuple[_Finite, _Finite]] = {}
     origin: str = ""
     evidence: str = ""
     date: Annotated[str, BeforeValidator(str)] = ""  # TOML has dates of its own
 
     @classmethod
-    def of(cls, term: Term, unit: str = "", **why: str) -> Self:
+    def of(cls, term: Term, unit: str = "", seen: SeenRange = NOT_SEEN, **why: str) -> Self:
         """A term as a file states it. unit: of its `c`, where the law leaves it open; why: origin, evidence, date."""
         stated = None
         if term.law.has_coefficient:
@@ -54,7 +63,8 @@ class TermInForce(BaseModel):
             stated = TermCoefficient(
                 value=term.coefficient, unit=str(known or unit or PURE), low=low, high=high
             )
-        return cls(equation=term.equation, law=str(term.law), coefficient=stated, **why)
+        ranges = {one.word: seen[one] for one in sorted(term.law.variables & set(seen))}
+        return cls(equation=term.equation, law=str(term.law), coefficient=stated, seen=ranges, **why)
 
     @property
     def words(self) -> str:
@@ -79,6 +89,7 @@ class TermInForce(BaseModel):
             needed = coefficient_unit(self.equation, law)
         except UserError as error:
             raise UserError("law", f"'{self.law}', {error.place}: {error.problem}", error.remedy) from None
+        law = law.held(self.range_seen)
         if not law.has_coefficient:
             if self.coefficient is not None:
                 raise UserError("coefficient", "the law has no c", "write c into the law, or leave it out")
@@ -87,6 +98,15 @@ class TermInForce(BaseModel):
             example = f'coefficient = {{ value = 1.0, unit = "{needed or PURE}" }}'
             raise UserError("coefficient", "is missing, but the law has c", f"add {example}")
         return Term(self.equation, law, *self._sized(self.coefficient, needed))
+
+    @property
+    def range_seen(self) -> SeenRange:
+        """The range of every variable. Raises `UserError` for what is none."""
+        for name, (low, high) in self.seen.items():
+            if name not in VARIABLES or not low < high:
+                known = did_you_mean(name, VARIABLES) if name not in VARIABLES else ""
+                raise UserError(f"seen.{name}", "is no range of a variable", f"{known}give [lowest, highest]")
+        return {VARIABLES[name]: ends for name, ends in self.seen.items()}
 
     def _sized(self, stated: TermCoefficient, needed: object) -> tuple[float, tuple[float, float] | None]:
         """Value and interval of `c` in the units of laws."""

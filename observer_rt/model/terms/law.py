@@ -7,7 +7,7 @@ units of `variable`, whatever unit they were written in.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import pairwise
 from typing import Any
@@ -95,6 +95,29 @@ class Law:
     def remembers(self) -> bool:
         """Whether it depends on what was before."""
         return any(isinstance(part, _Remembering) for part in self.all_parts)
+
+    def replaced(self, what: Mapping[Variable, Law]) -> Law:
+        """The law with other laws in the places of variables."""
+        match self:
+            case Quantity(variable):
+                return what.get(variable, self)
+            case Applied(operation, arguments):
+                return Applied(operation, tuple(one.replaced(what) for one in arguments))
+            case Lagged(argument) | Ringing(argument) | Tabulated(argument):
+                return replace(self, argument=argument.replaced(what))
+        return self
+
+    def held(self, seen: Mapping[Variable, tuple[float, float]]) -> Law:
+        """The law with its inputs held between the ends of ranges, in the units of `variable`."""
+        return self.replaced(
+            {
+                variable: Applied(
+                    Operation.MIN,
+                    (Applied(Operation.MAX, (Quantity(variable), Number(low))), Number(high)),
+                )
+                for variable, (low, high) in seen.items()
+            }
+        )
 
     def at(self, values: Mapping[str, Any], c: float = 1.0, memory: Memory | None = None) -> Values:
         """Values (n,) of the law at those of its variables, by name, each (n,) or a number.

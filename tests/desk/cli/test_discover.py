@@ -13,7 +13,7 @@ import observer_rt.identification.discovery.discover
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.errors import RunError
-from observer_rt.identification.discovery.search.candidates import FitMemory
+from observer_rt.identification.discovery.search.fits import FitMemory
 from tests.desk.cli.conftest import Command
 from tests.device import simulated
 
@@ -49,12 +49,6 @@ def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     assert json.loads(again.out)["verdict"] == "none"
     assert json.loads(again.out) == json.loads((found / "findings.json").read_text())
     assert not (found / "amended.toml").exists()  # that of another question
-
-
-@pytest.mark.parametrize("how", [["--in-part"], ["--instead", "rail_pressure"]])
-def test_what_is_accepted_is_named(command: Command, worn: Path, tmp_path: Path, how: list[str]) -> None:
-    said = command.refused("discover", "--out", tmp_path / "found", *how, worn)
-    assert "--accept-term N" in said
 
 
 @pytest.mark.parametrize("named_by", ["--model", "--bench"])
@@ -116,7 +110,7 @@ def test_an_interrupted_search_goes_on_where_it_was(
     command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(_: object, memory: FitMemory, *__: object) -> None:
-        memory["orifice_area",] = np.array([0.3]), -1.0
+        memory["orifice_area",] = np.array([0.3]), -1.0, 1.0
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:

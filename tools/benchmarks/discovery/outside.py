@@ -122,8 +122,7 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
         "accepted_worse": worse,
         "wrong_and_sure": wrong,
         "seconds": answer.seconds,
-        "added_seconds": answer.seconds - answer.search_seconds,
-        "added_core_seconds": answer.added_core_seconds,
+        "core_seconds": answer.core_seconds,
         "marks": ", ".join(mark for mark, holds in marks.items() if holds),
     }
 
@@ -156,7 +155,7 @@ def bars(tier: str) -> Sequence[Bar]:
         ("proposed_to_healthy", "asked == 'healthy'", "proposed", 0.0, 0.02),
         ("proposed_to_rightly_named", "asked == 'single' and rightly_named == True", "proposed", 0.03, 0.06),
     )
-    slowest = Bar("added_core_seconds_max", "added_core_seconds", "max", most=(10.0, 25.0)[place])
+    slowest = Bar("core_seconds_max", "core_seconds", "max", most=(10.0, 20.0)[place])
     return [
         *(Bar(name, column, "mean", least=limits[place], of=of) for name, of, column, *limits in at_least),
         *(Bar(name, column, "mean", most=limits[place], of=of) for name, of, column, *limits in at_most),
@@ -181,6 +180,6 @@ COLUMNS: dict[str, tuple[str, How]] = {
     "mass halved": ("mass_halved", "of"),
     "worse": ("accepted_worse", "sum"),
     "seconds": ("seconds", "median"),
-    "of a core, added": ("added_core_seconds", "median"),
+    "of a core": ("core_seconds", "median"),
     "answered": ("said", tally),
 }

@@ -60,8 +60,7 @@ class OutsideAnswer:
 
     claims: names given; by_vocabulary: names its search ended with where they explain all, whatever is proposed
     besides; suspect: the equation an unknown effect is said to violate; before: of the model as given; own: of it
-    where nothing is hidden; named: with what the vocabulary has for it; search_seconds: of `seconds`, what the
-    vocabulary's search took; added_core_seconds: of processor time, all that came after it.
+    where nothing is hidden; named: with what the vocabulary has for it; core_seconds: of processor time.
     """
 
     verdict: str
@@ -74,8 +73,7 @@ class OutsideAnswer:
     own: Misfit
     named: Misfit
     seconds: float
-    search_seconds: float
-    added_core_seconds: float
+    core_seconds: float
 
 
 def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> OutsideAnswer:
@@ -85,11 +83,11 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
     baseline = NOT_FITTED if fitted is None else healthy_of_fit(fitted, True)
     whole = [with_healthy_offset(one, baseline) for one in _measured(folder / GIVEN_FOLDER)]
     points = [point.measurement for point in by_operating_point(whole)]
-    begin = time.perf_counter()
+    begin, core_begin = time.perf_counter(), time.process_time()
     with vocabulary_without(without), noted_search() as noted:
         found = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
     seconds, core_seconds = time.perf_counter() - begin, time.process_time()
-    outcome, ended, core_ended = noted[-1]
+    outcome = noted[-1]
     further = _measured(folder / FURTHER_FOLDER)
     winner = outcome.winner if outcome.adequate else outcome.nominal
     return OutsideAnswer(
@@ -103,8 +101,7 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
         misfit(nominal, _measured(folder / HEALTHY_FOLDER)),
         misfit(winner.model(nominal), further),
         seconds,
-        ended - begin,
-        core_seconds - core_ended,
+        core_seconds - core_begin,
     )
 
 
@@ -157,15 +154,14 @@ def vocabulary_without(ids: Sequence[str]) -> Iterator[None]:
 
 
 @contextmanager
-def noted_search() -> Iterator[list[tuple[SearchOutcome, float, float]]]:
-    """How searches with the vocabulary end meanwhile, when, and after how much processor time [s]."""
-    noted: list[tuple[SearchOutcome, float, float]] = []
+def noted_search() -> Iterator[list[SearchOutcome]]:
+    """How searches end meanwhile."""
+    noted: list[SearchOutcome] = []
     original = Search.run
 
     def run(self: Search) -> SearchOutcome:
-        outcome = original(self)
-        noted.append((outcome, time.perf_counter(), time.process_time()))
-        return outcome
+        noted.append(original(self))
+        return noted[-1]
 
     with patch.object(Search, "run", run):
         yield noted

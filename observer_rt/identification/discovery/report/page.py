@@ -11,12 +11,12 @@ from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.report import figures, gap_map, plan, tables, text
 from observer_rt.identification.discovery.search.results import Verdict
-from observer_rt.identification.discovery.words import formula, sentences
-from observer_rt.identification.discovery.words.sentences import candidate_words, where_words
+from observer_rt.identification.discovery.words import law_words, sentences
+from observer_rt.identification.discovery.words.sentences import candidate_words, proposal_words, where_words
 from observer_rt.model.effects import VOCABULARY
 
 _PAGES = templates_of(__package__)
-for _module in (units, numbers, gaps, sentences, text, tables, figures, gap_map, formula, plan):
+for _module in (units, numbers, gaps, sentences, text, tables, figures, gap_map, law_words, plan):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
 _PAGES.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
@@ -36,7 +36,8 @@ def title(findings: Findings) -> str:
     if findings.verdict is Verdict.UNKNOWN:
         return f"Something is missing that no effect of the vocabulary explains{where_words(findings)}"
     by_ids = {candidate.ids: candidate for candidate in findings.ranking}
-    first, *others = (candidate_words(by_ids[ids]) for ids in (findings.named.ids, *findings.rivals))
+    names = [candidate_words(by_ids[ids]) for ids in (findings.named.ids, *findings.rivals) if ids]
+    first, *others = [*names, *map(proposal_words, findings.proposals)]
     if findings.chosen and others:
         return f"Missing: {first}, as was chosen; these recordings would allow {'; or '.join(others)} as well"
     doubt = ""

@@ -9,13 +9,12 @@ from observer_rt.identification.discovery.injections import MassChange
 from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.identification.discovery.search.results import (
     Candidate,
-    Consequence,
     Discovery,
     SmallestVisible,
     Verdict,
 )
 from observer_rt.identification.discovery.standstill import StandstillFigure
-from observer_rt.identification.discovery.words.law_words import as_if
+from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.model.effect import Apparent
 from observer_rt.model.effects import VOCABULARY
 
@@ -72,11 +71,6 @@ def mass_share(one: MassChange) -> str:
     half = 100.0 * one.half / one.nominal
     step = 10.0 * significant(max(half, 1e-3))
     return f"{'' if one.change_pct < 0.0 else '+'}{shown(one.change_pct, step)} ± {shown(half, step)} %"
-
-
-def fitted_words(one: Candidate, largest_lift: float | None) -> str:
-    """Laws and effects fitted together, in words."""
-    return " and ".join([*(as_if(term, largest_lift) for term in one.terms), *one.named])
 
 
 def apparent_sizes(findings: Findings) -> list[dict[str, StandstillFigure]]:

@@ -3,9 +3,8 @@
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.search.results import Verdict
-from observer_rt.identification.discovery.words.formula import law_text
+from observer_rt.identification.discovery.words.law_words import law_text
 from observer_rt.identification.discovery.words.sentences import (
-    alternative_words,
     best_words,
     choices,
     headline,
@@ -31,11 +30,10 @@ def as_text(findings: Findings) -> str:
         lines.append(f"  to tell {' from '.join(decisive.separates)}: {decisive.measurement}")
     if findings.is_open:
         lines.append(f"  no amended model while these are tied: {choices(findings)}")
-    if findings.unexplained is not None:
-        lines.append(f"  {findings.unexplained.term}; {best_words(findings)}")
+    if findings.verdict is Verdict.UNKNOWN:
+        lines.append(f"  {best_words(findings)}")
     for number, proposal in enumerate(findings.proposals, 1):
         lines += [f"  proposal {number}: {proposal_words(proposal)}", f"    {standing_words(proposal)}"]
-        lines += [f"    or {alternative_words(one, proposal.largest_lift)}" for one in proposal.alternatives]
         lines += [f"    {law_text(term)}" for term in proposal.terms]
     option = acceptance(findings)
     if option:
@@ -58,12 +56,10 @@ def caveat_words(findings: Findings) -> str:
 
 def acceptance(findings: Findings) -> str:
     """Options that put a proposal into the amended model; empty where none do, or one is in it."""
-    if findings.amended_model is not None:
+    if findings.amended_model is not None or findings.is_open:
         return ""
-    numbered = enumerate(findings.proposals, start=1)
-    may = [(number, one.may_enter) for number, one in numbered if one.may_enter or one.may_enter_in_part]
-    number, whole = max(may, key=lambda one: one[1], default=(0, False))
-    return f"--accept-term {number}{'' if whole else ' --in-part'}" if number else ""
+    may = [number for number, one in enumerate(findings.proposals, start=1) if one.may_enter]
+    return f"--accept-term {may[0]}" if may else ""
 
 
 def part_words(findings: Findings) -> str:

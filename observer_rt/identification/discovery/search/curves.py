@@ -14,10 +14,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.term_fit import Each, TermFit, TermProblem
-from observer_rt.identification.discovery.search.term_scores import Scores, scores_of
+from observer_rt.identification.discovery.search.scores import Scores
 from observer_rt.identification.discovery.search.waves import turned
-from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
 from observer_rt.model.terms.parser import parse
@@ -192,30 +190,19 @@ class FreeCurve:
         return np.array(self.axis.knots)[self.scores.numbers]
 
 
-def free_curves(
-    curves: Sequence[tuple[TermEquation, Axis, str]],
-    about_here: Callable[[Sequence[Effect]], TermProblem],
-    here: Residuals,
-    each: Each,
-) -> list[FreeCurve]:
-    """Curves about a model, each hat linearised once.
+Score = Callable[[Sequence[Effect]], Scores]
+"""Scores of effects beside the model at hand."""
 
-    about_here: terms as a problem of their own, beside nothing but the model at hand; here: its residuals.
-    """
-    groups = [axis.hats(equation, factor) for equation, axis, factor in curves]
-    parts = _parts(groups, about_here, here, each)
+
+def free_curves(curves: Sequence[tuple[TermEquation, Axis, str]], score: Score) -> list[FreeCurve]:
+    """Curves about a model, each hat linearised once."""
+    parts = _parts([axis.hats(equation, factor) for equation, axis, factor in curves], score)
     return [FreeCurve(*curve, part) for curve, part in zip(curves, parts, strict=True) if part.numbers.size]
 
 
-def _parts(
-    groups: Sequence[Sequence[Effect]],
-    about_here: Callable[[Sequence[Effect]], TermProblem],
-    here: Residuals,
-    each: Each,
-) -> list[Scores]:
+def _parts(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
     """Scores of every group of terms."""
-    problem = about_here([effect for group in groups for effect in group])
-    scores = scores_of(problem, TermFit((), np.zeros(0), np.zeros(0), here), each)
+    scores = score([effect for group in groups for effect in group])
     ends = np.cumsum([len(group) for group in groups])
     return [
         scores.part(range(int(end) - len(group), int(end))) for end, group in zip(ends, groups, strict=True)
@@ -223,19 +210,15 @@ def _parts(
 
 
 def made_to_measure(
-    curves: Sequence[FreeCurve],
-    swings: Sequence[tuple[Effect, Effect]],
-    about_here: Callable[[Sequence[Effect]], TermProblem],
-    here: Residuals,
-    each: Each,
+    curves: Sequence[FreeCurve], swings: Sequence[tuple[Effect, Effect]], score: Score
 ) -> list[Effect]:
     """Terms near these curves that would gain most, and of waves, of which sine and cosine are given.
 
-    about_here, here: as of `free_curves`. Each wave is linearised once.
+    Each wave is linearised once.
     """
     promising = [law for curve in curves for law in _laws(curve)]
-    for pair, part in zip(swings, _parts(swings, about_here, here, each), strict=True):
-        sizes = np.linalg.lstsq(part.information, part.gradient, rcond=1e-9)[0]
+    for pair, part in zip(swings, _parts(swings, score), strict=True):
+        sizes = part.sizes(range(len(part.effects)))
         if sizes.size == 2:
             promising.append((float(sizes @ part.gradient), turned(pair[0], sizes.tolist())))
     promising.sort(key=lambda item: -item[0])

@@ -11,9 +11,13 @@ from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Mi
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.model.effect import Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.term_effect import LAWS_OF_EFFECTS, TermLaw, is_term
 
 DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
-_STEP = 0.01  # of the dead zone, for finite differences
+_STEP, _STEP_OF_TERM = (
+    0.01,
+    5.0,
+)  # of the dead zone, for finite differences: noise does not drown that of a term
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
 MOST_STARTS = 2  # from which a search begins
 _EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
@@ -53,9 +57,22 @@ class Hypothesis:
     def ranges(self) -> tuple[Range, ...]:
         """Bounds and steps of theta."""
         return tuple(
-            Range(p.lowest, p.highest, _STEP * p.dead_zone or _SHAPE_STEP * (p.highest - p.lowest))
-            for p in self.parameters
+            Range(p.lowest, p.highest, share * p.dead_zone or _SHAPE_STEP * (p.highest - p.lowest))
+            for effect in self.effects
+            for share in (_STEP_OF_TERM if is_term(effect) else _STEP,)
+            for p in effect.parameters
         )
+
+    @property
+    def equations(self) -> frozenset[str]:
+        """Equations that it corrects: of a term its own, of an effect that is no law where it sits."""
+        return frozenset(map(equation_of, self.effects))
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """How many numbers within the law of each were fitted, too."""
+        laws = (effect.apply for effect in self.effects)
+        return tuple(len(law.numbers) if isinstance(law, TermLaw) else 0 for law in laws)
 
     def starts(self) -> list[NDArray[np.float64]]:
         """Starts of a search: all combinations of the starts of the last effect, the others off."""
@@ -78,6 +95,12 @@ class Hypothesis:
     def _sizes(self, theta: NDArray[np.float64]) -> list[tuple[EffectParameter, float]]:
         pairs = zip(self.parameters, theta, strict=True)
         return [(p, float(value)) for p, value in pairs if p.dead_zone > 0.0]
+
+
+def equation_of(effect: Effect) -> str:
+    """Equation that an effect corrects; of one that is no law the place where it sits."""
+    law = effect.apply
+    return law.equation if isinstance(law, TermLaw) else LAWS_OF_EFFECTS.get(effect.id, (effect.place, ""))[0]
 
 
 class Sizing:

@@ -1,15 +1,10 @@
 """A law over its variable beside what recordings say of it: a free curve about the model with the law in force."""
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 
-from observer_rt.identification.discovery.search.curves import AXES, Axis
+from observer_rt.identification.discovery.search.curves import AXES, Axis, Score
 from observer_rt.identification.discovery.search.results import LawCurve
-from observer_rt.identification.discovery.search.term_fit import Each, TermFit, TermProblem
-from observer_rt.identification.discovery.search.term_scores import scores_of
-from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Residuals
-from observer_rt.model.effect import Effect
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.model.terms.law import Law, Values
 from observer_rt.model.terms.term import Term
 from observer_rt.model.terms.variable import Variable
@@ -20,30 +15,20 @@ DRAWN = 201  # points of a line
 TIMES = 6  # knots over the time of recordings
 
 
-def law_curve(
-    term: Term,
-    about_here: Callable[[Sequence[Effect]], TermProblem],
-    here: Residuals,
-    each: Each,
-    reach: tuple[float, float],
-) -> LawCurve | None:
+def law_curve(term: Term, score: Score, spread: float, reach: tuple[float, float]) -> LawCurve | None:
     """A term with its interval, drawn; None of one that remembers, or depends on several variables.
 
-    about_here: effects as a problem beside the model that has the term; here: its residuals; reach: time [s] and
+    score: of effects beside the model that has the term; spread: mean square of what that leaves; reach: time [s] and
     number of injections of the recordings.
     """
     found = _axis_of(term.law, reach)
     if found is None:
         return None
     axis, gates = found
-    scores = scores_of(
-        about_here(axis.hats(term.equation, "".join(f"{gate.word}*" for gate in gates))),
-        TermFit((), np.zeros(0), np.zeros(0), here),
-        each,
-    )
+    scores = score(axis.hats(term.equation, "".join(f"{gate.word}*" for gate in gates)))
     covariance = np.linalg.pinv(scores.information, rcond=1e-9, hermitian=True)
     off = covariance @ scores.gradient
-    sigmas = np.sqrt(np.diag(covariance) * max(1.0, float(np.mean(here.z**2))))
+    sigmas = np.sqrt(np.diag(covariance) * spread)
     knots = np.array(axis.knots)[scores.numbers]
     drawn = np.linspace(axis.knots[0], axis.knots[-1], DRAWN)
     low, high = term.interval or (term.coefficient, term.coefficient)

@@ -1,164 +1,106 @@
-"""Proposes terms where no effect of the vocabulary explains recordings, or a term does it clearly better."""
+"""Laws that explain recordings as proposals: with intervals, consequences, gaps held out, and whether a model may
+have them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain
+from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer_rt.config.effects import term_domain
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.adequacy import worst
-from observer_rt.identification.discovery.search.candidates import Fitter
+from observer_rt.identification.discovery.search.fits import Fitter
+from observer_rt.identification.discovery.search.held_out import HeldOutPoints
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.law_evidence import law_curve
+from observer_rt.identification.discovery.search.laws import Adequacy
+from observer_rt.identification.discovery.search.library import span_of
 from observer_rt.identification.discovery.search.results import (
+    INTERVAL_MARGIN,
+    TOO_FREE,
+    TOO_MANY,
     Candidate,
-    Consequence,
     LawCurve,
     Proposal,
     Refusal,
 )
-from observer_rt.identification.discovery.search.search import (
-    HeldOutPoints,
-    SearchOutcome,
-    price,
-)
-from observer_rt.identification.discovery.search.term_fit import PRICE, TermFit, no_terms
-from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
-from observer_rt.identification.discovery.search.term_scores import scores_of
-from observer_rt.identification.discovery.search.term_search import TIE, TermSearch, TermSearchResult
-from observer_rt.identification.likelihood.likelihood import JointLikelihood, pool_of
+from observer_rt.identification.discovery.search.scores import Scores
+from observer_rt.identification.discovery.search.search import SearchOutcome
+from observer_rt.identification.discovery.search.seen import seen_in
+from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
+from observer_rt.identification.likelihood.open_loop import consequence
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.bounds import refuse_unbounded
-
-CLEARLY = 50.0  # of -2 log L, by which a term must beat the vocabulary to be offered in its place
-SEVERAL = 2  # effects together, of which one law may take the place
-MOST_PROPOSED, MOST_LOST = 4, 8
-PAIR = 2
-
-Moves = Callable[[EffectiveModel, EffectiveModel], Consequence]
+from observer_rt.model.terms.in_force import SeenRange
+from observer_rt.model.terms.term import Term
 
 
-def propose(
-    fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints, moves: Moves
-) -> tuple[Proposal, ...]:
-    """The best first, then what explains as much by another equation; none where the vocabulary does.
+class Proposer:
+    """Makes proposals of what a search found."""
 
-    Without an effect that explains the recordings, all that terms explain is proposed; else only what does it
-    clearly better.
-    """
-    named = len(outcome.winner.hypothesis.effects) if outcome.adequate else SEVERAL
-    if named == 0 or (named < SEVERAL and not _leaves_a_term(fitter, outcome, baseline)):
-        return ()
-    problem = InjectorTerms(
-        fitter.likelihood, fitter.nominal, _candidates(fitter.likelihood, outcome), baseline
-    )
-    result = TermSearch(problem, fitter.each).run(_near(problem, outcome))
-    if not result.best.chosen or (outcome.adequate and not _beats(problem, result.best, outcome)):
-        return ()
-    judged = fitter.likelihood.judge(fitter.nominal)
-    assert judged is not None  # the search began with it
-    phase = worst(pool_of(fitter.likelihood, judged), baseline).phase
-    before = held_out.gap(outcome.nominal)
+    def __init__(
+        self, fitter: Fitter, found: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
+    ) -> None:
+        self._fitter, self._found, self._held_out = fitter, found, held_out
+        self._nominal = fitter.nominal
+        self._measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
+        self._adequate = Adequacy(fitter, healthy)
+        pool = fitter.pool(found.nominal)
+        assert pool is not None  # the search began with it
+        self._phase = worst(pool, healthy).phase
+        self._seen = seen_in(self._measured, self._nominal)
 
-    def proposal(fit: TermFit) -> Proposal:
-        found = Candidate.fitted(problem.hypothesis(fit.chosen), fit.theta, fit.statistic, fit.sigmas)
-        model = found.model(fitter.nominal)
+    def proposals(self, laws: Sequence[Candidate]) -> tuple[Proposal, ...]:
+        """Of these, the first with its laws drawn. Where that piles up laws and leaves something all the same, the
+        best of them alone is one more."""
+        made = [self._proposal(one) for one in laws]
+        made = [replace(one, curves=self._curves(one.found)) for one in made[:1]] + made[1:]
+        if made and not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
+            first = made[0].found
+            pairs = zip(first.hypothesis.effects, first.sizes, strict=True)
+            alone = [(Hypothesis((effect,)), np.array([size])) for effect, size in pairs if is_term(effect)]
+            made += [
+                self._proposal(one) for one in sorted(self._fitter.laws(alone), key=attrgetter("price"))[:1]
+            ]
+        return tuple(made)
+
+    def _proposal(self, one: Candidate) -> Proposal:
+        model, found = one.model(self._nominal), self._found
+        half = NORMAL_975 * INTERVAL_MARGIN * self._fitter.sigmas(one)
+        moves = consequence(self._measured, self._nominal, model)
         return Proposal(
-            replace(found, moves=moves(fitter.nominal, model)),
-            result.nothing.statistic - fit.statistic,
-            phase,
-            problem.is_adequate(fit.chosen, fit.theta),
-            unsound(model, fitter.nominal),
-            (before, held_out.gap(found)),
+            replace(one, half=tuple(half.tolist()), moves=moves),
+            found.nominal.statistic - one.statistic,
+            self._phase,
+            self._adequate(one),
+            unsound(one.terms, self._nominal, self._seen),
+            (self._held_out.gap(found.nominal), self._held_out.gap(one)),
+            probability=found.probability(one),
+            seen=self._seen,
+            largest_lift=self._nominal.injector.seat.max_lift,
         )
 
-    first, *others = (proposal(fit) for fit in (result.best, *result.rivals)[:MOST_PROPOSED])
-    curves = _curves(fitter, first, result.best, baseline)
-    return (replace(first, curves=curves, lost=_lost(problem, result)), *others)
+    def _curves(self, one: Candidate) -> tuple[LawCurve, ...]:
+        """The laws of a proposal over their variables."""
+        span = span_of(self._fitter.likelihood)
+
+        def score(effects: Sequence[Effect]) -> Scores:
+            return self._fitter.scores(one, effects)
+
+        drawn = (law_curve(term, score, one.spread, (span.time, span.injections)) for term in one.terms)
+        return tuple(curve for curve in drawn if curve is not None)
 
 
-def _lost(problem: InjectorTerms, result: TermSearchResult) -> tuple[Candidate, ...]:
-    """Laws that were fitted and are not proposed, the best of each combination of equations first."""
-    proposed = {one.chosen for one in (result.best, *result.rivals)}
-    best: dict[tuple[str, ...], Candidate] = {}
-    for fit in result.tried:
-        hypothesis = problem.hypothesis(fit.chosen)
-        key = tuple(sorted(problem.candidates[number].equation for number in fit.chosen))
-        if fit.chosen not in proposed and fit.statistic > result.best.statistic + TIE * result.best.spread:
-            best.setdefault(key, Candidate(hypothesis, tuple(fit.theta.tolist()), fit.statistic))
-    return tuple(best.values())[:MOST_LOST]
-
-
-def _near(
-    problem: InjectorTerms, outcome: SearchOutcome
-) -> list[tuple[tuple[int, ...], NDArray[np.float64]]]:
-    """The best pair of effects, to which a third may be wanting; none where one of them has several sizes."""
-    pairs = (one for one in outcome.fitted if len(one.hypothesis.effects) == len(one.sizes) == PAIR)
-    return [
-        (tuple(map(problem.number_of, one.hypothesis.effects)), one.theta)
-        for one in sorted(pairs, key=price)[:1]
-    ]
-
-
-def _curves(fitter: Fitter, first: Proposal, best: TermFit, baseline: Healthy) -> tuple[LawCurve, ...]:
-    """The laws of a proposal over their variables."""
-    span, model = _span(fitter.likelihood), first.model(fitter.nominal)
-
-    def about_here(effects: Sequence[Effect]) -> InjectorTerms:
-        return InjectorTerms(fitter.likelihood, model, effects, baseline)
-
-    reach = (span.time, span.injections)
-    drawn = (law_curve(term, about_here, best.residuals, fitter.each, reach) for term in first.terms)
-    return tuple(one for one in drawn if one is not None)
-
-
-def _leaves_a_term(fitter: Fitter, outcome: SearchOutcome, baseline: Healthy) -> bool:
-    """Whether a term alone would gain much beside what the vocabulary found."""
-    model = outcome.winner.model(fitter.nominal)
-    terms = list(library(_span(fitter.likelihood)))
-    problem = InjectorTerms(fitter.likelihood, model, terms, baseline)
-    nothing = no_terms(problem)
-    gains = scores_of(problem, nothing, fitter.each).validated
-    return bool(np.max(gains, initial=0.0) > CLEARLY * nothing.spread)
-
-
-def _beats(problem: InjectorTerms, best: TermFit, outcome: SearchOutcome) -> bool:
-    """Whether terms explain all, and clearly more than the effects named, each counted by its price.
-
-    One term in place of several effects need not do it clearly.
-    """
-    if not any(is_term(effect) for effect in problem.hypothesis(best.chosen).effects):
-        return False
-    named = outcome.winner.statistic + PRICE * len(outcome.winner.sizes)
-    margin = CLEARLY if len(best.chosen) >= len(outcome.winner.hypothesis.effects) else 0.0
-    better = best.statistic + PRICE * len(best.chosen) < named - margin
-    return better and problem.is_adequate(best.chosen, best.theta)
-
-
-def _candidates(likelihood: JointLikelihood, outcome: SearchOutcome) -> list[Effect]:
-    """The library, and the effects of the vocabulary that have one size."""
-    singles = (one.hypothesis.effects[0] for one in outcome.fitted if len(one.hypothesis.effects) == 1)
-    return [*library(_span(likelihood)), *(effect for effect in singles if len(effect.parameters) == 1)]
-
-
-def _span(likelihood: JointLikelihood) -> RecordingSpan:
-    """Range of time and injection number in the recordings."""
-    events = list(chain.from_iterable(recorded.measurement.events for recorded in likelihood.recordings))
-    last = max(event.clock.injections + len(event.openings) for event in events)
-    return RecordingSpan(max(event.clock.time for event in events), last)
-
-
-def unsound(model: EffectiveModel, nominal: EffectiveModel) -> Refusal | None:
-    """Objection to an injector file with the terms that a model has beyond the nominal one; None where it may."""
+def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> Refusal | None:
+    """Objection to an injector file with these terms more, their inputs held where they were seen; None: none."""
     domain = term_domain(nominal.injector)
     try:
-        for term in model.terms[len(nominal.terms) :]:
-            refuse_unbounded(term, domain)
+        for term in terms:
+            refuse_unbounded(replace(term, law=term.law.held(seen)), domain)
     except UserError as error:
         return Refusal(f"{error.place} {error.problem}", error.remedy)
     return None

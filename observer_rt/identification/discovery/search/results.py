@@ -1,7 +1,7 @@
 """Results of a search: candidates, fitted effects, cells of the map, proposals, the verdict. SI, but for `Size`."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated, NamedTuple
 
@@ -12,16 +12,17 @@ from pydantic import PlainSerializer
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Figure, Inside, key, unit
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.open_loop import NO_CONSEQUENCE, Consequence
 from observer_rt.identification.likelihood.operating_points import point_name
 from observer_rt.model.effect import EffectParameter, Equation
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import EffectValue, Finite
 from observer_rt.model.term_effect import TermLaw, is_term, term_of
+from observer_rt.model.terms.in_force import SeenRange
 from observer_rt.model.terms.term import Term
 
 MOST_ENTERING = (
@@ -30,6 +31,7 @@ MOST_ENTERING = (
 INTERVAL_MARGIN = (
     1.08  # for what a steady gain does not know: errors on independent plants are that much larger
 )
+PRICE = 10.0  # of -2 log L for each number fitted, log(n): which of two near-ties leads
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 _MORE_POINTS = "record more rail pressures and durations"
 
@@ -72,15 +74,6 @@ class Size(EffectValue):
 
 
 @dataclass(frozen=True)
-class Consequence:
-    """By how much a model moves: root mean square of the line pressure from opening to the end of the ringing [Pa],
-    and mean of the injected mass [kg], over all events."""
-
-    line_pressure: Annotated[float, key("line_pressure_rms_MPa"), unit(MEGAPASCAL)]
-    mass: Annotated[float, key("injected_mass_mean_mg"), unit(MILLIGRAM)]
-
-
-@dataclass(frozen=True)
 class FittedEffect:
     """An effect found, with its sizes by parameter.
 
@@ -101,26 +94,29 @@ class FittedEffect:
 class Candidate:
     """A combination of effects fitted to all recordings; the nominal model is the one without effects.
 
-    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out. Of those in a ranking, and of
-    proposals, also half: half widths of the 95 % intervals (p,); moves: what it does to the model as given. Of those
-    in a ranking also held_out: -2 log L fitted on every second operating point and judged on the others, nan where
-    that was not done.
+    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out; spread: mean square of the
+    residuals as that counts it, 1 at least. Of those in a ranking, and of proposals, also half: half widths of the
+    95 % intervals (p,); moves: what it does to the model as given. Of those in a ranking also held_out: -2 log L
+    fitted on every second operating point and judged on the others, nan where that was not done.
     """
 
     hypothesis: Hypothesis
     sizes: tuple[float, ...]
     statistic: float
+    spread: float = 1.0
     half: tuple[float, ...] = ()
     held_out: float = math.nan
-    moves: Consequence = Consequence(0.0, 0.0)
+    moves: Consequence = NO_CONSEQUENCE
 
-    @classmethod
-    def fitted(
-        cls, hypothesis: Hypothesis, theta: NDArray[np.float64], statistic: float, sigmas: NDArray[np.float64]
-    ) -> "Candidate":
-        """With intervals. sigmas: standard deviations of its sizes by noise (p,)."""
-        half = NORMAL_975 * INTERVAL_MARGIN * sigmas
-        return cls(hypothesis, tuple(theta.tolist()), statistic, tuple(half.tolist()))
+    @property
+    def price(self) -> float:
+        """-2 log L, and what every number fitted costs."""
+        return self.statistic + PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
+
+    @property
+    def key(self) -> tuple[tuple[str, ...], tuple[float, ...]]:
+        """Effects and sizes: of two candidates with the same all else is."""
+        return self.ids, self.sizes
 
     @property
     def theta(self) -> NDArray[np.float64]:
@@ -226,7 +222,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """Equation, phase and signal at which the best model still fails, and what its excess depends on."""
+    """Phase and signal in which the model as given fails most; equation, variables and text of what explains most."""
 
     equation: Equation
     phase: Phase
@@ -299,12 +295,12 @@ class Proposal:
     """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
     found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
-    in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold over
-    the whole domain, None where all do; held_out: rms of the line pressure's gap on events it was not fitted to,
-    before and after [Pa], nan where nothing was held out; curves: of the first proposal, its laws over their
-    variables where they have one; lost: of the first, what else was fitted, the best first; alternatives: laws of
-    another equation, which the line pressure cannot tell from it; part: of one that leaves something but has no
-    other objection; largest_lift: of the needle [m], for words.
+    in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold
+    where it was seen, None where all do; held_out: rms of the line pressure's gap on events it was not fitted to,
+    before and after [Pa], nan where nothing was held out; probability: among all explanations tried, 0 of one that
+    leaves something; seen: between what its inputs lay; curves: of the first proposal, its laws over their variables
+    where they have one; part: of one that leaves something but has no other objection; largest_lift: of the needle
+    [m], for words.
     """
 
     found: Candidate
@@ -313,9 +309,9 @@ class Proposal:
     adequate: bool
     unsound: Refusal | None
     held_out: tuple[float, float]
+    probability: float = 0.0
+    seen: SeenRange = field(default_factory=dict)
     curves: tuple[LawCurve, ...] = ()
-    lost: tuple[Candidate, ...] = ()
-    alternatives: tuple[Candidate, ...] = ()
     part: Part | None = None
     largest_lift: float | None = None
 
@@ -325,14 +321,22 @@ class Proposal:
         return self.found.terms
 
     @property
+    def seen_of_terms(self) -> dict[str, tuple[float, float]]:
+        """Range of every variable of its laws in which they were seen, by name."""
+        variables = {one for term in self.terms for one in term.law.variables}
+        return {one.word: self.seen[one] for one in sorted(variables & set(self.seen))}
+
+    @property
     def effects(self) -> tuple[str, ...]:
         """Ids of the effects of the vocabulary beside them."""
         return self.found.named
 
     @property
     def refusal(self) -> Refusal | None:
-        """Objection to the proposal in any model; None where it explains all, with few terms, sound everywhere."""
-        return self.objection if self.adequate else INCOMPLETE
+        """Objection to the proposal in any model; None where it explains all, or enough, with few terms."""
+        if self.adequate or self.objection is not None:
+            return self.objection
+        return INCOMPLETE if self.part is None else self.part.refusal
 
     @property
     def objection(self) -> Refusal | None:
@@ -354,11 +358,6 @@ class Proposal:
     def may_enter(self) -> bool:
         """Whether a model may be given it."""
         return self.refusal is None
-
-    @property
-    def may_enter_in_part(self) -> bool:
-        """Whether a model may be given it if what it leaves widens the stated uncertainty."""
-        return self.part is not None and self.part.refusal is None
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""
@@ -413,8 +412,8 @@ class Discovery:
 
     @property
     def shown(self) -> Candidate:
-        """What was found, with half widths of its sizes: the effects named, else a proposal; without effects where
-        there is neither."""
-        if self.effects:
+        """What was found, with half widths of its sizes: the proposal accepted, the effects named, else a proposal;
+        without effects where there is none."""
+        if self.effects and not self.accepted:
             return next(one for one in self.ranking if one.ids == self.named.ids)
         return self.named if self.proposal is None else self.proposal.found

@@ -1,14 +1,13 @@
 """Laws by table: free curves over one variable, with as few knots as the recordings ask for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.curves import SINCE, Axis, FreeCurve, free_curves
-from observer_rt.identification.discovery.search.term_fit import PRICE, Each, TermProblem
-from observer_rt.identification.likelihood.bounded_fit import Residuals
+from observer_rt.identification.discovery.search.curves import SINCE, Axis, FreeCurve, Score, free_curves
+from observer_rt.identification.discovery.search.results import PRICE
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
 
@@ -47,20 +46,12 @@ ODD = Symmetry(
 )
 
 
-def tables(
-    curves: Sequence[FreeCurve],
-    about_here: Callable[[Sequence[Effect]], TermProblem],
-    here: Residuals,
-    each: Each,
-) -> list[Effect]:
-    """Tables near the curves that would gain most, none over time, by which everything can be said.
-
-    about_here, here: as of `free_curves`.
-    """
+def tables(curves: Sequence[FreeCurve], score: Score) -> list[Effect]:
+    """Tables near the curves that would gain most, none over time, by which everything can be said."""
     known = (one for one in curves if one.axis is not SINCE)
     coarse = sorted(known, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
-    made = (_simplest(one, _price(one)) for one in free_curves(finer, about_here, here, each))
+    made = (_simplest(one, _price(one)) for one in free_curves(finer, score))
     return [one for one in made if one is not None]
 
 

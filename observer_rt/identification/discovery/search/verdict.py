@@ -1,23 +1,25 @@
 """Names the missing effect: from recordings to the verdict, and to measurements that would decide."""
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from operator import attrgetter
 
 import numpy as np
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.identification.discovery.search.adequacy import cells_of, unexplained, worst
-from observer_rt.identification.discovery.search.candidates import FitMemory, Fitter
-from observer_rt.identification.discovery.search.proposals import propose
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.identification.discovery.search.adequacy import cells_of, worst
+from observer_rt.identification.discovery.search.fits import FitMemory, Fitter, best_of_each
+from observer_rt.identification.discovery.search.held_out import HeldOutPoints
+from observer_rt.identification.discovery.search.in_part import with_parts
+from observer_rt.identification.discovery.search.proposals import Proposer
 from observer_rt.identification.discovery.search.results import (
     INTERVAL_MARGIN,
     Candidate,
     Cell,
-    Consequence,
     Decisive,
     Detection,
     Discovery,
@@ -28,18 +30,19 @@ from observer_rt.identification.discovery.search.results import (
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import (
-    HeldOutPoints,
+    HIGHEST,
+    TEMPER,
     Search,
     SearchOutcome,
     indistinguishable,
-    price,
+    probabilities,
     representatives,
 )
 from observer_rt.identification.likelihood.appearance import Signature, healthy_remainder
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import mass, simulated
+from observer_rt.identification.likelihood.open_loop import Consequence, consequence
 from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
@@ -49,7 +52,8 @@ _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 
 _BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
 """Places at which fuel may leave, or seem to, while the needle is shut."""
-RANKED = 8  # candidates listed
+RANKED, MOST_PROPOSED = 8, 4  # candidates and laws listed
+MASS_APART = 0.3 * MILLIGRAM  # kg of an injection, from which on laws that explain as much leave it open
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
 Found on seven plants of other equations than the model's, each with a discrepancy of its own."""
@@ -57,11 +61,10 @@ _EXPECTED_MORE = 10  # fits of a usual search after the first of every effect, f
 Progress = Callable[[float], None]
 """Called with the share done, 0 to 1."""
 METHOD = (
-    "share of exp(-X/(2 T)) among candidates of the same size that might be right, X = -2 log L + 10 a parameter, "
-    "T = 2 for what no model knows of noise and line; at most 0.99"
+    f"share of exp(-X/(2 T)) among all explanations tried that are adequate, X = -2 log L + 10 a number fitted + 50 "
+    f"for a law without a name + 50 for every effect after the first, T = {TEMPER} for what no model knows of noise "
+    f"and line; at most {HIGHEST}"
 )
-TEMPER = 2.0
-HIGHEST = 0.99
 WITH_A_WRONG_MODEL = 0.8  # at most, when discovery names something on healthy recordings
 
 
@@ -160,10 +163,10 @@ def name_effects(
 
 def _led_by(found: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
     """The outcome led by what the user chose. Raises `UserError` when the recordings do not leave it open."""
-    tied = (found.winner, *found.rivals) if found.adequate else ()
+    tied = _names_left(found)
     for one in tied:
         if set(one.ids) == set(chosen):
-            return replace(found, winner=one, rivals=tuple(other for other in tied if other is not one))
+            return replace(found, winner=one)
     left = ", ".join(" + ".join(one.ids) for one in tied if one.ids) or "nothing"
     raise UserError(
         f"--choose {'+'.join(chosen)}",
@@ -192,6 +195,14 @@ def healthy_baseline(
     return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery
 
 
+def _names_left(found: SearchOutcome) -> tuple[Candidate, ...]:
+    """What the recordings leave open that has a name, the winner first; nothing where they leave laws only."""
+    named = [one for one in found.left if one.ids and not one.terms]
+    if not found.adequate or not found.winner.ids or not named:
+        return ()
+    return (found.winner, *(one for one in named if one.key != found.winner.key))
+
+
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
@@ -204,40 +215,66 @@ class _Verdict:
         self._likelihood = fitter.likelihood
         self._found = found
         self._baseline = baseline
-        self._rivals = tuple(rival.ids for rival in found.rivals) if found.adequate else ()
-        self._best = found.winner if found.adequate else min(found.fitted, key=lambda one: one.statistic)
-        self._proposals = propose(fitter, found, baseline, held_out, self._moves)
+        self._names = _names_left(found)
+        laws = [one for one in found.left if one.terms]
+        if found.laws is not None and not found.posterior:  # nothing explains all
+            laws = [one for one in (found.laws.best, *found.laws.rivals) if one.terms]
+        proposer = Proposer(fitter, found, baseline, held_out)
+        proposals = proposer.proposals(laws[:MOST_PROPOSED])
+        self._proposals = with_parts(proposals, self._likelihood, self._nominal)
+
+    def _verdict(self) -> Verdict:
+        """Laws that explain as much and inject other masses leave it open, too."""
+        if self._names:
+            is_open = self._names[1:] or self._proposals or self._found.soft
+            return Verdict.AMBIGUOUS if is_open else Verdict.NAMED
+        if self._found.adequate and not self._proposals:
+            return Verdict.NONE
+        masses = [one.found.moves.mass for one in self._proposals if one.adequate] or [0.0]
+        return Verdict.AMBIGUOUS if np.ptp(masses) > MASS_APART else Verdict.UNKNOWN
+
+    def _confidence(self, verdict: Verdict) -> float:
+        """Probability of what is said: of the name or law that leads, of all laws, or that nothing is missing."""
+        found, laws = self._found, [one.probability for one in self._proposals]
+        if self._names or not self._proposals:
+            sure = found.probability(found.winner)
+        else:
+            sure = sum(laws) if verdict is Verdict.UNKNOWN else laws[0]
+        if not found.posterior:
+            sure = HIGHEST * (1.0 - 0.5 / found.ratio)
+        return sure if self._baseline.adequate else min(sure, WITH_A_WRONG_MODEL)
 
     def discovery(self) -> Discovery:
         """Everything together."""
         found, verdict = self._found, self._verdict()
-        confidence = HIGHEST if found.adequate and self._proposals else confidence_of(found)
-        if not self._baseline.adequate:
-            confidence = min(confidence, WITH_A_WRONG_MODEL)
-        named = verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
-        open_ids = [one for ids in (found.winner.ids, *self._rivals) for one in ids]
+        confidence = self._confidence(verdict)
+        by_name = (one for one in found.fitted if not one.terms)
+        best = found.winner if found.adequate else min(by_name, key=attrgetter("statistic"))
         recordings = self._likelihood.recordings
         noise = [recorded.measurement.noise for recorded in recordings]
         with_rate = any(recorded.rate_phases.size for recorded in recordings)
-        after, gain = self._cells(self._best), found.nominal.statistic - found.winner.statistic
+        after, gain = self._cells(best), found.nominal.statistic - found.winner.statistic
         left = max(0.0, sum(cell.samples * (cell.variance - 1.0) for cell in after))
         explained = gain / (gain + left) if gain > 0.0 else 0.0
+        open_ids = [one for name in self._names for one in name.ids]
+        is_open = bool(self._proposals) or not found.adequate
         return Discovery(
             verdict=verdict,
-            named=found.winner if named else found.nominal,
-            best=self._best,
-            effects=self._effects(confidence, explained) if named else (),
-            rivals=self._rivals if named else (),
+            named=found.winner if self._names else found.nominal,
+            best=best,
+            effects=self._effects(confidence, explained) if self._names else (),
+            rivals=tuple(one.ids for one in self._names[1:]),
             ranking=self._ranking(),
             samples=float(sum(each.phases.size + each.rate_phases.size for each in recordings)),
             detection=Detection(gain, found.threshold),
             explained=explained,
             confidence=confidence,
             confidence_method=METHOD,
-            unexplained=self._unexplained() if verdict is Verdict.UNKNOWN else None,
-            decide_by=decide_by(open_ids, with_rate)
-            if verdict is Verdict.AMBIGUOUS
-            else decide_between(self._proposals, with_rate),
+            unexplained=self._unexplained(best) if is_open else None,
+            decide_by=(
+                *(decide_by(open_ids, with_rate) if verdict is Verdict.AMBIGUOUS else ()),
+                *decide_between(self._proposals, with_rate),
+            ),
             before=self._cells(found.nominal),
             after=after,
             noise=NoiseLevels(
@@ -254,13 +291,6 @@ class _Verdict:
         first, size = one.effect.parameters[0], self._fitter.smallest_visible(one)
         return SmallestVisible(one.effect.id, first.name, size / first.si, first.unit)
 
-    def _verdict(self) -> Verdict:
-        if not self._found.adequate or self._proposals:
-            return Verdict.UNKNOWN
-        if not self._found.winner.hypothesis.effects:
-            return Verdict.NONE
-        return Verdict.AMBIGUOUS if self._rivals or self._found.soft else Verdict.NAMED
-
     def _effects(self, confidence: float, explained: float) -> tuple[FittedEffect, ...]:
         """The winner's effects. explained: share of the disagreement."""
         winner = self._found.winner
@@ -270,9 +300,9 @@ class _Verdict:
         for number, (effect, gain) in enumerate(zip(winner.hypothesis.effects, gains, strict=True)):
             instead = [
                 one
-                for ids in self._rivals
-                if set(winner.ids) - {effect.id} <= set(ids)
-                for one in ids
+                for name in self._names[1:]
+                if set(winner.ids) - {effect.id} <= set(name.ids)
+                for one in name.ids
                 if one not in winner.ids
             ]
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
@@ -286,9 +316,8 @@ class _Verdict:
     def _gain(self, effect_id: str) -> float:
         """Rise of -2 log L without one of the winner's effects."""
         winner = self._found.winner
-        rest = set(winner.ids) - {effect_id}
-        without = next(one for one in self._found.fitted if set(one.ids) == rest)
-        return without.statistic - winner.statistic
+        rest = frozenset(winner.ids) - {effect_id}
+        return min(one.statistic for one in self._found.fitted if rest == set(one.ids)) - winner.statistic
 
     def _with_intervals(self, one: Candidate) -> Candidate:
         """A candidate with the intervals of its sizes: by the information at the minimum, by how much the effect
@@ -309,8 +338,9 @@ class _Verdict:
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by -2 log L, the winner, its rivals and the nominal model among them."""
         found = self._found
-        leaders = sorted(found.fitted, key=lambda one: one.statistic)[:RANKED]
-        chosen = dict.fromkeys((*leaders, found.winner, *found.rivals, found.nominal))
+        leaders = best_of_each(found.fitted, attrgetter("statistic"))[:RANKED]
+        shown = (*leaders, found.winner, *self._names, *found.left, found.nominal)
+        chosen = {one.key: one for one in shown}.values()
         return tuple(
             replace(
                 self._with_intervals(one),
@@ -321,49 +351,24 @@ class _Verdict:
         )
 
     def _cells(self, one: Candidate) -> tuple[Cell, ...]:
-        model = one.model(self._nominal)
-        judged = self._likelihood.judge(model)
-        return () if judged is None else cells_of(self._likelihood, judged, model)
+        judged = self._fitter.judged(one)
+        return () if judged is None else cells_of(self._likelihood, judged, one.model(self._nominal))
 
-    def _unexplained(self) -> Unexplained | None:
-        found = self._found
-        judged = self._likelihood.judge(found.winner.model(self._nominal))
-        if judged is None:
+    def _unexplained(self, best: Candidate) -> Unexplained | None:
+        """Where the model as given fails most, and the equation and variables of what explains most of it."""
+        pool = self._fitter.pool(self._found.nominal)
+        assert pool is not None  # the search began with it
+        place = worst(pool, self._baseline)
+        leading = self._proposals[0].found if self._proposals else best
+        variables = {one.word for term in leading.terms for one in term.law.variables}
+        equations = [effect.equation for effect in leading.hypothesis.effects]
+        if not equations:
             return None
-        place = worst(pool_of(self._likelihood, judged), self._baseline)
-        left = unexplained(self._likelihood, judged, self._nominal, place, found.fitted)
-        if not self._proposals:
-            return left
-        best = self._proposals[0]
-        return replace(left, equation=best.found.hypothesis.effects[0].equation, phase=best.phase)
-
-
-def confidence_of(found: SearchOutcome) -> float:
-    """Probability that the winner is right; of the nominal model, that nothing is missing."""
-    if not found.adequate:
-        return HIGHEST * (1.0 - 0.5 / found.ratio)
-    winner = found.winner
-    handicap = 0.0 if winner.hypothesis.effects else found.threshold  # of those who would be accepted
-    others = [one for one in (*found.contenders, found.nominal) if one is not winner]
-    return confidence_before(price(one) + handicap - price(winner) for one in others)
+        return Unexplained(
+            equations[0], place.phase, place.signal, tuple(sorted(variables)), " + ".join(leading.ids)
+        )
 
 
 def confidence_before(behind: Iterable[float]) -> float:
     """Probability of a candidate, others being behind it by these amounts of -2 log L with its price."""
-    return HIGHEST / (1.0 + sum(math.exp(min(0.0, -one / (2.0 * TEMPER))) for one in behind))
-
-
-def consequence(
-    measured: Sequence[Measurement], before: EffectiveModel, after: EffectiveModel
-) -> Consequence:
-    """By how much line pressure and mass move from one model to another."""
-    pressures, masses = [], []
-    for measurement in measured:
-        for old, new in zip(simulated(measurement, before), simulated(measurement, after), strict=True):
-            pressures.append(new.line_pressure - old.line_pressure)
-            masses.append(
-                mass(measurement, new, after.coefficients.density)
-                - mass(measurement, old, before.coefficients.density)
-            )
-    squares = np.concatenate(pressures) ** 2
-    return Consequence(float(np.sqrt(np.mean(squares))), float(np.mean(masses)))
+    return probabilities([0.0, *behind])[0]

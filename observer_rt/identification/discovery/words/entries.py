@@ -14,16 +14,15 @@ from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement,
 from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
-    Consequence,
     Part,
     Proposal,
     Size,
     Unexplained,
 )
-from observer_rt.identification.discovery.words.formula import formula
 from observer_rt.identification.discovery.words.law_words import as_if
 from observer_rt.identification.discovery.words.sentences import proposal_words
 from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.model.effect import Equation
 from observer_rt.model.terms.term import Term
 
@@ -60,13 +59,12 @@ class CellOfMap(DocumentPart):
 
 
 class ProposedTerm(DocumentPart):
-    """A law added to an equation. sentence: in words, behind `as if`; latex: with its coefficient and units;
+    """A law added to an equation. sentence: in words, behind `as if`;
     coefficient: value, ends of its 95 % interval, unit."""
 
     equation: str
     law: str
     sentence: str
-    latex: str
     coefficient: dict[str, Number | str]
     hardly_told_from: tuple[str, ...]
     depends_on: tuple[str, ...]
@@ -79,40 +77,26 @@ class ProposedEffect(DocumentPart):
     parameters: dict[str, Size]
 
 
-class AlternativeEntry(DocumentPart):
-    """Terms of another equation that line pressure cannot tell from a proposal."""
-
-    terms: tuple[ProposedTerm, ...]
-    moves: Consequence
-
-
-class LostEntry(DocumentPart):
-    """What was fitted and explains less. gain: of -2 log L."""
-
-    terms: tuple[ProposedTerm, ...]
-    effects: tuple[str, ...]
-    gain: Number
-
-
 class ProposalEntry(DocumentPart):
-    """Terms that would explain the recordings. gain: of -2 log L; adequate: nothing but noise is left; sound: bounded
-    over the whole domain; may_enter: whether an amended model may have it; in_part: of one that leaves something but
-    has no other objection; lost: of the first, the best of what was fitted beside it."""
+    """Terms that would explain the recordings. gain: of -2 log L; probability: among all explanations tried;
+    adequate: nothing but noise is left; sound: bounded where it was seen; may_enter: whether an amended model may
+    have it; seen: range of every variable, beyond which the law stays as it is there; in_part: of one that leaves
+    something but has no other objection."""
 
     number: int
     sentence: str
     terms: tuple[ProposedTerm, ...]
     effects: tuple[ProposedEffect, ...]
     gain: Number
+    probability: float
     phase: str
     adequate: bool
     sound: bool
     may_enter: bool
     gap_held_out: Figures
     moves: Consequence
+    seen: dict[str, tuple[float, float]]
     in_part: Part | None
-    alternatives: tuple[AlternativeEntry, ...]
-    lost: tuple[LostEntry, ...]
 
 
 class Unknown(DocumentPart):
@@ -188,30 +172,22 @@ def unknown(left: Unexplained | None, findings: Any) -> Unknown | None:
 
 def _proposal(number: int, one: Proposal) -> ProposalEntry:
     before, after = one.held_out
-    base, sizes = one.found.statistic + one.gain, one.found.parameters
-
-    def terms(found: Candidate) -> tuple[ProposedTerm, ...]:
-        return tuple(_term(term, one.largest_lift) for term in found.terms)
-
+    sizes = one.found.parameters
     return ProposalEntry(
         number=number,
         sentence=proposal_words(one),
-        terms=terms(one.found),
+        terms=tuple(_term(term, one.largest_lift) for term in one.terms),
         effects=tuple(ProposedEffect(id=name, parameters=sizes[name]) for name in one.effects),
         gain=one.gain,
+        probability=one.probability,
         phase=PHASE_NAMES[one.phase],
         adequate=one.adequate,
         sound=one.unsound is None,
         may_enter=one.may_enter,
         gap_held_out={"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
         moves=one.found.moves,
+        seen=one.seen_of_terms,
         in_part=one.part,
-        alternatives=tuple(
-            AlternativeEntry(terms=terms(each), moves=each.moves) for each in one.alternatives
-        ),
-        lost=tuple(
-            LostEntry(terms=terms(each), effects=each.named, gain=base - each.statistic) for each in one.lost
-        ),
     )
 
 
@@ -221,7 +197,6 @@ def _term(term: Term, largest_lift: float | None) -> ProposedTerm:
         equation=term.equation,
         law=str(term.law),
         sentence=as_if(term, largest_lift),
-        latex=formula(term, largest_lift).latex,
         coefficient={"value": term.coefficient, "low": low, "high": high, "unit": str(term.equation.unit)},
         hardly_told_from=term.equation.alike,
         depends_on=tuple(sorted(variable.word for variable in term.law.variables)),

@@ -119,6 +119,15 @@ def plain_words(term: Term, largest_lift: float | None = None) -> str:
     return " ".join(filter(None, (words, per, where, gate)))
 
 
+def law_text(term: Term) -> str:
+    """A term as an injector file has it, with its coefficient and the interval of that."""
+    low, high = term.interval or (term.coefficient, term.coefficient)
+    step = significant(0.5 * (high - low))
+    unit = "" if term.equation.is_share else str(term.equation.unit)
+    sized = with_unit(shown(term.coefficient, step), sign(unit))
+    return f"{term.equation} = {term.law}, c = {sized} (95 %: {shown(low, step)} to {shown(high, step)})"
+
+
 def rounded_size(term: Term, scale: float) -> str:
     """The coefficient times a scale, to the first digit in which its interval is uncertain."""
     low, high = term.interval or (term.coefficient, term.coefficient)

@@ -36,8 +36,9 @@ def _verdict_words(found: Discovery) -> str:
         return "the model explains the recordings; no effect is missing"
     if found.verdict is Verdict.UNKNOWN:
         return f"something is missing that no known effect explains{where_words(found)}"
-    names = [" and ".join(ids) for ids in (found.named.ids, *found.rivals)]
-    if found.verdict is Verdict.AMBIGUOUS and not found.rivals:
+    names = [" and ".join(ids) for ids in (found.named.ids, *found.rivals) if ids]
+    names += [proposal_words(one) for one in found.proposals]
+    if found.verdict is Verdict.AMBIGUOUS and len(names) == 1:
         return f"{names[0]}, which may be one of the two"
     return ", or ".join(names)
 
@@ -48,9 +49,10 @@ def where_words(found: Discovery) -> str:
     if place is None:
         return ""
     shows = f"; it shows most {PHASE_WORDS[place.phase]}"
-    if (one := found.proposal) is not None:
-        either = [_law_words(other, one.largest_lift) for other in one.alternatives]
-        return ", or ".join((f"{shows}, {proposal_words(one)}", *either))
+    if found.proposals:
+        return ", or ".join(
+            (f"{shows}, {proposal_words(found.proposals[0])}", *map(proposal_words, found.proposals[1:]))
+        )
     return f"{shows}, as if the {place.equation.value.replace('_', ' ')} equation were wrong"
 
 
@@ -62,20 +64,6 @@ def proposal_words(one: Proposal) -> str:
     return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *known])
 
 
-def alternative_words(one: Candidate, largest_lift: float | None) -> str:
-    """Describes what line pressure cannot tell from a proposal, with its mass. largest_lift: of the needle [m]."""
-    moved = f"injected mass {one.moves.mass / MILLIGRAM:+.2g} mg"
-    return (
-        f"{_law_words(one, largest_lift)}, {moved}: line pressure cannot tell the two apart, a measured rate may "
-        f"(--instead {one.terms[0].equation})"
-    )
-
-
-def _law_words(one: Candidate, largest_lift: float | None) -> str:
-    (term,) = one.terms
-    return f"as if {as_if(term, largest_lift)}"
-
-
 def standing_words(one: Proposal) -> str:
     """Rates a proposal: how far it explains the recordings, and whether a model may have it."""
     before, after = (value / MEGAPASCAL for value in one.held_out)
@@ -83,16 +71,15 @@ def standing_words(one: Proposal) -> str:
         f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     )
     moved = f"injected mass {one.found.moves.mass / MILLIGRAM:+.2g} mg"
-    fit = "explains all"
-    refusal = one.refusal if one.part is None else one.part.refusal
-    if one.may_enter_in_part and one.part is not None:
+    fit = f"explains all (probability {one.probability:.2f})" if one.adequate else ""
+    if one.refusal is not None:
+        fit = f"no model may have it, for {one.refusal.reason}: {one.refusal.remedy}"
+    elif one.part is not None:
         closed, half = f"{one.part.closed:.0%}", f"{one.part.mass_half:.1%}"
         fit = f"closes {closed} of the gap: a model may have it in part, masses ±{half}"
-    elif refusal is not None:
-        fit = f"no model may have it, for {refusal.reason}: {refusal.remedy}"
-    alike = dict.fromkeys(other for term in one.terms for other in term.equation.alike)
-    hardly = f"line pressure alone hardly tells it from a law of {' or '.join(alike)}" if alike else ""
-    return "; ".join(filter(None, (fit, apart, moved, hardly)))
+    held = [f"{name} {low:g} to {high:g}" for name, (low, high) in one.seen_of_terms.items()]
+    where = f"seen at {', '.join(held)}, beyond it stays as it is there" if held else ""
+    return "; ".join(filter(None, (fit, apart, moved, where)))
 
 
 def visible_words(one: SmallestVisible) -> str:
@@ -102,16 +89,18 @@ def visible_words(one: SmallestVisible) -> str:
 
 def candidate_words(candidate: Candidate) -> str:
     """The effects of a candidate with their sizes and intervals, for a title."""
-    return " and ".join(
+    named = (
         ", ".join((name.replace("_", " "), *size_words(sizes, "")))
         for name, sizes in candidate.parameters.items()
     )
+    return " and ".join((*named, *(f"as if {as_if(term)}" for term in candidate.terms)))
 
 
 def choices(found: Discovery) -> str:
     """Names the options that choose among tied candidates."""
-    options = " or ".join(f"--choose {'+'.join(ids)}" for ids in (found.named.ids, *found.rivals))
-    return f"give the command again with {options}, and --force"
+    options = [f"--choose {'+'.join(ids)}" for ids in (found.named.ids, *found.rivals) if ids]
+    options += [f"--accept-term {n}" for n, one in enumerate(found.proposals, 1) if one.may_enter]
+    return f"give the command again with {' or '.join(options)}, and --force"
 
 
 def best_words(found: Discovery) -> str:

@@ -1,22 +1,21 @@
 """Laws made to measure: a static regression on random moments, whose candidates are terms."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.curves import CURVES, free_curves, made_to_measure
+from observer_rt.identification.discovery.search.curves import CURVES, Score, free_curves, made_to_measure
+from observer_rt.identification.discovery.search.hypothesis import equation_of
 from observer_rt.identification.discovery.search.law_evidence import law_curve
-from observer_rt.identification.discovery.search.term_library import EffectCandidate
+from observer_rt.identification.discovery.search.scores import Scores, scored, weights_of
 from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import TermLaw, form_freed, form_settled
+from observer_rt.model.term_effect import TermLaw, form_freed, form_settled, term_of
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
-from tests.identification.discovery.search.test_term_search import LibraryOnly, in_turn
 from tests.model.terms.laws import moments
 
 COUNT, SIGMA = 4000, 0.1
@@ -24,44 +23,30 @@ VALUES = moments(1, COUNT) | {"closing": np.tile([0.0, 1.0], COUNT // 2)}
 REACH = (0.04, 4.0)
 
 
-@dataclass
-class Moments(LibraryOnly):
-    """y = sum of the laws of its terms, at random moments, with noise."""
-
-    y: NDArray[np.float64]
-    effects: Sequence[Effect]
-
-    @property
-    def candidates(self) -> Sequence[EffectCandidate]:
-        return [EffectCandidate(effect) for effect in self.effects]
-
-    def residuals(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> Residuals:
-        left = self.y.copy()
-        for number, size in zip(chosen, theta, strict=True):
-            law = self.effects[number].apply
-            assert isinstance(law, TermLaw)
-            left -= law.law.at(VALUES, float(size))
-        return Residuals(left / SIGMA, np.array([COUNT]), np.array([np.log(SIGMA)]))
-
-    def is_adequate(self, chosen: Sequence[int], theta: NDArray[np.float64]) -> bool:
-        return False
-
-
 def measured(law: str) -> NDArray[np.float64]:
     noise = np.random.default_rng(5).normal(size=COUNT)
     return parse(law).at(VALUES) + SIGMA * noise
 
 
+def scoring(left: NDArray[np.float64]) -> Score:
+    """Scores of terms in what is left of a regression (COUNT,): each is its law at random moments."""
+    here = Residuals(left / SIGMA, np.array([COUNT]), np.array([np.log(SIGMA)]))
+    weights = weights_of(here)
+
+    def score(effects: Sequence[Effect]) -> Scores:
+        laws = [term.law.at(VALUES) for one in effects if (term := term_of(one, 1.0)) is not None]
+        rows = [np.asarray(weights * law / SIGMA, np.float32) for law in laws]
+        there = np.array([number for number, row in enumerate(rows) if row.any()], np.int64)
+        slopes = np.column_stack([rows[number] for number in there])
+        return scored([effects[number] for number in there], there, slopes, here)
+
+    return score
+
+
 def made(law: str, *equations: TermEquation) -> list[Effect]:
-    y = measured(law)
-    swings = waves([1200.0], 0.04)
-    here = Moments(y, ()).residuals((), np.zeros(0))
-
-    def about_here(effects: Sequence[Effect]) -> Moments:
-        return Moments(y, effects)
-
+    score, swings = scoring(measured(law)), waves([1200.0], 0.04)
     every = [(equation, *one) for equation in equations for one in CURVES[equation]]
-    return made_to_measure(free_curves(every, about_here, here, in_turn), swings, about_here, here, in_turn)
+    return made_to_measure(free_curves(every, score), swings, score)
 
 
 @pytest.mark.parametrize(
@@ -104,8 +89,8 @@ def test_a_wave_is_turned_to_its_phase() -> None:
 def test_a_curve_about_a_law_says_where_the_law_is_wrong() -> None:
     y = measured("0.3 * min(needle_lift/max_lift, 0.6)")
     term = Term(TermEquation.SEAT_FLOW, parse("c * (needle_lift/max_lift)"), 0.3, (0.29, 0.31))
-    here = Residuals((y - term.law.at(VALUES, 0.3)) / SIGMA, np.array([COUNT]), np.array([0.0]))
-    curve = law_curve(term, lambda effects: Moments(y, effects), here, in_turn, REACH)
+    left = y - term.law.at(VALUES, 0.3)
+    curve = law_curve(term, scoring(left), float(np.mean((left / SIGMA) ** 2)), REACH)
     assert curve is not None
     np.testing.assert_allclose(curve.law[0], 0.3 * curve.x)
     off = np.abs(curve.points - 0.3 * curve.at) > 1.5 * curve.half
@@ -116,8 +101,7 @@ def test_a_curve_about_a_law_says_where_the_law_is_wrong() -> None:
 @pytest.mark.parametrize("law", ["c * lagged(open, 1)", "c * line_flow * time", "c * sin(time)", "c * 1"])
 def test_what_has_not_one_variable_is_not_drawn(law: str) -> None:
     term = Term(TermEquation.SEAT_FLOW, parse(law), 0.3)
-    here = Moments(np.zeros(COUNT), ()).residuals((), np.zeros(0))
-    assert law_curve(term, lambda effects: Moments(np.zeros(COUNT), effects), here, in_turn, REACH) is None
+    assert law_curve(term, scoring(np.zeros(COUNT)), 1.0, REACH) is None
 
 
 def test_numbers_within_a_law_are_freed_and_settled() -> None:
@@ -139,5 +123,5 @@ def test_lines_stand_out_of_noise() -> None:
 
 
 def test_a_hum_is_of_rail_chamber_or_sensor_never_an_outflow() -> None:
-    where = {EffectCandidate(one).equation for pair in waves([1200.0], 0.04) for one in pair}
+    where = {equation_of(one) for pair in waves([1200.0], 0.04) for one in pair}
     assert where == {"rail_pressure", "chamber_pressure", "line_pressure_sensor"}

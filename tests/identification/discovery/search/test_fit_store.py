@@ -4,17 +4,22 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.identification.discovery.search.candidates import FitStore, problem_key
+from observer_rt.identification.discovery.search.store import FitStore, problem_key
 from observer_rt.model.effects import sized
 from tests.identification.discovery.hidden import NOMINAL
 from tests.identification.discovery.test_amend import LEAK
 
-IDS, THETA, STATISTIC = ("orifice_area", "line_friction"), np.array([0.1 + 0.2, -1e-300]), -207_000.123456789
+IDS, THETA, STATISTIC, SPREAD = (
+    ("orifice_area", "line_friction"),
+    np.array([0.1 + 0.2, -1e-300]),
+    -207_000.123456789,
+    1.1,
+)
 
 
 def _stored(path: Path, key: str) -> None:
     with FitStore(path, key) as store:
-        store[IDS] = THETA, STATISTIC
+        store[IDS] = THETA, STATISTIC, SPREAD
 
 
 def test_fits_come_back_bit_by_bit(tmp_path: Path) -> None:
@@ -25,7 +30,7 @@ def test_fits_come_back_bit_by_bit(tmp_path: Path) -> None:
         found = store.get(IDS)
         assert found is not None
         assert found[0].tobytes() == THETA.tobytes()
-        assert found[1] == STATISTIC
+        assert found[1:] == (STATISTIC, SPREAD)
         assert store.get(IDS[:1]) is None
 
 

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.discovery.search.term_library import InjectorTerms, RecordingSpan, library
-from observer_rt.identification.discovery.search.term_search import TermSearch
+from observer_rt.identification.discovery.search.fits import Fitter
+from observer_rt.identification.discovery.search.laws import Adequacy, LawSearch
+from observer_rt.identification.discovery.search.library import library, span_of
+from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
-from observer_rt.model.term_effect import term_of
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.hidden import NOMINAL
-from tests.identification.discovery.search.test_term_search import in_turn
 from tests.observed_plants import recording_of
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults, Injector
@@ -46,14 +46,10 @@ def recorded(change: Change) -> list[Recording]:
 
 def found_in(change: Change) -> tuple[Term, ...]:
     """The terms found in them."""
-    made = recorded(change)
     nominal = effective_model(NOMINAL)
-    likelihood = joint_likelihood(measurements(made), nominal)
-    span = RecordingSpan(float(made[0].time[-1]), INJECTIONS)
-    problem = InjectorTerms(likelihood, nominal, list(library(span)), NOT_FITTED)
-    best = TermSearch(problem, in_turn).run().best
-    sized = zip(problem.hypothesis(best.chosen).effects, best.theta.tolist(), strict=True)
-    return tuple(term for effect, size in sized if (term := term_of(effect, size)) is not None)
+    fits = Fitter(joint_likelihood(measurements(recorded(change)), nominal), nominal, workers=2)
+    effects = list(library(span_of(fits.likelihood)))
+    return LawSearch(fits, effects, Adequacy(fits, NOT_FITTED)).run().best.terms
 
 
 def plugged(bench: Bench) -> Bench:
@@ -136,8 +132,8 @@ def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     def worn(bench: Bench) -> Bench:
         return replace(bench, events=tuple(replace(e, faults=Faults(**hidden)) for e in bench.events))
 
-    proposals = name_effects(effective_model(NOMINAL), measurements(recorded(worn))).proposals
-    assert all(one.may_enter and not one.terms for one in proposals)
-    (right,) = (one for one in proposals if set(one.effects) == set(hidden))  # beside near ties
-    for effect, size in zip(right.effects, right.found.sizes, strict=True):
+    found = name_effects(effective_model(NOMINAL), measurements(recorded(worn)))
+    assert found.verdict is Verdict.NAMED
+    assert set(found.named.ids) == set(hidden)
+    for effect, size in zip(found.named.ids, found.named.sizes, strict=True):
         assert size == pytest.approx(hidden[effect], rel=0.03)

@@ -20,7 +20,7 @@ LAW = term_effect(TermEquation.NOZZLE_FLOW, "needle_lift/max_lift")
 def test_a_law_has_its_own_size_beside_an_effect_of_two(
     effects: tuple[Effect, ...], sizes: tuple[float, ...], half: tuple[float, ...]
 ) -> None:
-    (term,) = Candidate(Hypothesis(effects), sizes, 0.0, half).terms
+    (term,) = Candidate(Hypothesis(effects), sizes, 0.0, half=half).terms
     assert (term.equation, term.coefficient) == (TermEquation.NOZZLE_FLOW, -0.2)
     assert term.interval == pytest.approx((-0.25, -0.15))
     (term,) = Candidate(Hypothesis(effects), sizes, 0.0).terms

@@ -1,32 +1,22 @@
 """Laws by table: a static regression on random moments, whose candidates are terms."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 
 from observer_rt.identification.discovery.search.curves import CURVES, free_curves
 from observer_rt.identification.discovery.search.tables import LEAST_KNOTS, MOST_KNOTS, MOST_TURNS, tables
-from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw
 from observer_rt.model.terms.term import TermEquation
-from tests.identification.discovery.search.test_curves import COUNT, SIGMA, VALUES, Moments, measured
-from tests.identification.discovery.search.test_term_search import in_turn
+from tests.identification.discovery.search.test_curves import COUNT, SIGMA, VALUES, measured, scoring
 
 FLOW = "min(max(line_flow/60, -0.3), 1)"  # within its axis
 SPEED = "min(max(lift_rate, -0.5), 0.5)"
 
 
 def best_table(law: str) -> TermLaw:
-    y = measured(law)
-    here = Moments(y, ()).residuals((), np.zeros(0))
-
-    def about_here(effects: Sequence[Effect]) -> Moments:
-        return Moments(y, effects)
-
+    score = scoring(measured(law))
     every = [(equation, *one) for equation, curves in CURVES.items() for one in curves]
-    curves = free_curves(every, about_here, here, in_turn)
-    found = tables(curves, about_here, here, in_turn)[0].apply
+    found = tables(free_curves(every, score), score)[0].apply
     assert isinstance(found, TermLaw)
     return found
 

@@ -3,7 +3,7 @@
 import pytest
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.candidates import Fit
+from observer_rt.identification.discovery.search.fits import Fit
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal

@@ -1,0 +1,121 @@
+"""Candidates judged on operating points that they were not fitted to."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.whitening import robust_cost
+from observer_rt.identification.discovery.search.hypothesis import Sizing
+from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.identification.likelihood.bounded_fit import fit
+from observer_rt.identification.likelihood.likelihood import (
+    JointLikelihood,
+    JudgedModel,
+    RecordingLikelihood,
+)
+from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
+from observer_rt.identification.likelihood.open_loop import simulated
+from observer_rt.model.effective import EffectiveModel
+
+
+class HeldOutPoints:
+    """Candidates fitted to every second operating point and judged on the events of the others."""
+
+    def __init__(self, likelihood: JointLikelihood, nominal: EffectiveModel) -> None:
+        first, second = every_second_point([recorded.measurement for recorded in likelihood.recordings])
+        self._fitted, self._judged = (
+            JointLikelihood([likelihood.recordings[i] for i in part]) for part in (first, second)
+        )
+        self._nominal = nominal
+        self._known: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
+
+    def statistic(self, candidate: Candidate) -> float:
+        """-2 log L of all events held out; inf without a solution, nan where there is nothing to hold out."""
+        if not self._judged.recordings:
+            return math.nan
+        events = self._events(candidate)
+        return math.inf if events is None else float(np.sum(events.statistic))
+
+    def gap(self, candidate: Candidate) -> float:
+        """Rms of the line pressure's open-loop gap on the events held out [Pa]; nan without any."""
+        if not self._judged.recordings:
+            return math.nan
+        events = self._events(candidate)
+        return math.inf if events is None else math.sqrt(float(np.mean(events.gap)))
+
+    def pays(self, candidate: Candidate, smaller: Candidate) -> bool:
+        """Whether a candidate explains the events held out better than a smaller one.
+
+        -2 log L must fall by more than that scatters between events. The gap of the line pressure, with nothing
+        corrected from the opening on, must not grow by more than it scatters: it says less of a small effect, but it
+        is what a model is wanted for. Where nothing can be held out nothing speaks against a candidate.
+        """
+        if not self._judged.recordings:
+            return True
+        after, before = self._events(candidate), self._events(smaller)
+        if after is None or before is None:
+            return before is None and after is not None
+        falls, scatter = _total(before.statistic - after.statistic)
+        shrinks, gap_scatter = _total(before.gap - after.gap)
+        return falls > scatter and shrinks > -gap_scatter
+
+    def _events(self, candidate: Candidate) -> "_Events | None":
+        key = (candidate.ids, candidate.sizes)
+        if key not in self._known:
+            self._known[key] = self._found(candidate)
+        return self._known[key]
+
+    def _found(self, candidate: Candidate) -> "_Events | None":
+        hypothesis, theta = candidate.hypothesis, candidate.theta
+        if hypothesis.effects:
+            again = fit(Sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())
+            if again is None:
+                return None
+            theta = again.theta
+        model = hypothesis.model(self._nominal, theta)
+        judged = self._judged.judge(model)
+        if judged is None:
+            return None
+        recordings = self._judged.recordings
+        statistic = [_by_event(recorded, one) for recorded, one in zip(recordings, judged, strict=True)]
+        gap = [_gap_by_event(recorded.measurement, model) for recorded in recordings]
+        return _Events(np.concatenate(statistic), np.concatenate(gap))
+
+
+@dataclass(frozen=True, eq=False)
+class _Events:
+    """Events held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure."""
+
+    statistic: NDArray[np.float64]
+    gap: NDArray[np.float64]
+
+
+def _total(falls: NDArray[np.float64]) -> tuple[float, float]:
+    """The sum over events (events,), and its standard deviation as the events scatter; 0 with one."""
+    scatter = float(np.std(falls, ddof=1)) * math.sqrt(falls.size) if falls.size > 1 else 0.0
+    return float(np.sum(falls)), scatter
+
+
+def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np.float64]:
+    line = measurement.recording.line_pressure
+    runs = simulated(measurement, model)
+    return np.array([float(np.mean((one.line_pressure - line[one.samples]) ** 2)) for one in runs])
+
+
+def _by_event(recorded: RecordingLikelihood, one: JudgedModel) -> NDArray[np.float64]:
+    """-2 log L of the events of a recording (events,); its measured rate is shared out evenly."""
+    events: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
+    ends = np.cumsum(events)
+    rate = 2.0 * (robust_cost(one.rate_z, 0, 1.0) + one.rate_z.size * one.rate_log_sigma) / len(events)
+    return np.array(
+        [
+            2.0 * robust_cost(one.z, int(end - size), 1.0)
+            - 2.0 * robust_cost(one.z, int(end), 1.0)
+            + 2.0 * size * one.log_sigma
+            + rate
+            for size, end in zip(events, ends, strict=True)
+        ]
+    )

@@ -1,0 +1,107 @@
+"""Scores of explanations: from one linearisation each, what every one would gain beside a model."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.core.learning.whitening import HUBER
+from observer_rt.identification.likelihood.bounded_fit import Residuals
+from observer_rt.model.effect import Effect
+
+Signature = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Signatures of effects in the residuals about a model, and what each alone would gain.
+
+    effects: (m,), numbers: their places among those tried; information_of, gradient_of: (parts, m, m) and (parts, m)
+    of every part of the data, the gradient half of that of -2 log L, downwards; gains: (m,) of -2 log L, sizes
+    limited by bounds; validated: (m,) the same with every part of the data left out in turn; slopes: (n, m) the
+    signatures; left: weighted sum of squares of the residuals.
+    """
+
+    effects: tuple[Effect, ...]
+    numbers: NDArray[np.int64]
+    information_of: NDArray[np.float64]
+    gradient_of: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    validated: NDArray[np.float64]
+    slopes: Signature
+    left: float
+
+    @cached_property
+    def information(self) -> NDArray[np.float64]:
+        """Of all data (m, m)."""
+        return np.asarray(self.information_of.sum(axis=0))
+
+    @cached_property
+    def gradient(self) -> NDArray[np.float64]:
+        """Of all data (m,)."""
+        return np.asarray(self.gradient_of.sum(axis=0))
+
+    def cosine(self, one: int, other: int) -> float:
+        """Cosine of the signatures in two rows."""
+        length = math.sqrt(self.information[one, one] * self.information[other, other])
+        return abs(float(self.information[one, other])) / length
+
+    def part(self, tried: range) -> "Scores":
+        """Those of some that were tried, their numbers counted from the first; what has no signature is not there."""
+        rows = np.flatnonzero((self.numbers >= tried.start) & (self.numbers < tried.stop))
+        return Scores(
+            tuple(self.effects[row] for row in rows),
+            self.numbers[rows] - tried.start,
+            self.information_of[:, rows[:, None], rows],
+            self.gradient_of[:, rows],
+            self.gains[rows],
+            self.validated[rows],
+            self.slopes[:, rows],
+            self.left,
+        )
+
+    def sizes(self, rows: Sequence[int]) -> NDArray[np.float64]:
+        """Sizes (k,) of several rows together."""
+        information = self.information[np.ix_(rows, rows)]
+        return np.asarray(np.linalg.lstsq(information, self.gradient[list(rows)], rcond=1e-9)[0])
+
+    def pair_gain(self, one: int, other: int) -> float:
+        """Gain of two rows together."""
+        return float(self.gradient[[one, other]] @ self.sizes((one, other)))
+
+
+def weights_of(here: Residuals) -> NDArray[np.float64]:
+    """Roots of what residuals count (n,)."""
+    return np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
+
+
+def scored(
+    effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: Signature, here: Residuals
+) -> Scores:
+    """Scores of effects (m,) by their signatures (n, m) in what is left. numbers: as of `Scores`."""
+    left = np.asarray(weights_of(here) * here.z, np.float32)
+    ends = np.cumsum(here.counts)
+    parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
+    information = np.array([slopes[part].T @ slopes[part] for part in parts], np.float64)
+    gradient = np.array([slopes[part].T @ left[part] for part in parts], np.float64)
+    own = np.diagonal(information, axis1=1, axis2=2)
+    whole, total = own.sum(axis=0), gradient.sum(axis=0)
+    lowest, highest = (
+        np.array([getattr(one.parameters[0], name) for one in effects]) for name in ("lowest", "highest")
+    )
+    sizes = np.clip(total / whole, lowest, highest)
+    without = np.maximum(whole - own, 1e-12 * whole)
+    validated = np.clip((total - gradient) / without, lowest, highest)
+    return Scores(
+        tuple(effects),
+        numbers,
+        information,
+        gradient,
+        2.0 * sizes * total - sizes**2 * whole,
+        np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
+        slopes,
+        float(np.sum(left**2, dtype=np.float64)),
+    )

@@ -12,6 +12,10 @@ from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.stream.state import Observer, Reason
 
+KNOWN_AFTER = (
+    0.25e-3  # s and the time by which the pilot valve is ahead of the lift, after which its flow is known
+)
+
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
     """Carry what is known at the start."""
@@ -107,8 +111,11 @@ def _write(
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag
     carried["level"] = constants.calibration.level(knowledge.in_force[Parameter.LINE_PRESSURE_GAIN])
-    line = learned.coefficients.line
+    line, valve = learned.coefficients.line, learned.coefficients.valve
     carried["line"][: len(line)] = line
+    carried["valve"] = valve
+    later = KNOWN_AFTER + max(valve.start, valve.end) if line.servo > 0.0 else 0.0
+    carried["watch_later"] = round(later / constants.interval)
     noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale
     verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
     observer.verdicts.gains[slot] = schedule.gains

@@ -13,6 +13,7 @@ from observer_rt.model.line.interface import line_of
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
 from observer_rt.model.terms.term import Term
 from observer_rt.model.terms.variable import Variable
+from observer_rt.model.valve import Valve, valve_of
 
 
 class Coefficients(NamedTuple):
@@ -22,6 +23,7 @@ class Coefficients(NamedTuple):
     seat: Seat
     nozzle: Nozzle
     sac: Sac
+    valve: Valve
     pressure_scale: float  # p_0, Pa
     flow_scale: float  # Q_0, m3/s
     area_scale: float  # A_0, m2
@@ -47,6 +49,7 @@ def coefficients(parameters: InjectorParameters, departures: Departures = NO_DEP
         seat=seat_of(parameters, departures),
         nozzle=nozzle,
         sac=sac_of(parameters, nozzle.flow, seat_flow),
+        valve=valve_of(parameters),
         pressure_scale=parameters.scaling.pressure,
         flow_scale=parameters.scaling.flow,
         area_scale=parameters.scaling.area,

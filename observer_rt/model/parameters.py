@@ -31,6 +31,8 @@ FORMAT = 1  # of `injector.toml`; raised when an older program would misread a n
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+ValveTime = Annotated[float, Field(ge=-0.5e-3, le=1e-3)]  # s
+Area = Annotated[float, Field(ge=-10e-6, le=10e-6)]  # m2, of either sign
 Temperature = Annotated[float, Field(ge=200, le=500)]  # K; what is given in degC is refused
 
 LOWEST_TEMPERATURE = 233.15  # K, -40 degC: below it the fuel waxes
@@ -83,6 +85,17 @@ class LineParameters(_Section):
     impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = (
         None  # where, from the rail; else half way
     )
+    # of a servo injector, see `model.valve`; none of it where left out
+    control_flow: Annotated[NonNegative | None, UnitName("m3/s")] = None  # c, of the pilot valve at 100 MPa
+    control_start: Annotated[ValveTime | None, UnitName("s")] = (
+        None  # before the needle leaves its seat, at 100 MPa
+    )
+    control_end: Annotated[ValveTime | None, UnitName("s")] = None  # before it begins to fall
+    control_hold: Annotated[float, Field(ge=-1, le=1)] | None = None  # h, while the needle is at its stop
+    control_exponent: Annotated[float, Field(ge=-2, le=2)] | None = (
+        None  # n, of both times by the rail pressure
+    )
+    displacement: Annotated[Area | None, UnitName("m2")] = None  # A_d, of the needle at the line's end
 
     @property
     def area(self) -> float:

@@ -22,6 +22,8 @@ class ByTheta(NamedTuple):
     nozzle_weight: int
     seat_bias: int
     nozzle: NDArray[np.int64]  # (NOZZLE_NUMBERS,)
+    valve: NDArray[np.int64]  # (VALVE_NUMBERS,)
+    valve_sizes: NDArray[np.float64]  # of theta = 1
     line_columns: NDArray[np.int64]
     line_coefficients: NDArray[np.int64]
     line_slopes: NDArray[np.float64]

@@ -50,7 +50,7 @@ def at(effect: Effect, share: float) -> SizedEffect:
 def numbers(model: EffectiveModel) -> list[float]:
     """Everything a model computes with."""
     c = model.coefficients
-    return [*c.line, *c.seat, *c.nozzle, *c.sac, *c[4:], *model.inputs, *model.sensor]
+    return [*c.line, *c.seat, *c.nozzle, *c.sac, *c.valve, *c[5:], *model.inputs, *model.sensor]
 
 
 def test_no_id_or_parameter_gets_lost() -> None:

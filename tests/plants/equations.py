@@ -21,6 +21,7 @@ from tests.plants.laws import (
     resist,
     since_opening,
     true_lift,
+    valve_opening,
 )
 from tests.plants.parameters import Faults, Injector
 
@@ -281,7 +282,17 @@ def run(
             if beyond:
                 time, speed = t0 + j * step, (lift1 - lift0) / step
                 since = since_opening(time, strokes)
-                moment = Moment(time, since, open0, speed, q[last], p_l0, p_s, remembered[-2])
+                moment = Moment(
+                    time,
+                    since,
+                    open0,
+                    speed,
+                    q[last],
+                    p_l0,
+                    p_s,
+                    remembered[-2],
+                    valve_opening(time, strokes, laws),
+                )
                 now = altered(part, laws, moment)
             kick(q, p, rail0, 0.5 * step, now, faults)
             p_s = drift(q, p, p_s, open0, open1, step, now, faults)

@@ -19,6 +19,7 @@ WAX_WIDTH = 0.15  # of the reference pressure
 STOP_FROM = 0.75  # of the largest lift
 MIDDLE, MIDDLE_WIDTH = 0.5, 0.15  # of the largest lift
 SMALL_LIFT = 50e-6  # m
+VALVE_MOVES = 50e-6  # s, in which the pilot valve opens, or shuts
 HOLE_CLOSES = 0.6e-3  # s after an opening
 VISCOUS_DROP = 4e6  # Pa, below which the flow coefficient of the nozzle falls no further
 RINGING_FREQUENCY, RINGING_DECAY = 1.5e3, 0.6e-3  # Hz, s
@@ -63,6 +64,9 @@ class Laws(NamedTuple):
     lift_memory: float = 1e-4  # s, of what the lift was
     lift_bend: float = 0.0  # share of the largest lift, growing with the square
     least_lift: float = 0.0  # m, of a needle that does not quite close
+    control_flow: float = 0.0  # m3/s at 100 MPa, that a pilot valve takes out of the line while it is open
+    control_lead: float = 0.28e-3  # s, from when it opens to the needle's lifting
+    control_trail: float = 0.17e-3  # s, from when it shuts to the needle's beginning to fall
 
 
 NO_LAWS = Laws()
@@ -82,6 +86,7 @@ class Moment(NamedTuple):
     line_pressure: float
     sac_pressure: float
     remembered_pressure: float
+    valve: float  # 0..1, how far the pilot valve is open
 
 
 @njit(cache=True, nogil=True)
@@ -92,6 +97,17 @@ def since_opening(time: float, strokes: Array) -> float:
         if strokes[i, 0] <= time:
             since = time - strokes[i, 0]
     return since
+
+
+@njit(cache=True, nogil=True)
+def valve_opening(time: float, strokes: Array, laws: Laws) -> float:
+    """How far the pilot valve is open (0..1) for strokes (m, 6): it moves at one speed."""
+    widest = 0.0
+    for i in range(strokes.shape[0]):
+        opens = (time - strokes[i, 0] + laws.control_lead) / VALVE_MOVES + 0.5
+        shuts = (strokes[i, 2] - laws.control_trail - time) / VALVE_MOVES + 0.5
+        widest = max(widest, min(max(min(opens, shuts), 0.0), 1.0))
+    return widest
 
 
 @njit(cache=True, nogil=True)
@@ -184,6 +200,7 @@ def outflow(part: Injector, laws: Laws, now: Moment) -> float:
     drop = max(now.line_pressure - part.chamber_pressure, 0.0)
     leak = laws.needle_area * now.speed + laws.relief * max(now.line_pressure - REFERENCE, 0.0)
     leak += laws.yielding * (now.line_pressure - now.remembered_pressure)
+    leak += laws.control_flow * now.valve * math.sqrt(max(now.line_pressure, 0.0) / REFERENCE)
     if now.lift > 0.0:
         grown = laws.open_leakage + laws.lift_leakage * min(now.lift / part.max_lift, 1.0)
         return leak + grown * drop

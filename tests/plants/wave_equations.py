@@ -35,6 +35,7 @@ from tests.plants.laws import (
     resist,
     since_opening,
     true_lift,
+    valve_opening,
 )
 from tests.plants.parameters import Faults, Injector
 from tests.plants.wave_line_equations import NODES, Lattice, WaveState, line_step
@@ -196,7 +197,17 @@ def run_wave(
             if beyond:
                 open0, speed = true_lift(lift0, remembered[-1], max_lift, laws), (lift1 - lift0) / step
                 since = since_opening(time, strokes)
-                moment = Moment(time, since, open0, speed, flows[-1], p_l0, p_s, remembered[-2])
+                moment = Moment(
+                    time,
+                    since,
+                    open0,
+                    speed,
+                    flows[-1],
+                    p_l0,
+                    p_s,
+                    remembered[-2],
+                    valve_opening(time, strokes, laws),
+                )
                 now = altered(part, laws, moment)
                 _grow_inertance(usual, lattice, flows, laws)
                 remembered[-1] = lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)
@@ -212,7 +223,8 @@ def run_wave(
                 y[end], p_s, before = seat_step(
                     y[end], p_s, drain, lifts, 0.5 * step, lattice.end_volume, now, faults
                 )
-            line_step(state, rooms, rail0, rail1, drain, step, lattice, now, faults)
+            lost = outflow(part, laws, moment) if beyond else 0.0
+            line_step(state, rooms, rail0, rail1, drain + lost, step, lattice, now, faults)
             if not shut:
                 lifts = (
                     _lift_in(middle + GAMMA * (0.5 * step), strokes, remembered[-1], max_lift, laws),
@@ -224,8 +236,6 @@ def run_wave(
                 drain = 0.5 * (before + after)
             if beyond:
                 resist(flows, pressures, remembered, inertances, loss, laws, step)
-                gain = line_stiffness(y[end], now, faults) / lattice.end_volume
-                y[end] -= step * gain * outflow(part, laws, moment)
                 remembered[-2] = lagged(remembered[-2], p_l0, y[end], step, laws.pressure_memory)
             seen = lagged(seen0, p_l0, y[end], step, faults.line_pressure_sensor_lag)
             seen_lift = lagged(seen_lift, lift0, lift1, step, faults.lift_sensor_lag)

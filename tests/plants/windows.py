@@ -47,15 +47,15 @@ class Windows:
 
 
 def windows_of(outcome: Outcome, sample_rate: float) -> Windows:
-    """Windows of the true openings, ending where the next opening begins."""
+    """Windows of the true openings; two that reach into each other part where the flow between them is least."""
     lead, tail = round(LEAD * sample_rate), round(TAIL * sample_rate)
-    samples = outcome.truth.needle_lift.size
-    first = outcome.openings[:, 0]
-    following = np.append(first[1:], samples - 1)
-    ranges = tuple(
-        slice(max(0, int(begin) - lead), min(int(shut) + 1 + tail, int(next_begin)) + 1)
-        for (begin, shut), next_begin in zip(outcome.openings, following, strict=True)
-    )
+    rate = outcome.truth.injection_rate
+    bounds = [[max(0, begin - lead), min(shut + 1 + tail, rate.size - 1)] for begin, shut in outcome.openings]
+    for number, (begin, _) in enumerate(outcome.openings[1:], 1):
+        first = max(begin - lead, outcome.openings[number - 1, 1] + 1)
+        if bounds[number - 1][1] >= begin:
+            bounds[number][0] = bounds[number - 1][1] = first + int(np.argmin(rate[first : begin + 1]))
+    ranges = tuple(slice(int(first), int(last) + 1) for first, last in bounds)
     members = tuple(
         tuple(int(i) for i in np.flatnonzero(outcome.event_of == e)) for e in np.unique(outcome.event_of)
     )

@@ -66,9 +66,9 @@ def test_window_is_lead_opening_and_tail() -> None:
     assert windows.ranges == (slice(485, 651),)
 
 
-def test_window_ends_where_the_next_opening_begins() -> None:
+def test_windows_that_reach_into_each_other_part_where_least_flows() -> None:
     windows = windows_of(outcome_of([(500, 549), (580, 699)], [0, 0]), RATE)
-    assert windows.ranges == (slice(485, 581), slice(565, 751))
+    assert windows.ranges == (slice(485, 566), slice(565, 751))
     assert windows.union(0).tolist() == list(range(485, 751))
 
 
@@ -81,16 +81,15 @@ def two_events() -> tuple[Outcome, Windows]:
 def test_masses_are_trapezoids_over_windows(two_events: tuple[Outcome, Windows]) -> None:
     outcome, windows = two_events
     masses = windows.event_masses_mg(outcome.truth.injection_rate, DENSITY)
-    # 50 samples at 40 mm3/ms, 100 more and the one half under which the first window ends; then 100
-    first_window_end = 0.5
-    assert masses[0] == pytest.approx((150 + first_window_end) * 1e-5 * 40e-6 * DENSITY * 1e6)
+    # 50 samples at 40 mm3/ms and 100 more; then 100
+    assert masses[0] == pytest.approx(150 * 1e-5 * 40e-6 * DENSITY * 1e6)
     assert masses[1] == pytest.approx(100 * 1e-5 * 40e-6 * DENSITY * 1e6)
 
 
 def test_rate_errors_count_every_sample_of_the_union_once(two_events: tuple[Outcome, Windows]) -> None:
     outcome, windows = two_events
     error = np.zeros(outcome.truth.injection_rate.size)
-    error[590:600] = 2.0  # in both windows of the first event
+    error[590:600] = 2.0  # in the second window of the first event
     squares = windows.mean_squares(error)
     assert squares[0] == pytest.approx(10 * 4.0 / windows.union(0).size)
     assert squares[1] == 0.0

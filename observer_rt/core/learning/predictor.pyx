@@ -9,12 +9,13 @@ from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
 from observer_rt.core.model.model cimport (
     Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_slopes, phi_slopes, predict, rate_after,
-    shown_under_terms, trusted_under_terms, under_terms
+    servos_over, shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
-    SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, Tangent
+    SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, Tangent, inputs_of
 )
 from observer_rt.core.model.sensor cimport SENSOR_NUMBERS, LaggedSlopes, lagged_slopes
+from observer_rt.core.model.valve cimport Servo
 
 cdef double DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
@@ -24,6 +25,7 @@ cdef class _Followed:
 
     cdef const double[:, :] inputs, knots
     cdef const double[:] output
+    cdef const double[:, ::1] servos
     cdef const unsigned char[:] resting, masked
     cdef Model model
     cdef Weights weights
@@ -41,13 +43,16 @@ cdef class _Followed:
             raise ValueError("a window has fewer knots than samples")
         self.model, self.weights, self.terms = Model(learned.coefficients), Weights(learned.network), terms
         self.forced.coefficients, self.forced.network = self.model.coefficients, self.weights.network
+        self.servos = servos_over(self.inputs, samples, &self.model.coefficients, setting.interval)
         self.interval.length, self.interval.substeps = setting.interval, setting.substeps
 
     cdef void force(self, const double* x, int64_t k) noexcept nogil:
         """Between sample k and the one before it, from a state x (n,) on, under the terms in force."""
         cdef Knot knot
-        self.interval.start.rail, self.interval.start.area = self.inputs[k - 1, 0], self.inputs[k - 1, 1]
-        self.interval.end.rail, self.interval.end.area = self.inputs[k, 0], self.inputs[k, 1]
+        cdef const Servo* servo = <const Servo*> &self.servos[k - 1, 0]
+        self.interval.start = inputs_of(self.inputs[k - 1, 0], self.inputs[k - 1, 1])
+        self.interval.end = inputs_of(self.inputs[k, 0], self.inputs[k, 1])
+        self.interval.start.servo, self.interval.end.servo = servo[0], servo[1]
         knot.share = knot.area = 0.0
         if self.knots.shape[0] > 0:
             knot.share, knot.area = self.knots[k - 1, 0], self.knots[k - 1, 1]

@@ -22,7 +22,9 @@ cdef void move_end(
     cdef double[3] solved
     cdef int64_t j
     if is_at_rest(x, mean) and end.area <= 0.0:
-        middle = (before + half * soft * line.a1 * (x[1] - line.outflow)) / (1.0 + half * soft * line.leak)
+        middle = before + half * soft * line.a1 * (x[1] - line.outflow)
+        middle -= half * soft * drained(before, &line.softness, line.servo, line.displaced, mean)
+        middle /= 1.0 + half * soft * line.leak
     else:
         middle = _solve_end(x, mean, half, half * soft, c, network, &sac)
     solved[0], solved[1], solved[2] = middle, x[1], sac
@@ -63,6 +65,7 @@ cdef double _solve_end(
     cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused
     cdef double[3] state
     cdef int64_t iteration, neuron
+    inflow -= drained(p_0, &line.softness, line.servo, line.displaced, u)  # explicit: the root hardly changes in a step
     state[1] = flow
     for iteration in range(<int64_t> MOST_ITERATIONS):
         state[0], state[2] = p, s
@@ -145,15 +148,21 @@ cdef void _end_rows(
     if line_step > 0.0:
         inflow = flow - line.outflow
         net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
+        net -= drained(x[0], &line.softness, line.servo, line.displaced, u)
         by_pressure = stiffness_slopes(x[0], &line.softness, &by_air, &by_slope)
         t.by_coefficient[WAVE_A1] = fill * inflow
         t.by_coefficient[WAVE_A2_NOZZLE] = -fill * q_h
         t.by_coefficient[WAVE_A2_SEAT] = -fill * q_s
         t.by_coefficient[WAVE_LEAK] = -fill * p
+        t.by_coefficient[WAVE_DISPLACED] = -fill * u.servo.speed
+        t.by_coefficient[WAVE_SERVO] = 0.0
+        if u.servo.opening != 0.0:
+            t.by_coefficient[WAVE_SERVO] = -fill * u.servo.opening * servo_root(x[0], &line.softness)
+            add_valve(line_row, -fill, x[0], &line.softness, line.servo, u, theta)
         t.by_coefficient[WAVE_AIR] = line_step * by_air * net
         t.by_coefficient[WAVE_STIFFNESS_SLOPE] = line_step * by_slope * net
         add_coefficients(t, t.moved, 0, 1)  # its first row is that of the line
-        soften = line_step * by_pressure * net
+        soften = line_step * by_pressure * net - fill * drained_slope(x[0], &line.softness, line.servo, u)
         by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
         for j in range(t.m):
             line_row[j] += soften * of_line[j] + by_flow * of_flow[j]

@@ -155,7 +155,7 @@ cdef void _observe(
     cdef double* seen = f.variables
     cdef double q_h = 0.0, q_s = 0.0, unit, chamber, line_pressure, lift_rate, rail_rate, line_rate, through_nozzle, rise
     cdef double[2] line
-    cdef Inputs u
+    cdef Inputs u = between(interval.start, interval.end, 0.5)
     u.rail = 0.5 * (interval.start.rail + interval.end.rail)
     u.area = 0.5 * (max(interval.start.area, 0.0) + max(interval.end.area, 0.0))
     cdef bint is_open = u.area > 0.0

@@ -1,5 +1,6 @@
 # A sample interval of any line: a new kind of line is a file, and a row in each of these.
 
+include "servo.pxi"
 include "lump.pxi"
 include "wave.pxi"
 include "closed_end.pxi"

@@ -10,6 +10,8 @@ cdef enum:
     LUMP_LEAK = 5
     LUMP_AIR = 6
     LUMP_STIFFNESS_SLOPE = 7
+    LUMP_SERVO = 10
+    LUMP_DISPLACED = 11
 
 cdef double LOWEST_PRESSURE = 0.01  # of p_0, at which entrained air is taken to soften the line no further
 cdef double LOWEST_STIFFNESS = 0.05  # of K_L, below which a pressure-dependent bulk modulus does not fall
@@ -47,21 +49,22 @@ cdef inline double stiffness_slopes(double x_1, const Softness* line, double* by
 
 
 cdef inline void lump_rates(
-    const double* x, double rail, double q_h, double q_s, const Coefficients* c, double* rate, int n
+    const double* x, Inputs u, double q_h, double q_s, const Coefficients* c, double* rate, int n
 ) noexcept nogil:
     """p_L' of (20), Q_L' of (19) and p_S' of (22), normalised [1/s]; of a mean, p_L, whose integral is the last state."""
     line = &c.line.lump
     rate[0] = stiffness(x[0], &line.softness) * (
         line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
+        - drained(x[0], &line.softness, line.servo, line.displaced, u)
     )
-    rate[1] = line.a3 * (rail - line.loss - x[0]) - line.a4 * x[1] * fabs(x[1])
+    rate[1] = line.a3 * (u.rail - line.loss - x[0]) - line.a4 * x[1] * fabs(x[1])
     rate[SAC] = sac_rate(q_h, q_s, &c.sac)
     if n == 4:
         rate[3] = x[0]
 
 
 cdef inline void lump_slopes(
-    const double* x, double rail, double q_h, double q_s, const LumpLine* line, Tangent* t, double* by_state, int n
+    const double* x, Inputs u, double q_h, double q_s, const LumpLine* line, Tangent* t, double* by_state, int n
 ) noexcept nogil:
     """Derivatives of `lump_rates`; of the coefficients, of those that anything changes."""
     cdef double by_air, by_slope
@@ -70,7 +73,8 @@ cdef inline void lump_slopes(
     cdef double inflow = line.a1 * (x[1] - line.outflow) - line.a2_nozzle * q_h - line.a2_seat * q_s - line.leak * x[0]
     cdef double* first = t.by_coefficient
     cdef double* second = t.by_coefficient + t.size
-    by_state[0] = by_pressure * inflow - soft * line.leak
+    inflow = inflow - drained(x[0], &line.softness, line.servo, line.displaced, u)
+    by_state[0] = by_pressure * inflow - soft * (line.leak + drained_slope(x[0], &line.softness, line.servo, u))
     by_state[1] = soft * line.a1
     by_state[n] = -line.a3
     by_state[n + 1] = -2.0 * line.a4 * fabs(x[1])
@@ -80,9 +84,11 @@ cdef inline void lump_slopes(
     first[LUMP_A2_NOZZLE] = -soft * q_h
     first[LUMP_A2_SEAT] = -soft * q_s
     first[LUMP_LEAK] = -soft * x[0]
+    first[LUMP_SERVO] = -soft * u.servo.opening * servo_root(x[0], &line.softness) if u.servo.opening != 0.0 else 0.0
+    first[LUMP_DISPLACED] = -soft * u.servo.speed
     first[LUMP_AIR] = by_air * inflow
     first[LUMP_STIFFNESS_SLOPE] = by_slope * inflow
-    second[LUMP_A3] = rail - line.loss - x[0]
+    second[LUMP_A3] = u.rail - line.loss - x[0]
     second[LUMP_A4] = -x[1] * fabs(x[1])
     if n == 4:
         by_state[3 * n] = 1.0
@@ -99,7 +105,7 @@ cdef inline void right_hand_side(
     cdef double q_h = 0.0, q_s = 0.0
     if not is_at_rest(x, u):
         changed_flows(x, u, c, network, &q_h, &q_s)
-    lump_rates(x, u.rail, q_h, q_s, c, rate, n)
+    lump_rates(x, u, q_h, q_s, c, rate, n)
 
 
 cdef inline void tangent_rates(
@@ -120,7 +126,7 @@ cdef inline void tangent_rates(
     memset(&flows, 0, sizeof(flows))
     if not is_at_rest(x, u):
         flow_slopes(x, u, c, network, t.sigmas, &flows)
-    lump_slopes(x, u.rail, flows.q_h, flows.q_s, &c.line.lump, t, by_state, n)
+    lump_slopes(x, u, flows.q_h, flows.q_s, &c.line.lump, t, by_state, n)
     t.by_flow[2 * SAC], t.by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
     for row in range(n):
         by_h, by_s = t.by_flow[2 * row], t.by_flow[2 * row + 1]
@@ -140,7 +146,12 @@ cdef inline void tangent_rates(
             if k + 1 == theta.pairs or theta.columns[k + 1] != theta.columns[k]:
                 of_row[theta.columns[k]] = total
                 total = 0.0
-    lump_rates(x, u.rail, flows.q_h, flows.q_s, c, rate, n)
+    for i in range(<int64_t> VALVE_NUMBERS):
+        by_number[theta.valve[i]] = 0.0
+    if u.servo.opening != 0.0:
+        total = -stiffness(x[0], &c.line.lump.softness)
+        add_valve(by_number, total, x[0], &c.line.lump.softness, c.line.lump.servo, u, theta)
+    lump_rates(x, u, flows.q_h, flows.q_s, c, rate, n)
 
 
 cdef inline void _rates(
@@ -236,6 +247,7 @@ cdef inline Inputs between(Inputs start, Inputs end, double share) noexcept nogi
     cdef Inputs u
     u.rail = start.rail + share * (end.rail - start.rail)
     u.area = max(start.area + share * (end.area - start.area), 0.0)
+    u.servo = between_servos(&start.servo, &end.servo, share)
     return u
 
 
@@ -275,6 +287,7 @@ cdef inline void _advance_lump(
         return
     bend.rail = interval.start.rail + knot.share * (interval.end.rail - interval.start.rail)
     bend.area = knot.area
+    bend.servo = between_servos(&interval.start.servo, &interval.end.servo, knot.share)
     part.end, part.length = bend, knot.share * interval.length
     part.substeps = <int64_t> ceil(knot.share * interval.substeps)
     _advance(x, &part, c, network, t, n)

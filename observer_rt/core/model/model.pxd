@@ -6,6 +6,7 @@ from observer_rt.core.model.hydraulics cimport Seat
 from observer_rt.core.model.records cimport (
     Coefficients, FlowSlopes, Forced, Forcing, Gradient, Inputs, Interval, Knot, Network, Tangent
 )
+from observer_rt.core.model.valve cimport Strokes, Valve
 
 
 cdef class Model:
@@ -44,6 +45,14 @@ cdef void fine_step(
 ) noexcept nogil
 cdef void rest_line(double* x, double pressure, const Coefficients* c) noexcept nogil
 cdef void begin_mean(double* x, Tangent* t, const Coefficients* c) noexcept nogil
+cdef double needle_speed(double before, double area, double interval, const Seat* seat) noexcept nogil
+cdef double above_100_mpa(double rail, const Coefficients* c) noexcept nogil
+cdef bint follow_lift(
+    Strokes* s, int64_t position, double before, double area, double pressure, double interval, const Seat* seat
+) noexcept nogil
+cdef void begin_strokes(Strokes* s) noexcept nogil
+cdef double valve_at(int64_t position, double area, const Strokes* s, const Valve* valve, double interval) noexcept nogil
+cdef servos_over(const double[:, :] inputs, int64_t samples, const Coefficients* c, double interval)
 cdef void empty_sac(double* x, Tangent* t) noexcept nogil
 cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nogil
 cdef void under_terms(

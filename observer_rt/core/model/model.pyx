@@ -4,7 +4,7 @@ One unit, for its parts call each other at every stage of every step; a file for
 """
 
 from libc.math cimport (
-    INFINITY, NAN, ceil, copysign, cos, exp, expm1, fabs, isfinite, isnan, log, pi, pow, rint, sin, sqrt, tanh
+    INFINITY, NAN, ceil, copysign, cos, exp, expm1, fabs, isfinite, isinf, isnan, log, pi, pow, rint, sin, sqrt, tanh
 )
 from libc.stdint cimport int64_t
 from libc.string cimport memcpy, memset
@@ -17,6 +17,10 @@ from observer_rt.core.model.network cimport fast_tanh
 from observer_rt.core.model.records cimport *
 from observer_rt.core.model.sensor cimport (
     SENSOR_GAIN, SENSOR_NUMBERS, LaggedSlopes, lagged, lagged_slopes, recorded, recorded_mean
+)
+from observer_rt.core.model.valve cimport (
+    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_NUMBERS, Servo, Stroke, Strokes, Valve, hold_valve, join_valve, stop_share,
+    valve_begins, valve_edge, valve_ends
 )
 
 cdef double EMPTY_SAC = 1e-7  # of p_0: a shut, drained sac this close to chamber pressure is at it

@@ -54,7 +54,8 @@ cdef class Carried:
         cdef double[::1] sigmas = tangent.sigmas
         cdef const int64_t[::1] columns = tangent.theta.line_columns, coefficients = tangent.theta.line_coefficients
         cdef const int64_t[::1] nozzle = tangent.theta.nozzle
-        cdef const double[::1] slopes = tangent.theta.line_slopes
+        cdef const double[::1] slopes = tangent.theta.line_slopes, sizes = tangent.theta.valve_sizes
+        cdef const int64_t[::1] valve = tangent.theta.valve
         t = &self.tangent
         t.n, t.m, t.size, t.neurons = by.shape[0], by.shape[1], by_coefficient.shape[1], sigmas.shape[0]
         fits = (
@@ -63,6 +64,7 @@ cdef class Carried:
             and by_number.shape[0] == 4 and by_number.shape[1] == t.n and by_number.shape[2] == t.m
             and by_flow.shape[0] == t.n and by_flow.shape[1] == 2 and by_coefficient.shape[0] == t.n
             and columns.shape[0] == coefficients.shape[0] == slopes.shape[0] and nozzle.shape[0] == NOZZLE_NUMBERS
+            and valve.shape[0] == sizes.shape[0] == VALVE_NUMBERS
         )
         if not fits:
             raise ValueError("arrays of a tangent do not fit each other")
@@ -73,6 +75,7 @@ cdef class Carried:
         theta = &t.theta
         theta.nozzle_bias, theta.nozzle_weight = tangent.theta.nozzle_bias, tangent.theta.nozzle_weight
         theta.seat_bias, theta.nozzle = tangent.theta.seat_bias, &nozzle[0]
+        theta.valve, theta.valve_sizes = &valve[0], &sizes[0]
         theta.pairs = slopes.shape[0]
         if theta.pairs:
             theta.columns, theta.coefficients, theta.slopes = &columns[0], &coefficients[0], &slopes[0]
@@ -90,15 +93,15 @@ cdef void _fill(Coefficients* c, coefficients) except *:
         c.line.values[i] = line[i]
         c.of_stiffness[i], c.of_inertance[i] = name in line.of_stiffness, name in line.of_inertance
     c.seat, c.nozzle, c.sac = coefficients.seat._asdict(), coefficients.nozzle._asdict(), coefficients.sac._asdict()
+    c.valve = coefficients.valve._asdict()
     c.pressure_scale, c.flow_scale = coefficients.pressure_scale, coefficients.flow_scale
     c.area_scale, c.chamber_pressure = coefficients.area_scale, coefficients.chamber_pressure
     c.density, c.compression = coefficients.density, coefficients.compression
 
 
 cdef Inputs _inputs(u) except *:
-    cdef Inputs result
-    result.rail, result.area = u
-    return result
+    rail, area = u
+    return inputs_of(rail, area)
 
 
 cdef void _require_states(const double[::1] x, const Coefficients* c) except *:

@@ -1,8 +1,10 @@
 # Records of the model for its functions: coefficients, network, inputs, tangents of derivatives.
 
 from libc.stdint cimport int64_t
+from libc.string cimport memset
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Nozzle, Sac, Seat
+from observer_rt.core.model.valve cimport VALVE_NUMBERS, Servo, Valve
 
 cdef enum:
     MOST_COEFFICIENTS = 24  # of a line
@@ -27,6 +29,8 @@ cdef struct LumpLine:
     double a4  # line friction
     double leak  # line drained by p_L - p_C, 0 for a tight injector
     Softness softness
+    double servo  # control flow at p_0: a1 c / Q_0
+    double displaced  # by 1 m/s of the needle: a1 A_d / Q_0
     double outflow  # of the end, by terms, in units of Q_0
     double loss  # of pressure along the line, by terms, in units of p_0
 
@@ -48,7 +52,9 @@ cdef struct WaveLine:
     Softness softness
     double cells  # n
     double joint  # where the parts meet, in cells from the rail
-    double outflow  # as of the lump, by terms
+    double servo  # as of the lump, and the following
+    double displaced
+    double outflow
     double loss  # likewise, spread evenly over the faces
 
 
@@ -73,6 +79,7 @@ cdef struct Coefficients:
     double pressure_scale  # p_0, Pa
     double flow_scale  # Q_0, m3/s
     double area_scale  # A_0, m2
+    Valve valve
     double chamber_pressure  # p_C, Pa
     double density  # rho_C, kg/m3
     double compression  # p_0/K_L, of the nominal line
@@ -89,6 +96,15 @@ cdef struct Network:
 cdef struct Inputs:
     double rail  # p_R
     double area  # A_S
+    Servo servo
+
+
+cdef inline Inputs inputs_of(double rail, double area) noexcept nogil:
+    """Inputs while the pilot valve is shut and the needle does not move."""
+    cdef Inputs u
+    memset(&u, 0, sizeof(Inputs))
+    u.rail, u.area = rail, area
+    return u
 
 
 cdef struct Interval:
@@ -109,6 +125,8 @@ cdef struct ByTheta:
     int64_t nozzle_weight
     int64_t seat_bias
     const int64_t* nozzle  # (NOZZLE_NUMBERS,)
+    const int64_t* valve  # (VALVE_NUMBERS,)
+    const double* valve_sizes  # of theta = 1
     int64_t pairs  # of coefficients and columns; those of a column follow each other
     const int64_t* columns
     const int64_t* coefficients

@@ -18,6 +18,8 @@ cdef enum:
     WAVE_LEAK = 11
     WAVE_AIR = 12
     WAVE_STIFFNESS_SLOPE = 13
+    WAVE_SERVO = 18
+    WAVE_DISPLACED = 19
     # rows of a tangent's scratch, of which the flows' take 0 and 1
     CHANGE_ROW = 2
     BEFORE_ROW = 3
@@ -214,7 +216,7 @@ cdef void leapfrog(
     cdef int64_t steps = steps_over(interval.length), ends = max(<int64_t> 1, interval.substeps // steps), i, j
     cdef double step = interval.length / steps, part = 1.0 / (steps * ends)
     cdef double rise = interval.end.rail - interval.start.rail, share, first
-    cdef Inputs mean, last
+    cdef Inputs mean = inputs_of(0.0, 0.0), last = inputs_of(0.0, 0.0)
     for i in range(steps):
         share = <double> i / steps
         mean.rail = last.rail = interval.start.rail + share * rise
@@ -222,6 +224,7 @@ cdef void leapfrog(
         for j in range(ends):
             first = share + j * part
             mean.area = open_area(interval, knot, first, first + part, &last.area)
+            mean.servo = between_servos(&interval.start.servo, &interval.end.servo, first + 0.5 * part)
             move_end(x, mean, last, step / ends, c, network, t)
     empty_if_drained(x, interval, t)
 

@@ -8,7 +8,7 @@ from numpy import array
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, nozzle_law
 from observer_rt.core.model.model cimport Model, Weights, empty_sac, rates_at
 from observer_rt.core.model.network cimport fast_tanh
-from observer_rt.core.model.records cimport SAC, Coefficients, Inputs, Network
+from observer_rt.core.model.records cimport SAC, Coefficients, Inputs, Network, inputs_of
 
 cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
 
@@ -107,10 +107,8 @@ cdef void _integrate(
 
 
 cdef inline Inputs _between(Inputs start, Inputs end, double share) noexcept nogil:
-    cdef Inputs u
-    u.rail = start.rail + share * (end.rail - start.rail)
-    u.area = max(start.area + share * (end.area - start.area), 0.0)
-    return u
+    cdef double area = max(start.area + share * (end.area - start.area), 0.0)
+    return inputs_of(start.rail + share * (end.rail - start.rail), area)
 
 
 cdef class _Lent:
@@ -159,11 +157,11 @@ def sweep(window, setting, network, result) -> None:
     observation.phi, observation.gain = &lent.weights, 0.0
     with nogil:
         for k in range(output.shape[0]):
-            u.rail, u.area = inputs[k, 0], inputs[k, 1]
+            u = inputs_of(inputs[k, 0], inputs[k, 1])
             opened = opened or k >= opening
             driven = opened and resting[k] == 0
             if k > 0:
-                start.rail, start.area = inputs[k - 1, 0], inputs[k - 1, 1]
+                start = inputs_of(inputs[k - 1, 0], inputs[k - 1, 1])
                 _integrate(&x_tilde[0], start, u, output[k - 1], output[k], interval, steps, &identification)
                 if driven:
                     _integrate(&x[0], start, u, 0.0, 0.0, interval, steps, &observation)

@@ -1,14 +1,17 @@
 """The simulated injector: the model's equations under wear, in fine steps with the exact needle lift."""
 
-from libc.math cimport INFINITY, fabs
+from libc.math cimport INFINITY, fabs, isinf, tanh
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport normalised_area
 from observer_rt.core.model.model cimport (
-    Model, Terms, Weights, fine_step, rate_after, shown_under_terms, under_terms
+    Model, Terms, Weights, above_100_mpa, fine_step, rate_after, shown_under_terms, under_terms
 )
-from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Inputs, Interval, Knot
+from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Inputs, Interval, Knot, inputs_of
 from observer_rt.core.model.sensor cimport lagged
+from observer_rt.core.model.valve cimport (
+    LIFT_OFF, STAYS_AT_STOP, STOP_EDGE, VALVE_EDGE, Stroke as Lifted, hold_valve, join_valve
+)
 
 cdef double CORNER_ROUNDING = 0.03e-3  # s, window over which the corners of a stroke are rounded
 cdef double EMPTY_SAC = 1e-9  # of the pressure scale, below which a shut sac is at chamber pressure
@@ -56,9 +59,27 @@ cdef inline Stroke _stroke(const double[:, ::1] strokes, int64_t number) noexcep
 
 
 cdef inline Inputs _inputs(double rail, double lift, const Coefficients* c) noexcept nogil:
-    cdef Inputs u
-    u.rail, u.area = rail, normalised_area(lift, &c.seat)
-    return u
+    return inputs_of(rail, normalised_area(lift, &c.seat))
+
+
+cdef inline void _open_valve(
+    Inputs* u, double time, double lift, const Stroke* s, const Stroke* following, const Coefficients* c
+) noexcept nogil:
+    """The pilot valve at a time [s] in or before a stroke; it may open for the following one already."""
+    cdef double at_stop = lift - (s.top - s.opening) * s.opening_speed + LIFT_OFF
+    _open_for(u, time, s, c)
+    _open_for(u, time, following, c)
+    if u.servo.opening > 0.0 and s.closing - s.top > STAYS_AT_STOP:
+        hold_valve(&u.servo, 0.5 * (1.0 + tanh(at_stop / (STOP_EDGE * LIFT_OFF))), &c.valve)
+
+
+cdef inline void _open_for(Inputs* u, double time, const Stroke* s, const Coefficients* c) noexcept nogil:
+    cdef Lifted lifted
+    if isinf(s.opening):
+        return
+    lifted.lifts, lifted.falls = s.opening + LIFT_OFF / s.opening_speed, s.closing + LIFT_OFF / s.closing_speed
+    lifted.pressure = above_100_mpa(u.rail, c)
+    join_valve(&u.servo, time, &lifted, &c.valve, 1.0, VALVE_EDGE)
 
 
 def lift_of_stroke(double time, stroke) -> float:
@@ -77,12 +98,13 @@ def run_injector(
     indicated: what the sensor shows; due: the first sample of the line pressure not recorded yet. time [s], rail,
     lift [m], rate [m3/s], recorded (k,); states (k, 3); strokes (m, 6).
     """
-    cdef Stroke s = _stroke(strokes, number)
+    cdef Stroke s = _stroke(strokes, number), following = _stroke(strokes, number + 1)
     cdef Forced forced
     cdef Interval interval
     cdef Knot knot
     cdef Inputs u, middle, end_u
     cdef double delay = sensor.delay, lag = sensor.lag, step, start, before, shown, added, end, share, rail_middle, rail_end
+    cdef double lift_before, lift_end
     cdef int64_t n, i, samples = time.shape[0]
     c = &model.coefficients
     f = &terms.forcing
@@ -92,8 +114,9 @@ def run_injector(
     forced.coefficients, forced.network = model.coefficients, weights.network
     with nogil:
         for n in range(first, last):
-            lift[n] = rounded_lift(time[n], &s)
+            lift[n] = lift_end = rounded_lift(time[n], &s)
             u = _inputs(rail[n], lift[n], c)
+            _open_valve(&u, time[n], lift[n], &s, &following, c)
             if u.area == 0.0 and fabs(x[SAC]) < EMPTY_SAC:
                 x[SAC] = 0.0  # at rest, not decaying towards denormal numbers
             for i in range(3):
@@ -113,11 +136,15 @@ def run_injector(
                 start = time[n] + i * step
                 if start > s.closed + CORNER_ROUNDING / 2.0:
                     number += 1
-                    s = _stroke(strokes, number)
+                    s, following = following, _stroke(strokes, number + 1)
                 rail_middle = rail[n] + (i + 0.5) / steps * (rail[n + 1] - rail[n])
                 rail_end = rail[n] + (i + 1.0) / steps * (rail[n + 1] - rail[n])
+                lift_before, lift_end = lift_end, rounded_lift(start + step, &s)
                 middle = _inputs(rail_middle, rounded_lift(start + 0.5 * step, &s), c)
-                end_u = _inputs(rail_end, rounded_lift(start + step, &s), c)
+                end_u = _inputs(rail_end, lift_end, c)
+                _open_valve(&middle, start + 0.5 * step, lift_before, &s, &following, c)
+                _open_valve(&end_u, start + step, lift_end, &s, &following, c)
+                u.servo.speed = middle.servo.speed = end_u.servo.speed = (lift_end - lift_before) / step
                 before, shown = x[0], indicated
                 interval.start, interval.end, interval.length = u, end_u, step
                 knot.area = middle.area

@@ -80,13 +80,31 @@ cdef void follow_injection(Observer* observer, int64_t position) noexcept nogil:
     if not memory.event.in_event:
         return
     if needle.is_open:
-        _end_window(observer, counts.injections_begun - 2, position)  # if its tail reaches into this opening
+        _part_injections(observer, position)
         return
     shut_for = observer.ring[position & MASK].index - needle.shut_since
     if shut_for >= timing.window_tail:
         _end_window(observer, counts.injections_begun - 1, position)
     if shut_for >= timing.event_gap:
         close_event(observer, position)
+
+
+cdef void _part_injections(Observer* observer, int64_t position) noexcept nogil:
+    """Where the tail of the injection before reaches into this opening, one ends and the other begins at the least flow.
+
+    So each sample belongs to one, and their masses sum to what was injected.
+    """
+    cdef int64_t number = observer.memory.counts.injections_begun - 2, meet, k
+    if number < 0 or observer.injections[number % INJECTIONS].end >= 0:
+        return
+    injection = &observer.injections[(number + 1) % INJECTIONS]
+    ring = observer.ring
+    meet = max(injection.start, position - (ring[position & MASK].index - observer.memory.needle.shut_since))
+    for k in range(meet + 1, position + 1):
+        if ring[k & MASK].injection_rate < ring[meet & MASK].injection_rate:
+            meet = k
+    injection.start, injection.start_index = meet, ring[meet & MASK].index
+    _end_window(observer, number, meet)
 
 
 cdef void close_event(Observer* observer, int64_t position) noexcept nogil:

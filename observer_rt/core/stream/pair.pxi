@@ -14,6 +14,7 @@ cdef void start_pair(Observer* observer, int64_t position) noexcept nogil:
     row.innovation = 0.0
     memory.outliers.accepted_innovation = 0.0
     memory.monitor.normalised_innovation_squared = 0.0
+    memory.monitor.watched = position
     observer.step(observer.stepper, STEPPING_START, position)
     pair.since_start = 0
     memory.synchronisation.closed_since_start = 0
@@ -34,11 +35,27 @@ cdef bint _is_measured(Observer* observer, int64_t position) noexcept nogil:
     return position + late >= observer.memory.positions.segment_start
 
 
+cdef void _watch_up_to(Observer* observer, int64_t position) noexcept nogil:
+    """Watch the innovations up to a sample; with control flow they are known later, for the lift tells of the valve."""
+    cdef bint was_contradicted
+    monitor = &observer.memory.monitor
+    for k in range(monitor.watched + 1, position + 1):
+        row = &observer.ring[k & MASK]
+        monitor.watched = k
+        if row.innovation == 0.0:
+            continue
+        was_contradicted = monitor.contradicted
+        watch(observer, row.innovation, row.doubt)
+        if monitor.contradicted:
+            end_contradiction(observer, row.resting, not was_contradicted)
+            count_falls(observer, row, not was_contradicted)
+
+
 cdef bint step_pair(Observer* observer, int64_t position) noexcept nogil:
     """Both systems from the previous sample to this one; False when a state is no longer finite."""
-    cdef bint was_contradicted, is_finite
+    cdef bint is_finite
     constants, memory, row = &observer.constants, observer.memory, &observer.ring[position & MASK]
-    pair, monitor = &memory.pair, &memory.monitor
+    pair = &memory.pair
     shown = observer.step(observer.stepper, STEPPING_PREDICT, position)
     row.innovation = 0.0
     if _is_measured(observer, position):
@@ -46,11 +63,7 @@ cdef bint step_pair(Observer* observer, int64_t position) noexcept nogil:
         innovation = y - pair.offset - shown
         if accepted(memory, min(constants.timing.bridge, SHORT * constants.timing.confirm), innovation):
             row.innovation = innovation
-            was_contradicted = monitor.contradicted
-            watch(observer, innovation, row.doubt)
-            if monitor.contradicted:
-                end_contradiction(observer, row.resting, not was_contradicted)
-                count_falls(observer, row, not was_contradicted)
+    _watch_up_to(observer, position - memory.in_force.watch_later)
     is_finite = not isnan(observer.step(observer.stepper, STEPPING_CORRECT, position))
     pair.since_start += 1
     if row.resting:

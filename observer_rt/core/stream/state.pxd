@@ -4,6 +4,7 @@ from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
 from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS
+from observer_rt.core.model.valve cimport Valve
 
 cdef enum:
     RING = 32768  # samples remembered: 0.33 s at 100 kHz
@@ -77,6 +78,7 @@ cdef struct Sample:
     # as computed
     double lift_area  # normalised seat area when the lift was taken
     double seat_area  # u2
+    double valve  # opening of the pilot valve, by what was seen of the lift so far (stepper.pyx)
     unsigned char resting
     double innovation  # e~ of x~, in units of p_0; 0 where the line pressure is not known
     double indicated  # line pressure as the lagging sensor of x~ shows it, without offset
@@ -197,6 +199,8 @@ cdef struct Carried:
     double sensor[SENSOR_NUMBERS]  # as the model in force and what was learned say
     double level  # factor on flows: of the rail pressure, by what was learned of its sensor
     double line[MOST_COEFFICIENTS]  # its coefficients with what was learned of it
+    Valve valve
+    int64_t watch_later  # samples by which innovations are watched later, 0 without control flow
     # where the flow is known well enough: rail pressures, and p_S / p_L
     double rail_from
     double rail_to
@@ -232,6 +236,7 @@ cdef struct Pair:
 
 # innovation_monitor.pxi
 cdef struct InnovationMonitor:
+    int64_t watched  # position up to which innovations were (pair.pxi)
     double normalised_innovation_squared  # running mean of e~^2 by the weight of its noise
     unsigned char contradicted  # it has left what noise can do, and no event passed since (judgement.pxi)
     unsigned char alarm_at_standstill  # by a channel, for the injector did nothing

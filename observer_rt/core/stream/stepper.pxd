@@ -4,6 +4,7 @@ from libc.stdint cimport int64_t
 
 from observer_rt.core.model.model cimport Terms
 from observer_rt.core.model.records cimport Coefficients, Forced, Forcing, Network
+from observer_rt.core.model.valve cimport Strokes
 from observer_rt.core.stream.state cimport Observer
 from observer_rt.core.stream.stream cimport PairStepper, Stream
 
@@ -15,6 +16,8 @@ cdef struct Stepping:
     double fraction  # of a sample, by which the line pressure is recorded late
     double interval  # s
     int64_t substeps
+    int64_t started  # position
+    Strokes strokes
     Observer* observer
     Forcing* of_tilde
     Forcing* of_hat

@@ -1,18 +1,23 @@
 """Stepper of the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
 
-from libc.math cimport NAN, isfinite
+from libc.math cimport NAN, isfinite, pow
 from libc.stdint cimport int64_t
 from libc.string cimport memcpy
 
 from observer_rt.core.model.model cimport (
-    Model, Terms, advance_over, correct, fault_and_rate, is_shut_under_terms, predict, rest_line, shown_under_terms,
-    trusted_under_terms, under_terms
+    Model, Terms, above_100_mpa, advance_over, begin_strokes, correct, fault_and_rate, follow_lift, is_shut_under_terms,
+    needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
-from observer_rt.core.model.records cimport SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network
+from observer_rt.core.model.records cimport (
+    SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of
+)
+from observer_rt.core.model.valve cimport valve_edge
 from observer_rt.core.stream.state cimport (
     HIDDEN, MASK, STEPPING_CORRECT, STEPPING_PREDICT, Sample
 )
 from observer_rt.core.stream.stream cimport Stream
+
+cdef double REMEMBERED = 2e-3  # s before a sample, from which on the pair is run again at most
 
 
 cdef class Stepper(PairStepper):
@@ -34,6 +39,7 @@ cdef class Stepper(PairStepper):
         s.network.nozzle = memory.in_force.nozzle
         s.forced.network = s.network
         s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
+        begin_strokes(&s.strokes)
         s.observer = &stream.observer
         s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
         self.step, self.stepper = step, s
@@ -43,6 +49,7 @@ cdef class Stepper(PairStepper):
         if before.terms_of_tilde.forcing.rows != self.terms_of_tilde.forcing.rows:
             raise ValueError("other terms than before")
         self.terms_of_tilde, self.terms_of_hat = before.terms_of_tilde, before.terms_of_hat
+        self.stepping.strokes, self.stepping.started = before.stepping.strokes, before.stepping.started
         self.stepping.of_tilde, self.stepping.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
 
 
@@ -80,8 +87,9 @@ cdef inline void _force(Stepping* s, const Sample* ring, int64_t position, const
     cdef Interval interval
     cdef Knot knot
     before, row = &ring[(position - 1) & MASK], &ring[position & MASK]
-    interval.start.rail, interval.start.area = before.rail_pressure, before.seat_area
-    interval.end.rail, interval.end.area = row.rail_pressure, row.seat_area
+    interval.start, interval.end = inputs_of(before.rail_pressure, before.seat_area), inputs_of(row.rail_pressure, row.seat_area)
+    interval.start.servo.opening, interval.end.servo.opening = before.valve, row.valve
+    interval.end.servo.speed = needle_speed(before.seat_area, row.seat_area, s.interval, &s.coefficients.seat)
     interval.length, interval.substeps = s.interval, s.substeps
     knot.share, knot.area = before.lift_after, before.lift_area
     under_terms(x, &interval, knot, &s.coefficients, &s.network, forcing, &s.forced)
@@ -93,6 +101,9 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
     row = &s.observer.ring[position & MASK]
     x_tilde = _x_tilde(s, position)
     _take_line(s)
+    begin_strokes(&s.strokes)
+    s.started = position
+    row.valve = 0.0
     rest_line(x_tilde, row.indicated, &s.coefficients)
     x_tilde[SAC] = 0.0
     memcpy(_x_hat(s, position), x_tilde, s.observer.states * sizeof(double))
@@ -105,10 +116,49 @@ cdef void _start(Stepping* s, int64_t position) noexcept nogil:
 
 cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
     """x~ from the sample before; what the sensor is to record of it."""
+    _take_line(s)
+    if _follow_valve(s, position):
+        _run_again(s, position)
+    return _predict_sample(s, position)
+
+
+cdef bint _follow_valve(Stepping* s, int64_t position) noexcept nogil:
+    """The pilot valve at a sample by the lift up to it; whether it shows that it stood otherwise before."""
+    cdef bint is_shown
+    ring, in_force = s.observer.ring, &s.observer.memory.in_force
+    before, row = &ring[(position - 1) & MASK], &ring[position & MASK]
+    is_shown = follow_lift(
+        &s.strokes, position, before.seat_area, row.seat_area, above_100_mpa(row.rail_pressure, &s.coefficients),
+        s.interval, &s.coefficients.seat,
+    )
+    row.valve = valve_at(position, row.seat_area, &s.strokes, &in_force.valve, s.interval)
+    return is_shown and in_force.watch_later > 0 and s.of_tilde.rows == 0
+
+
+cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
+    """The pair once more over the samples before one that showed how the valve had stood; published rates stay.
+
+    Not where terms are in force, which remember what they saw.
+    """
+    cdef int64_t earliest = max(s.started + 1, position - <int64_t> (REMEMBERED / s.interval)), k
+    cdef double before, shown
+    valve, ring = &s.observer.memory.in_force.valve, s.observer.ring
+    before = max(valve.start, valve.end) * pow(s.strokes.last.pressure, -valve.exponent) / s.interval
+    for k in range(max(earliest, <int64_t> (s.strokes.shown - before - 6.0 * valve_edge(s.interval))), position):
+        row = &ring[k & MASK]
+        row.valve = valve_at(k, row.seat_area, &s.strokes, valve, s.interval)
+        shown = _predict_sample(s, k)
+        if row.innovation != 0.0:
+            y = ring[(k + s.observer.constants.sensor.late) & MASK].line_pressure
+            row.innovation = y - s.observer.memory.pair.offset - shown
+        _move_pair(s, k)
+
+
+cdef double _predict_sample(Stepping* s, int64_t position) noexcept nogil:
+    """`_predict` with the valve as it is in the samples' rows."""
     cdef double indicated = s.observer.ring[(position - 1) & MASK].indicated, shown
     x_tilde = _x_tilde(s, position)
     memcpy(x_tilde, _x_tilde(s, position - 1), s.observer.states * sizeof(double))
-    _take_line(s)
     _force(s, s.observer.ring, position, x_tilde, s.of_tilde)
     shown = predict(x_tilde, &indicated, &s.forced, s.fraction, s.observer.memory.in_force.sensor, NULL)
     s.observer.ring[position & MASK].indicated = indicated
@@ -116,12 +166,27 @@ cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
-    """x~ by the sample's innovation, then x^; nan where a state is no longer finite.
+    """x~ by the sample's innovation, then x^ and its rate; nan where a state is no longer finite."""
+    cdef double total = 0.0
+    cdef int64_t i
+    _move_pair(s, position)
+    if s.observer.ring[position & MASK].resting:
+        _read(s, position, &s.coefficients, &s.network)
+    else:
+        _read(s, position, &s.forced.coefficients, &s.forced.network)
+    x_tilde, x_hat = _x_tilde(s, position), _x_hat(s, position)
+    for i in range(s.observer.states):
+        total += x_hat[i] + x_tilde[i]
+    return 0.0 if isfinite(total) else NAN
+
+
+cdef void _move_pair(Stepping* s, int64_t position) noexcept nogil:
+    """x~ by the sample's innovation, then x^.
 
     With the needle long shut x^ := x~, the sac at chamber pressure but for a term; else x^ runs open loop.
     """
-    cdef double trusted, total = 0.0
-    cdef int64_t i, states = s.observer.states
+    cdef double trusted
+    cdef int64_t states = s.observer.states
     row = &s.observer.ring[position & MASK]
     x_tilde, x_hat = _x_tilde(s, position), _x_hat(s, position)
     gain = s.observer.gains + min(s.observer.memory.pair.since_start, s.observer.gain_rows - 1) * states
@@ -136,17 +201,12 @@ cdef double _correct(Stepping* s, int64_t position) noexcept nogil:
         memcpy(s.of_hat.totals, s.of_tilde.totals, 10 * sizeof(double))
         if s.of_tilde.rows > 0:
             memcpy(s.of_hat.memory, s.of_tilde.memory, 3 * s.of_tilde.rows * sizeof(double))
-        _read(s, position, &s.coefficients, &s.network)
     else:
         memcpy(x_hat, _x_hat(s, position - 1), states * sizeof(double))
         _force(s, s.observer.ring, position, x_hat, s.of_hat)
         advance_over(
             x_hat, &s.forced.interval, s.forced.knot, &s.forced.coefficients, &s.forced.network, NULL
         )
-        _read(s, position, &s.forced.coefficients, &s.forced.network)
-    for i in range(states):
-        total += x_hat[i] + x_tilde[i]
-    return 0.0 if isfinite(total) else NAN
 
 
 cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Network* network) noexcept nogil:
@@ -156,5 +216,5 @@ cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Netw
     row.phi[0] = row.phi[1] = row.phi[2] = 0.0
     row.injection_rate = 0.0
     if not row.resting or x_hat[SAC] != 0.0:  # a term may hold the needle open
-        u.rail, u.area = row.rail_pressure, max(row.seat_area, 0.0)
+        u = inputs_of(row.rail_pressure, max(row.seat_area, 0.0))
         row.injection_rate = s.observer.memory.in_force.level * fault_and_rate(x_hat, u, c, network, row.phi)

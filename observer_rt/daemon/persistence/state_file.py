@@ -37,6 +37,10 @@ LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
 _WHOLE = ("account", "noise", "events", "interval")
 """Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 
+SERVO_KEYS = (
+    *("control_flow", "control_start", "control_end", "control_hold", "control_exponent"),
+    "displacement",
+)
 _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
 """Text of numbers, lists, mappings and arrays."""
 
@@ -150,6 +154,9 @@ def model_hash(parameters: InjectorParameters) -> str:
     if parameters.fluid.reference_temperature is None:  # then there is no law of the temperature either
         for key in ("reference_temperature", "thermal_expansion", "bulk_modulus_slope"):
             del content["fluid"][key]
+    for key in SERVO_KEYS:  # a file without is the model that it was before there were any
+        if content["line"][key] is None:
+            del content["line"][key]
     if parameters.effects:
         content["effects"] = [
             [effect.id, {name: [size.value, size.unit] for name, size in effect.parameters.items()}]

@@ -89,6 +89,12 @@ class Gate:
     lowest: tuple[float, ...]
     held: tuple[int, ...] = ()
 
+    def replaced(self, column: int, lowest: float) -> "Gate":
+        """Gate in which one parameter may take another lowest value."""
+        pairs = zip(self.columns, self.lowest, strict=True)
+        changed = tuple(lowest if one == column else before for one, before in pairs)
+        return Gate(self.columns, changed, self.held)
+
 
 def best_subset(
     information: NDArray[np.float64],

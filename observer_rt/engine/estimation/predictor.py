@@ -36,8 +36,8 @@ class Window(NamedTuple):
     clock: Clock = NO_CLOCK
 
     def until(self, end: int) -> "Window":
-        """Cuts the window to its first `end` samples."""
-        sampled = ("inputs", "output", "resting", "knots", "masked")
+        """Cuts the window to its first `end` samples; the inputs go on, for a pilot valve is ahead of the lift."""
+        sampled = ("output", "resting", "masked")
         return self._replace(**{name: getattr(self, name)[:end] for name in sampled})
 
 

@@ -1,5 +1,6 @@
 """Table of theta, a row for every kind of parameter: columns, prior, law on the model, how it is shown."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -12,12 +13,13 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.line.interface import stiffened
 from observer_rt.model.network import HIDDEN, Network, constant_network, zero_network
 from observer_rt.model.right_hand_side import ByTheta
 from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.model.valve import AT, Valve
 
 Theta = NDArray[np.float64]
 """A parameter vector, as wide as its table: (m,)."""
@@ -47,6 +49,12 @@ class Parameter(IntEnum):
     ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
     BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
     LINE_PRESSURE_GAIN = 10 + HIDDEN  # of its sensor over the rail's; acts in the sensor only
+    CONTROL_FLOW = 11 + HIDDEN  # c, in units of Q_0 at p_0, beyond that of the file; and so on
+    CONTROL_START = 12 + HIDDEN  # in units of LAG_UNIT
+    CONTROL_END = 13 + HIDDEN
+    CONTROL_HOLD = 14 + HIDDEN  # h
+    CONTROL_EXPONENT = 15 + HIDDEN  # n
+    DISPLACEMENT = 16 + HIDDEN  # A_d, as flow at 1 m/s in units of Q_0
 
 
 class Element(Enum):
@@ -54,6 +62,7 @@ class Element(Enum):
 
     NOZZLE = "nozzle"
     SENSOR = "sensor"
+    VALVE = "valve"
 
 
 class ScalarUnit(Enum):
@@ -168,6 +177,11 @@ class Scalars:
         """Numbers of the law of the line-pressure sensor (SENSOR_NUMBERS,)."""
         return self._numbers(Element.SENSOR)
 
+    @cached_property
+    def valve(self) -> Numbers:
+        """Numbers of the pilot valve (VALVE_NUMBERS,)."""
+        return self._numbers(Element.VALVE)
+
     def of_line(self, theta: NDArray[np.float64]) -> tuple[float, ...]:
         """Entries of theta (m,) that change line and guide, in the order of `laws`."""
         values = theta.tolist()
@@ -220,6 +234,14 @@ class Scalars:
         return result
 
 
+_MM3_PER_MS = MM3_PER_MS / 6e-5  # in units of the usual Q_0; of an area [mm2], the flow at 1 m/s
+
+
+def _control_flow(c: Coefficients) -> float:
+    """Control flow [m3/s] at 100 MPa by theta = 1."""
+    return c.flow_scale * math.sqrt(AT / c.pressure_scale)
+
+
 # fmt: off
 SCALARS = Scalars((
     Scalar("nozzle_bias", Parameter.NOZZLE_BIAS, prior=0.45, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
@@ -253,10 +275,28 @@ SCALARS = Scalars((
            change=lambda line, g: line._replace(air=line.air + g)),
     Scalar("back_pressure", Parameter.BACK_PRESSURE, prior=5e6, drift=20e3, longest_step=30e6, bounds=(-30e6, 30e6),
            counted=ScalarUnit.PRESSURE, gated_from=0.0, columns=2, element=Element.NOZZLE),
+    Scalar("control_flow", Parameter.CONTROL_FLOW, prior=4 * _MM3_PER_MS, drift=0.02 * _MM3_PER_MS,
+           longest_step=6 * _MM3_PER_MS, bounds=(-30 * _MM3_PER_MS, 30 * _MM3_PER_MS),
+           gated_from=0.0, shown=ShownIndicator("control_flow", _control_flow, label="control flow c",
+                                       unit=("m3/s", 1.0), screen_unit=("mm3/ms", MM3_PER_MS)),
+           change=lambda line, c: line._replace(servo=line.servo + line.a1 * c)),
+    Scalar("control_start", Parameter.CONTROL_START, prior=80e-6, drift=10e-6, longest_step=40e-6,
+           bounds=(-0.3e-3, 0.4e-3), counted=ScalarUnit.TIME, element=Element.VALVE),
+    Scalar("control_end", Parameter.CONTROL_END, prior=80e-6, drift=10e-6, longest_step=40e-6,
+           bounds=(-0.6e-3, 0.4e-3), counted=ScalarUnit.TIME, element=Element.VALVE),
+    Scalar("control_hold", Parameter.CONTROL_HOLD, prior=0.3, drift=1e-3, longest_step=0.3, bounds=(-1.0, 1.0),
+           element=Element.VALVE),
+    Scalar("control_exponent", Parameter.CONTROL_EXPONENT, prior=0.4, drift=1e-3, longest_step=0.2,
+           bounds=(-2.0, 2.0), element=Element.VALVE),
+    Scalar("displacement", Parameter.DISPLACEMENT, prior=1.5 * _MM3_PER_MS, drift=0.005 * _MM3_PER_MS,
+           longest_step=2 * _MM3_PER_MS, bounds=(-6 * _MM3_PER_MS, 6 * _MM3_PER_MS), gated_from=-6 * _MM3_PER_MS,
+           change=lambda line, a: line._replace(displaced=line.displaced + line.a1 * a)),
 ))
 # fmt: on
 
 PARAMETERS = SCALARS.width
+SERVO = tuple(range(Parameter.CONTROL_FLOW, Parameter.DISPLACEMENT + 1))
+"""Columns of a servo injector's pilot valve, and of what its needle displaces."""
 
 
 def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
@@ -314,7 +354,8 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
 @_several
 def _meaning(content: bytes, line: Any, c: Coefficients) -> Learned:
     theta = np.frombuffer(content)
-    changed = c._replace(line=_changed(line, SCALARS.of_line(theta)))
+    valve = Valve(*(np.array(c.valve) + SCALARS.valve.of(theta)).tolist())
+    changed = c._replace(line=_changed(line, SCALARS.of_line(theta)), valve=valve)
     return Learned(
         network_of(theta),
         changed,
@@ -338,6 +379,8 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
         _WEIGHTS,
         _SEAT,
         SCALARS.nozzle.columns,
+        SCALARS.valve.columns,
+        SCALARS.valve.sizes,
         np.array(columns, np.int64),
         np.array(numbers, np.int64),
         np.array(slopes, np.float64),

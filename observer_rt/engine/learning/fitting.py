@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.estimation.scalars import SCALARS
+from observer_rt.engine.estimation.scalars import SCALARS, Parameter
+from observer_rt.model.effective import Coefficients
 
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
@@ -34,16 +35,20 @@ class Cost(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Lowest and highest admissible theta (m,), and its longest step in one iteration (m,)."""
+    """Lowest and highest admissible theta (m,), its longest step in one iteration (m,); gate: of what must pay."""
 
     lowest: NDArray[np.float64]
     highest: NDArray[np.float64]
     longest_step: NDArray[np.float64]
+    gate: Gate = SCALARS.gate
 
 
-def theta_limits(pressure_scale: float) -> Limits:
-    """Limits of what the observer learns, (width,); pressure_scale p_0 [Pa]."""
-    return Limits(*SCALARS.bounds(pressure_scale), SCALARS.longest_step(pressure_scale))
+def theta_limits(c: Coefficients) -> Limits:
+    """Limits of what the observer learns, (width,), of a model; a pilot valve may lose all its flow, but no more."""
+    lowest, highest = SCALARS.bounds(c.pressure_scale)
+    lowest[Parameter.CONTROL_FLOW] = -c.line.servo / c.line.a1
+    gate = SCALARS.gate.replaced(Parameter.CONTROL_FLOW, float(lowest[Parameter.CONTROL_FLOW]))
+    return Limits(lowest, highest, SCALARS.longest_step(c.pressure_scale), gate)
 
 
 def freed(
@@ -81,7 +86,6 @@ class EventFitter:
     """Fits one event from any prior; active: the gated columns in use."""
 
     cost: Cost
-    gate: Gate
     active: frozenset[int]
     limits: Limits
 
@@ -102,7 +106,7 @@ class EventFitter:
         here_total = total(here.theta, here.value)
         for _ in range(iterations):
             best, active = best_subset(
-                prior_information + here.information, prior_vector + here.vector, self.gate, active
+                prior_information + here.information, prior_vector + here.vector, self.limits.gate, active
             )
             target = self._within_reach(here.theta, best)
             value = self.cost.value(target)

@@ -64,7 +64,8 @@ class Healthy:
         """Mean innovation (n,) [p_0] over a window of samples of an interval [s]; None: 0."""
         if self.shape is None:
             return None
-        return expected(self.shape, stretch_of(window, c, interval)) / c.pressure_scale
+        whole = expected(self.shape, stretch_of(window, c, interval)) / c.pressure_scale
+        return whole[: window.output.size]
 
 
 NOT_FITTED = Healthy()

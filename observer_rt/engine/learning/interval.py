@@ -17,6 +17,9 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 HOLD_SHARE = 0.06
 # Of the volume: a published one that differs more from the re-simulated one was not known well.
 REVISED = 0.02
+PARTING = (
+    20e-6  # s (one sigma), by which two injections may part elsewhere than at the least flow between them
+)
 
 
 @dataclass(frozen=True)
@@ -48,13 +51,15 @@ class VolumeBudget(NamedTuple):
     """Standard deviations of a volume [m3] by what makes it uncertain.
 
     parameters: what was learned is known so well only; inputs: noise of the signals; model: what the model gets wrong
-    of a healthy injector, and away from where it was learned; calibration: of the mass, constant over injections.
+    of a healthy injector, and away from where it was learned; calibration: of the mass, constant over injections;
+    parting: flow at the ends of its window, of which another injection may have part.
     """
 
     parameters: float
     inputs: float
     model: float
     calibration: float
+    parting: float
 
     @property
     def learning(self) -> float:
@@ -96,6 +101,7 @@ def volume_budget(event: Resimulated, window: slice) -> VolumeBudget:
         math.sqrt(float(event.by_inputs.volume[window][-1])),
         event.model_share * volume,
         event.calibration.mass * volume,
+        PARTING * math.hypot(*event.run.rate[window][[0, -1]]),
     )
 
 

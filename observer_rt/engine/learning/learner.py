@@ -13,6 +13,7 @@ from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.disturbances.colour import offset_between
 from observer_rt.engine.learning.disturbances.noise_levels import median
+from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_injector import LearnedInjector
@@ -40,8 +41,10 @@ class Learner:
     def __init__(self, constants: Constants, knowledge: Knowledge, healthy: Healthy = NOT_FITTED) -> None:
         """constants: at the start; healthy: what the model leaves unexplained of a healthy injector."""
         gains_for = lru_cache(maxsize=SCHEDULES)(gain_schedule)
-        scale = constants.coefficients.pressure_scale
-        self._reader = EventReader(constants.interval, scale, healthy, constants.calibration, gains_for)
+        scale, limits = constants.coefficients.pressure_scale, theta_limits(constants.coefficients)
+        self._reader = EventReader(
+            constants.interval, scale, limits, healthy, constants.calibration, gains_for
+        )
         self._constants = constants
         self.schedule = self._reader.gains(knowledge.in_force, knowledge.state.noise, constants)
         """Gains at the start."""

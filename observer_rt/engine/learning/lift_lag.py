@@ -17,7 +17,7 @@ from observer_rt.core.learning.whitening import HUBER
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
-from observer_rt.engine.estimation.scalars import SCALARS, learned_of
+from observer_rt.engine.estimation.scalars import SCALARS, SERVO, learned_of
 from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, freed, theta_limits
 from observer_rt.engine.stream.state import Reason
@@ -64,16 +64,19 @@ def lift_lag_of(
 ) -> LiftLag:
     """The lag of its lift that explains an event best, all else fitted from the prior.
 
+    But for a pilot valve and what the needle displaces, which are the file's: a late lift looks like them.
+
     cost_of: a window's cost; expected: lag [s] from which it is sought, too, for with a model that is far off the
     slope at 0 leads nowhere. Raises numpy.linalg.LinAlgError when singular.
     """
     scale = setting.coefficients.pressure_scale
-    limits, wide = theta_limits(scale), SCALARS.prior(scale)
+    limits, wide, held = theta_limits(setting.coefficients), SCALARS.prior(scale), list(SERVO)
+    wide[held] = SCALARS.drift(scale)[held]
     prior = prior_belief(np.zeros(SCALARS.width), np.diag(wide**2))
 
     def fitted(lag: float, theta: NDArray[np.float64], active: frozenset[int], iterations: int) -> _Fitted:
         cost = cost_of(_earlier(window, lag, setting.interval))
-        fitter = EventFitter(cost, SCALARS.gate, active, limits)
+        fitter = EventFitter(cost, active, limits)
         return _Fitted(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
 
     first, other = (

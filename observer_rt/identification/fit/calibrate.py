@@ -27,7 +27,15 @@ from observer_rt.identification.fit.cross_validation import (
     thinned,
 )
 from observer_rt.identification.fit.odd_recording import OddRecording, odd_recording
-from observer_rt.identification.fit.problem import INERTANCE, STRUCTURES, FreeParameter, Structure, interval
+from observer_rt.identification.fit.problem import (
+    BESIDE,
+    INERTANCE,
+    STRUCTURES,
+    FreeParameter,
+    Structure,
+    values_of,
+    with_values,
+)
 from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, worst_folds
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
@@ -35,6 +43,7 @@ from observer_rt.identification.fit.search import (
     ROUGH_ITERATIONS,
     FailedStructure,
     Fitted,
+    beside,
     explains,
     fitted,
     searched,
@@ -101,7 +110,7 @@ def choose(tried: Sequence[Fitted | FailedStructure]) -> Choice | None:
     best = min(
         as_good,
         key=lambda one: (
-            len(one.calibration.free),
+            len(one.structure.free),
             one.structure.outflow is not LineOutflow.SEAT,
             judged_by(one).mean,
         ),
@@ -194,7 +203,7 @@ class Calibrated:
         sizes = {}
         for one, sigma in zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True):
             value, before = one.of(self.injector), one.stated(self.file)
-            low, high = interval(value, float(sigma))
+            low, high = one.interval(value, float(sigma))
             file = None if before is None else before / one.si
             ci95 = (low / one.si, high / one.si)
             sizes[one.name] = FittedNumber(one.symbol, value / one.si, ci95, file, one.unit)
@@ -293,12 +302,35 @@ def _tried(
     level: FlowLevel,
     folds: Sequence[Fold],
 ) -> Fitted | FailedStructure:
-    """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of."""
+    """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of.
+
+    With what an injector may have beside it, as the best so far has; of each kind of line that is asked once, as long
+    as nothing explains the recordings: by a line that leaves much nothing is beyond doubt.
+    """
     free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
+    known = [one for one in earlier if isinstance(one, Fitted)]
+    has: Sequence[FreeParameter] = ()
+    if known:
+        best = min(known, key=lambda one: one.minimum.statistic)
+        has, file = _with_beside(best, file)
+    if all(one.structure.line != structure.line for one in earlier) and not any(map(explains, earlier)):
+        every = [one for group in BESIDE for one in group]
+        asked = searched(structure, file, (*free, *every), folds, ROUGH_ITERATIONS, explained=False)
+        if isinstance(asked, Fitted):
+            has, file = _with_beside(asked, file)
+            if len(has) == len(every):
+                return asked
+    free = (*free, *has)
     simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
     if simpler:
         return fitted(structure, simpler[-1].injector, free, folds, ROUGH_ITERATIONS)
     return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
+
+
+def _with_beside(one: Fitted, file: InjectorParameters) -> tuple[Sequence[FreeParameter], InjectorParameters]:
+    """What a fitted injector has of `BESIDE`, and the file with it."""
+    has = [parameter for group in beside(one) for parameter in group]
+    return has, with_values(file, has, values_of(one.injector, has))
 
 
 def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Baseline) -> None:
@@ -350,7 +382,7 @@ def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
         colour=_by_phase(left.colour),
         noise=NoiseFigures(**{name: rounded(sum(of) / len(of)) for name, of in noise.items()}),
         ci95={
-            one.name: _rounded_pair(interval(one.of(done.injector), float(sigma)))
+            one.name: _rounded_pair(one.interval(one.of(done.injector), float(sigma)))
             for one, sigma in zip(done.fitted.calibration.free, sigmas, strict=True)
         },
         healthy=_remainder(done),

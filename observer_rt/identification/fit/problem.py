@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import STEP
-from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MILLIMETRE
+from observer_rt.foundation.units import CUBIC_MILLIMETRE, MEGAPASCAL, MICROSECOND, MILLIMETRE, MM3_PER_MS
 from observer_rt.identification.fit.cross_validation import Fold, standstill
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975, Quadratic, Range, Residuals
 from observer_rt.identification.likelihood.likelihood import JudgedModel, RecordingLikelihood
@@ -16,6 +16,8 @@ from observer_rt.model.effective import EffectiveModel, coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.line.wave import DAMPING, FEWEST_CELLS, RESOLVED, STABLE, cells_for
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from observer_rt.model.valve import END as END_BEFORE
+from observer_rt.model.valve import START
 
 CALM = 0.93  # of what a step may be, so that a fit can still move
 _DRAINED = {LineOutflow.NOZZLE: "drained by the nozzle flow", LineOutflow.SEAT: "drained by the seat flow"}
@@ -29,11 +31,12 @@ _WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of the injector file that a fit sizes on a logarithmic scale.
+    """A parameter of the injector file that a fit sizes, on a logarithmic scale or a linear one.
 
     symbol: as in the equations; section, key: where it stands in the file; unit, si: of printed values; lowest,
-    highest: bounds [SI]; start: where the file has none, or 0 [SI]; spread: standard deviation of its logarithm
-    before anything was measured.
+    highest: bounds [SI]; start: where the file has none, or, on a logarithmic scale, 0 [SI]; spread: standard
+    deviation of its logarithm before anything was measured. linear: size [SI] of 1 on a linear scale, on which
+    the spread is about `start` then; 0: it is logarithmic.
     """
 
     symbol: str
@@ -45,6 +48,7 @@ class FreeParameter:
     highest: float
     start: float
     spread: float
+    linear: float = 0.0
 
     @property
     def name(self) -> str:
@@ -58,7 +62,24 @@ class FreeParameter:
 
     def of(self, injector: InjectorParameters) -> float:
         """Value [SI] of an injector, within the bounds."""
-        return float(np.clip(self.stated(injector) or self.start, self.lowest, self.highest))
+        stated = self.stated(injector)
+        value = self.start if stated is None or not (stated or self.linear) else stated
+        return float(np.clip(value, self.lowest, self.highest))
+
+    def theta_of(self, value: float) -> float:
+        """A value [SI] on its scale."""
+        return value / self.linear if self.linear else math.log(value)
+
+    def value_of(self, theta: float) -> float:
+        """Value [SI] of a place on its scale."""
+        return theta * self.linear if self.linear else math.exp(theta)
+
+    def interval(self, value: float, sigma: float) -> tuple[float, float]:
+        """95 % interval of a value [SI] whose standard deviation on its scale is `sigma`."""
+        half = NORMAL_975 * min(sigma, self.spread if self.linear else LARGEST_SIGMA)
+        if self.linear:
+            return max(value - half * self.linear, self.lowest), min(value + half * self.linear, self.highest)
+        return value * math.exp(-half), value * math.exp(half)
 
 
 STIFFNESS = FreeParameter("K_L", "fluid", "bulk_modulus_line", "GPa", 1e9, 0.2e9, 8e9, 1.6e9, 0.5)
@@ -74,6 +95,21 @@ RATIO = FreeParameter("Z_2/Z_1", "line", "impedance_ratio", "-", 1.0, 0.2, 5.0, 
 JOINT = FreeParameter("l_1/L", "line", "impedance_step", "-", 1.0, 0.1, 0.9, 0.5, 0.5)
 INERTANCE = FreeParameter("d_L", "line", "diameter", "mm", MILLIMETRE, 0.2e-3, 20e-3, 2.4e-3, 0.3)
 """Stands for A_L/(rho_L L_L), in which it enters; free only when a measured rate or mass gives the level."""
+_TIME = 1e-4  # s
+CONTROL_FLOW = FreeParameter(
+    "c", "line", "control_flow", "mm3/ms", MM3_PER_MS, 0.0, 30e-6, 0.0, 4.0, MM3_PER_MS
+)
+CONTROL = (
+    CONTROL_FLOW,
+    FreeParameter("t_on", "line", "control_start", "us", MICROSECOND, -0.2e-3, 0.8e-3, START, 0.8, _TIME),
+    FreeParameter("t_off", "line", "control_end", "us", MICROSECOND, -0.4e-3, 0.8e-3, END_BEFORE, 0.8, _TIME),
+    FreeParameter("h", "line", "control_hold", "-", 1.0, -1.0, 1.0, 0.0, 0.3, 1.0),
+    FreeParameter("n", "line", "control_exponent", "-", 1.0, -2.0, 2.0, 0.0, 0.4, 1.0),
+)
+"""Of the pilot valve of a servo injector."""
+DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -6e-6, 6e-6, 0.0, 1.5, 1e-6)
+BESIDE = (CONTROL, (DISPLACEMENT,))
+"""What an injector has or has not, in groups that begin with what must be beyond doubt."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +193,7 @@ def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> ND
 
 
 class Calibration:
-    """A `bounded_fit.Problem`. theta: (p + folds,) logarithms of the parameters, then an offset [MPa] of each fold.
+    """A `bounded_fit.Problem`. theta: (p + folds,) parameters on their scales, then an offset [MPa] of each fold.
 
     What a fold's residuals depend on is its own offset only, so those of the others are taken from memory.
     """
@@ -173,8 +209,17 @@ class Calibration:
         """Likelihoods of the folds, in their order."""
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         self.centre = np.concatenate(
-            [np.log(values_of(start, free)), [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds]]
+            [
+                [one.theta_of(one.of(start)) for one in free],
+                [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds],
+            ]
         )
+        """Where a search begins, (p + folds,)."""
+        self.prior_mean = self.centre.copy()
+        """The same, but what is usual of parameters on a linear scale."""
+        for place, one in enumerate(free):
+            if one.linear:
+                self.prior_mean[place] = one.theta_of(one.start)
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
@@ -184,12 +229,13 @@ class Calibration:
     @property
     def ranges(self) -> list[Range]:
         """Bounds of theta."""
-        sized = [Range(math.log(one.lowest), math.log(one.highest), _DIFFERENCE) for one in self.free]
+        sized = [Range(one.theta_of(one.lowest), one.theta_of(one.highest), _DIFFERENCE) for one in self.free]
         return sized + [Range(-20.0, 20.0, _DIFFERENCE) for _ in self.folds]
 
     def injector(self, theta: NDArray[np.float64]) -> InjectorParameters:
         """The injector at theta."""
-        return with_values(self._injector, self.free, np.exp(theta[: len(self.free)]))
+        values = [one.value_of(float(place)) for one, place in zip(self.free, theta, strict=False)]
+        return with_values(self._injector, self.free, np.array(values))
 
     def model(self, theta: NDArray[np.float64], number: int) -> EffectiveModel:
         """The model at theta of one of the folds."""
@@ -227,7 +273,7 @@ class Calibration:
         if judged is None:
             return None
         groups = [group for number, one in enumerate(judged) for group in self._groups(number, one)]
-        groups.append(((theta - self.centre) / self.prior_sigmas, 0.0))
+        groups.append(((theta - self.prior_mean) / self.prior_sigmas, 0.0))
         return _joined(groups)
 
     def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
@@ -316,9 +362,3 @@ def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Cert
         for i in range(p)[::-1]
     )
     return Certainty(calibration.free, sigmas, directions)
-
-
-def interval(value: float, sigma: float) -> tuple[float, float]:
-    """95 % interval of a value whose logarithm has the standard deviation `sigma` (that of 3 for more)."""
-    half = NORMAL_975 * min(sigma, LARGEST_SIGMA)
-    return value * math.exp(-half), value * math.exp(half)

@@ -15,6 +15,7 @@ import numpy as np
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit.cross_validation import Fold, thinned
 from observer_rt.identification.fit.problem import (
+    BESIDE,
     STIFFNESS,
     WAVE_DAMPING,
     Calibration,
@@ -37,6 +38,8 @@ MOST_FITS = 3  # of a structure, as its cells change with the sound speed found
 STIFFNESSES = np.exp(np.linspace(-0.7, 0.7, 29))  # of what is known: within a factor of two, 5 % apart
 SPARE = 1.2  # by which the stiffness that a search begins with may be too small
 DAMPINGS = (0.5, 2.0)  # m2/s; a strong one makes the minimum wide
+SURE = 4.0  # standard deviations of a control flow or a displacement, below which there is none
+LEAST = 0.1  # mm3/ms, mm2: what no mass notices
 EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the minimum
 
 
@@ -139,6 +142,12 @@ def settled(
         if isinstance(again, FailedStructure):
             return now, tuple(left_out)
         now = again
+        groups = [group for group in BESIDE if group[0] in free and group not in beside(now)]
+        if groups:
+            doubtful = [one for group in groups for one in group if one in free]
+            left_out += doubtful
+            free = [one for one in free if one not in doubtful]
+            continue
         undetermined = now.certainty.undetermined
         if undetermined is None or len(free) == 1:
             return now, tuple(left_out)
@@ -171,6 +180,18 @@ def searched(
         return found
     other = fitted(structure, again, free, folds, iterations, SPARE)
     return other if isinstance(other, Fitted) and other.minimum.statistic < found.minimum.statistic else found
+
+
+def beside(one: Fitted) -> tuple[tuple[FreeParameter, ...], ...]:
+    """Groups of `BESIDE` that an injector has beyond doubt, or as stated."""
+    free, sigmas, found = one.calibration.free, one.certainty.sigmas, []
+    for group in BESIDE:
+        size, sigma = group[0].of(one.injector), 0.0
+        if group[0] in free:
+            sigma = max(SURE * float(sigmas[free.index(group[0])]), LEAST) * group[0].linear
+        if abs(size) > sigma:
+            found.append(group)
+    return tuple(found)
 
 
 def explains(one: Fitted | FailedStructure) -> bool:

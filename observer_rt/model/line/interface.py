@@ -37,6 +37,8 @@ class Line(Protocol):
     a4: float  # in proportion to the loss factor
     leak: float  # past the guide at p_0, in units of Q_0, times a1
     air: float  # K g / p_0 of 1/K_eff = 1/K + g/p
+    servo: float  # control flow at p_0, in units of Q_0, times a1
+    displaced: float  # by 1 m/s of the needle, likewise
     outflow: float  # of its closed end, in units of Q_0, as terms change it
     loss: float  # of pressure along it, in units of p_0, as terms change it
 

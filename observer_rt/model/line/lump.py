@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.model import LUMP
 from observer_rt.model.line.interface import register
+from observer_rt.model.valve import control_flow_at_scale
 
 if TYPE_CHECKING:
     from observer_rt.model.parameters import Departures, InjectorParameters
@@ -30,6 +31,8 @@ class _LumpCoefficients(NamedTuple):
     stiffness_slope: float  # n p_0/K_L: how K_L grows with the line pressure, 0 when it does not
     stiffness_pressure: float  # where it is K_L, normalised as x_1
     chamber_pressure: float  # p_C/p_0
+    servo: float  # drained by the control flow at p_0
+    displaced: float  # by 1 m/s of the needle
     outflow: float = 0.0  # of the end, by terms, in units of Q_0
     loss: float = 0.0  # of pressure along the line, by terms, in units of p_0
 
@@ -40,7 +43,7 @@ class LumpLine(_LumpCoefficients):
     __slots__ = ()
     kind = LUMP
     further = 0
-    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak")
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "servo", "displaced")
     of_inertance = ("a3", "a4")
     averaged = False
     resolved = 0.0
@@ -64,6 +67,8 @@ class LumpLine(_LumpCoefficients):
             stiffness_slope=departures.stiffness_slope * scaling.pressure / fluid.bulk_modulus_line,
             stiffness_pressure=(STIFFNESS_PRESSURE - parameters.chamber.pressure) / scaling.pressure,
             chamber_pressure=parameters.chamber.pressure / scaling.pressure,
+            servo=compliance * control_flow_at_scale(parameters),
+            displaced=compliance * (line.displacement or 0.0),
         )
 
     @property

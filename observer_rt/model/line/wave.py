@@ -32,6 +32,7 @@ from observer_rt.core.model.model import (
 from observer_rt.foundation.units import MICROSECOND
 from observer_rt.model.line.interface import register
 from observer_rt.model.line.lump import STIFFNESS_PRESSURE
+from observer_rt.model.valve import control_flow_at_scale
 
 if TYPE_CHECKING:
     from observer_rt.model.parameters import Departures, InjectorParameters
@@ -88,7 +89,9 @@ class _WaveCoefficients(NamedTuple):
     chamber_pressure: float
     cells: float  # n
     joint: float  # where the parts meet, in cells from the rail
-    outflow: float = 0.0  # as of the lump, by terms
+    servo: float  # as of the lump, and the following
+    displaced: float
+    outflow: float = 0.0
     loss: float = 0.0  # likewise, spread evenly over the faces
 
 
@@ -99,7 +102,7 @@ class WaveLine(_WaveCoefficients):
     kind = WAVE
     averaged = False
     resolved = RESOLVED
-    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak")
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "b", "b_near", "leak", "servo", "displaced")
     of_inertance = ("a3", "a3_near", "a4", "a4_inlet")
 
     @property
@@ -144,6 +147,8 @@ class WaveLine(_WaveCoefficients):
             chamber_pressure=parameters.chamber.pressure / scaling.pressure,
             cells=float(cells),
             joint=far * cells,
+            servo=end * control_flow_at_scale(parameters),
+            displaced=end * (line.displacement or 0.0),
         )
 
     @property

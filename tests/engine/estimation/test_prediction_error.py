@@ -11,7 +11,13 @@ from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.core.model.model import changes_and_activations, rest_state
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of, network_of
+from observer_rt.engine.estimation.scalars import (
+    PARAMETERS,
+    SCALARS,
+    Parameter,
+    learned_of,
+    network_of,
+)
 from observer_rt.model.effective import coefficients
 from observer_rt.model.line.interface import stiffened
 from observer_rt.model.line.wave import RESOLVED
@@ -30,6 +36,7 @@ from tests.engine.estimation.conftest import (
 
 BURN_IN = 20
 HEALTHY = np.zeros(PARAMETERS)
+VALVE = np.isin(np.arange(PARAMETERS), SCALARS.valve.columns)
 SIGMA = 1.5e-3  # of p_0: what the predictor's innovations have at 100 kHz
 
 
@@ -127,13 +134,13 @@ def test_vector_points_to_the_minimum_of_the_quadratic(nominal: Case) -> None:
 
 
 def test_gauss_newton_finds_the_truth_without_noise(nominal: Case) -> None:
-    """All thirteen parameters at once, held by a prior so wide that it hardly counts."""
+    """All parameters at once, held by a prior so wide that it hardly counts; a valve without flow says nothing."""
     truth = worn_theta()
     events = [simulated_event(nominal, truth, event_inputs(rail=rail)) for rail in (0.45, 0.95, 1.55)]
     theta = HEALTHY
     for _ in range(12):
         parts = [cost_of(nominal, event).linearised(theta) for event in events]
-        information = sum(part.information for part in parts) + 1e-6 * np.eye(PARAMETERS)
+        information = sum(part.information for part in parts) + np.diag(np.where(VALVE, 1e9, 1e-6))
         theta = theta - np.linalg.solve(information, sum(part.gradient for part in parts))
     np.testing.assert_allclose(theta, truth, atol=1e-4)
 

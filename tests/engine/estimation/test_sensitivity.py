@@ -6,17 +6,29 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.config.bench import load_injector
+from observer_rt.core.model.model import rest_state
 from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.model.sensor import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
-from tests.engine.estimation.conftest import Case, event_inputs, innovations_at, simulated_event, worn_theta
+from tests.engine.estimation.conftest import (
+    Case,
+    event_inputs,
+    innovations_at,
+    make_case,
+    simulated_event,
+    worn_theta,
+)
 
 HEALTHY = np.zeros(PARAMETERS)
 FLOW = [
     *range(Parameter.LINE_PRESSURE_OFFSET),
     *range(Parameter.BACK_PRESSURE, Parameter.LINE_PRESSURE_GAIN),
 ]  # nozzle and seat
+VALVE = list(range(Parameter.CONTROL_START, Parameter.DISPLACEMENT))  # does nothing without flow
+SERVO = worn_theta()
+SERVO[Parameter.CONTROL_FLOW : Parameter.DISPLACEMENT + 1] = 0.08, 0.3, -0.4, 0.2, -0.3, 0.02
 QUICK = worn_theta()
 QUICK[Parameter.SENSOR_LAG] = 5e-9 / LAG_UNIT  # far shorter than a sample: another branch of the sensor
 
@@ -34,13 +46,18 @@ def assert_slopes(case: Case, window: Window, theta: NDArray[np.float64]) -> Non
     """Against differences of the innovations, by every parameter."""
     _, slopes = with_slopes(case, window, theta)
     expected = differences(lambda moved: innovations_at(case, window, moved), theta, 1e-5)
-    assert np.abs(expected).max(axis=0).all()
+    moves = np.abs(expected).max(axis=0) > 0.0
+    assert moves[[p for p in range(PARAMETERS) if p not in VALVE]].all()
+    assert moves[VALVE].all() == (theta[Parameter.CONTROL_FLOW] > 0.0)
     assert_columns_agree(slopes, expected, 1e-6)
 
 
-@pytest.mark.parametrize("theta", [HEALTHY, worn_theta(), QUICK], ids=["healthy", "worn", "quick sensor"])
+@pytest.mark.parametrize(
+    "theta", [HEALTHY, worn_theta(), QUICK, SERVO], ids=["healthy", "worn", "quick sensor", "servo"]
+)
 def test_slopes_are_the_derivatives_of_the_innovations(case: Case, theta: NDArray[np.float64]) -> None:
-    assert_slopes(case, simulated_event(case, worn_theta(seed=7), event_inputs(), seed=3), theta)
+    """At another pressure than 100 MPa, at which no exponent tells."""
+    assert_slopes(case, simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3), theta)
 
 
 def test_slopes_with_effects_in_force(affected: Case) -> None:
@@ -84,7 +101,7 @@ def test_nothing_flows_and_nothing_is_learned_while_shut(case: Case) -> None:
     _, slopes = with_slopes(case, window, worn_theta())
     shut = slopes[1 : window.opening]
     assert not shut[:, FLOW].any()
-    others = [p for p in range(PARAMETERS) if p not in FLOW]
+    others = [p for p in range(Parameter.CONTROL_FLOW) if p not in FLOW]
     assert shut[1:, others].all()  # the lag from the second sample on
 
 
@@ -104,3 +121,14 @@ def test_effects_in_force_are_part_of_the_truth(affected: Case) -> None:
     setting = affected.setting
     for other in (setting._replace(late=0.0), setting._replace(lag=0.0), setting._replace(offset=0.0)):
         assert np.abs(innovations_at(replace(affected, setting=other), window, theta)).max() > 1e-3
+
+
+def test_slopes_of_a_servo_injector_on_a_line_with_waves(case: Case) -> None:
+    """What was recorded may be of a lump: slopes are of the model alone."""
+    recorded = simulated_event(case, worn_theta(seed=7), event_inputs(rail=0.7), seed=3)
+    outflow = "nozzle" if case.c.line.a2_nozzle > 0.0 else "seat"
+    line = load_injector().line.model_copy(update={"model": "wave", "cells": 5})
+    waves = make_case(load_injector().model_copy(update={"line": line, "line_outflow": outflow}))
+    start = np.zeros(waves.c.states)
+    rest_state(start, 0.7, waves.c)
+    assert_slopes(waves, recorded._replace(start=np.append(start, 0.7)), SERVO)

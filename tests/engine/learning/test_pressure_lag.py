@@ -62,7 +62,7 @@ def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
     window = simulated_event(case, lagging, event_inputs(), seed=3)
     cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
     wide = SCALARS.prior(case.c.pressure_scale)
-    fitter = EventFitter(cost, SCALARS.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    fitter = EventFitter(cost, frozenset(), theta_limits(case.c))
     fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
     before = lag_score(window, case.setting, fit, cost, wide)
     assert before is not None
@@ -127,7 +127,7 @@ def test_a_delay_with_which_the_model_is_not_stable_tells_nothing() -> None:
     window = simulated_event(case, lagging, event_inputs(), seed=3)
     cost = EventCost(window, case.setting, case.schedule.innovation_sigma, burn_in=50)
     wide = SCALARS.prior(case.c.pressure_scale)
-    fitter = EventFitter(cost, SCALARS.gate, frozenset(), theta_limits(case.c.pressure_scale))
+    fitter = EventFitter(cost, frozenset(), theta_limits(case.c))
     fit = fitter.fit(cost.linearised(lagging), prior_belief(lagging, np.diag(wide**2)), 2)
     wild = window._replace(output=np.where(np.arange(window.output.size) > 200, 1e200, window.output))
     assert lag_score(window, case.setting, fit, cost, wide) is not None

@@ -38,10 +38,10 @@ def test_pilot_main_and_post_are_one_event() -> None:
 
 
 def test_window_of_an_injection() -> None:
-    """From 0.15 ms before its opening to 0.5 ms after it is shut, or to where the next one opens."""
+    """From 0.15 ms before its opening to 0.5 ms after it is shut, or to where the next one begins."""
     stream = run({1000: 30, 1060: 110, 1400: 40}, 6000)
     first, second, third = stream.injections
-    assert (int(first["start_index"]), int(first["end_index"])) == (1000 - 15, 1060)
+    assert (int(first["start_index"]), int(first["end_index"])) == (1000 - 15, 1060 - 15)
     assert (int(second["start_index"]), int(second["end_index"])) == (1060 - 15, 1170 + 50)
     assert (int(third["start_index"]), int(third["end_index"])) == (1400 - 15, 1440 + 50)
 
@@ -181,7 +181,7 @@ def test_opening_that_cuts_a_window_short_counts_with_its_own_sample() -> None:
     stream = run(openings, first + lap + 6000)
     pilot = stream.injections[2]
     rows = stream.rows[int(pilot["start"]) : int(pilot["end"]) + 1]
-    assert int(pilot["end_index"]) == first + lap
+    assert int(pilot["end_index"]) == first + lap - 15  # where the next one begins
     expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
     assert float(pilot["volume"]) == pytest.approx(expected, rel=1e-12)
     assert pilot["valid"]

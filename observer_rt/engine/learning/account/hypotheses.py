@@ -19,6 +19,7 @@ _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
 WEAR = (int(P.NOZZLE_BIAS), *range(P.NOZZLE_WEIGHT, P.SEAT_BIAS), int(P.SEAT_BIAS), *_BACK_PRESSURE)
 SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
 LINE = tuple(column for column, _ in SCALARS.laws)
+VALVE = tuple(SCALARS.valve.columns.tolist())
 
 
 class Mode(StrEnum):
@@ -75,8 +76,8 @@ CHANGED = Kind("changed", Mode.STEADY, 0.5 * c.CHANGES, WEAR, of_prior=1.0)  # a
 NUDGED = Kind("changed a little", Mode.STEADY, 0.5 * c.CHANGES, FLOWS, size=c.NUDGE)  # a hole that closes
 SENSOR_CHANGED = Kind("sensor changed", Mode.STEADY, c.CHANGES, SENSOR, of_prior=1.0,
                       reason=Reason.PRESSURE_OFFSET)  # or its lag: whichever moved more
-LINE_CHANGED = Kind("line changed", Mode.STEADY, c.LINE_CHANGES, LINE, of_prior=1.0,
-                    reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it
+LINE_CHANGED = Kind("line changed", Mode.STEADY, c.LINE_CHANGES, (*LINE, *VALVE), of_prior=1.0,
+                    reason=Reason.MODEL_INADEQUATE)  # another pipe, air in it, another pilot valve
 SHIFTED = Kind("shifted a little", Mode.STEADY, c.SHIFTS, (*WEAR, *SENSOR, *LINE), drifts=c.SHIFT,
                reason=None)  # the model, from one operating point to another
 SETTLED = Kind("as when settled", Mode.STEADY, c.RETURNS)  # what came after is forgotten

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.fitting import EventFit
+from observer_rt.model.effective import Coefficients
+from observer_rt.model.valve import AT
 
 LONGEST_DELAY = 0.45e-3  # s, from the start of energizing to the opening
 SHORTEST_DELAY = 0.12e-3
@@ -35,6 +37,8 @@ CLEAR = 9.0  # chi2 / 2 by which an end must be better than those that are not b
 BEFORE_KNOWN = 0.02
 SHAPE = 0.05  # of its height, by which it is no rectangle
 CLIP = 4.0  # standard deviations for which an innovation counts at most
+FLOW_BLURS = 0.04e-3  # s before a pilot valve opens that its flow begins
+FEWEST_BEFORE_FLOW = 8  # samples by which a step is told from the flow of a pilot valve
 
 Innovations = Callable[[Window], NDArray[np.float64]]
 
@@ -48,12 +52,20 @@ class Edge:
 
 
 class EdgePlaces(NamedTuple):
-    """Samples before an opening at which an edge is sought, and for how many it is seen; beside it none counts."""
+    """Samples before an opening at which an edge is sought, and for how many it is seen; beside it none counts.
+
+    fewest: samples of it that count at all.
+    """
 
     shortest: int
     longest: int
     seen_for: int
     beside: int
+    fewest: int = 1
+
+    def before_flow(self, samples: int) -> "EdgePlaces":
+        """Places of a servo injector, whose flow begins so many samples before the opening: nothing from there on."""
+        return self._replace(beside=max(self.beside, samples), fewest=FEWEST_BEFORE_FLOW)
 
     @property
     def all(self) -> int:
@@ -98,7 +110,7 @@ class EdgeSearch:
         clipped = np.clip(innovations[:opening] / sigma, -EDGE_CLIP, EDGE_CLIP)
         shape = response[opening - places.longest : opening - places.longest + places.seen_for]
         products, squares = np.zeros((2, places.all))
-        _compare(clipped, shape, places.shortest, places.beside, products, squares)
+        _compare(clipped, shape, places, products, squares)
         most = OF_ONE_EVENT * np.sqrt(squares)
         return EdgeSearch(
             REMEMBERED * before.products + np.clip(products, -most, most),
@@ -121,20 +133,20 @@ class EdgeSearch:
 def _compare(
     innovations: NDArray[np.float64],
     shape: NDArray[np.float64],
-    shortest: int,
-    beside: int,
+    places: EdgePlaces,
     products: NDArray[np.float64],
     squares: NDArray[np.float64],
 ) -> None:
     """Products of innovations with a shape that begins so many samples before their end, and its squares.
 
-    For every place of `products` and `squares` from the `shortest` on; `beside` the end nothing counts.
+    For every place of `products` and `squares`.
     """
     n = innovations.size
-    counts = np.concatenate((innovations[: n - beside], np.zeros(shape.size)))
-    places = np.arange(max(shortest, beside + 1), min(products.size, n))
-    products[places] += np.correlate(counts, shape, "valid")[n - places]
-    squares[places] += np.cumsum(shape**2)[np.minimum(places - beside, shape.size) - 1]
+    counts = np.concatenate((innovations[: n - places.beside], np.zeros(shape.size)))
+    least = places.beside + min(places.fewest, shape.size)
+    at = np.arange(max(places.shortest, least), min(products.size, n))
+    products[at] += np.correlate(counts, shape, "valid")[n - at]
+    squares[at] += np.cumsum(shape**2)[np.minimum(at - places.beside, shape.size) - 1]
 
 
 def with_step(window: Window, first: int, height: float) -> Window:
@@ -255,13 +267,20 @@ class Energizing:
         cost_of: Callable[[Window], EventCost],
         prior: NDArray[np.float64],
         interval: float,
+        model: Coefficients,
     ) -> tuple["Energizing", bool]:
         """Adds a fitted event as it was recorded; returns whether something was in it that was not taken out, too.
 
         sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before
-        any event; interval: of samples [s].
+        any event; interval: of samples [s]; model: as fitted.
         """
         places = edge_places(interval)
+        if model.line.servo > 0.0:
+            rail = (
+                float(window.inputs[window.opening, 0]) * model.pressure_scale + model.chamber_pressure
+            ) / AT
+            ahead = model.valve.start * rail**-model.valve.exponent + FLOW_BLURS
+            places = places.before_flow(round(ahead / interval))
         first = window.opening - places.longest
         if first <= 0:
             return self, False

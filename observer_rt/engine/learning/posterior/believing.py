@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import best_subset
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.hypotheses import Mode, Possibility, is_alike, is_compatible
@@ -59,15 +58,15 @@ class Believing:
         return Possibility(log_weight, learned, kind.mode)
 
     def _learned(self, explanation: Explanation) -> LearnedInjector:
-        before, cost = explanation.hypothesis.learned, explanation.cost
+        before, cost, limits = explanation.hypothesis.learned, explanation.cost, self.reader.limits
         if explanation.fit is not None:
             theta, active = explanation.theta, explanation.fit.active
         else:
             information, mean = explanation.held.given.information, explanation.held.given.mean
             theta, active = best_subset(
-                information + cost.information, information @ mean + cost.vector, SCALARS.gate, before.active
+                information + cost.information, information @ mean + cost.vector, limits.gate, before.active
             )
-            theta = np.clip(theta, self.reader.limits.lowest, self.reader.limits.highest)
+            theta = np.clip(theta, limits.lowest, limits.highest)
         reading = explanation.reading
         statistics = reading.leaves(explanation.theta, explanation.fit).statistics
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)

@@ -10,7 +10,7 @@ import numpy as np
 from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.held import HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.estimation.scalars import SCALARS, Theta
+from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.evidence import evidence, evidences
@@ -90,7 +90,7 @@ class _Found:
 
 def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReader) -> EventFitter:
     """Fits an event from what a hypothesis believes."""
-    return EventFitter(reading.cost, SCALARS.gate, hypothesis.learned.active, reader.limits)
+    return EventFitter(reading.cost, hypothesis.learned.active, reader.limits)
 
 
 def coming_back(account: Account, reader: EventReader) -> list[Possibility]:

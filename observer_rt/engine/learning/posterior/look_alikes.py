@@ -13,7 +13,7 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import EXACTLY, Parameter, Theta, sensor_lag
+from observer_rt.engine.estimation.scalars import EXACTLY, Parameter, Theta, learned_of, sensor_lag
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.adequacy import (
     LARGEST_GAIN,
@@ -154,6 +154,7 @@ def _with_coil(
         lambda window: reader.cost_of(found.state, learned, window, unaware),
         reader.wide,
         reader.interval,
+        learned_of(explanation.theta, reading.follows.setting.coefficients).coefficients,
     )
     begins_anew = energizing.is_known and not state.energizing.is_known
     state = replace(state, energizing=energizing)

@@ -17,7 +17,7 @@ from observer_rt.engine.learning.account.hypotheses import Kind
 from observer_rt.engine.learning.adequacy import BURN_IN, tempering
 from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of
-from observer_rt.engine.learning.fitting import Limits, theta_limits
+from observer_rt.engine.learning.fitting import Limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.state import LearningState
@@ -56,13 +56,14 @@ class Follows:
 class EventReader:
     """What is fixed for an injector.
 
-    interval: of samples [s]; pressure_scale: p_0 [Pa]; healthy: what the model leaves unexplained of a healthy one;
-    calibration: of level and sensors;
-    gains_for: `gain_schedule`, which most events ask for the same.
+    interval: of samples [s]; pressure_scale: p_0 [Pa]; limits: of theta; healthy: what the model leaves unexplained
+    of a healthy one; calibration: of level and sensors; gains_for: `gain_schedule`, which most events ask for the
+    same.
     """
 
     interval: float
     pressure_scale: float
+    limits: Limits
     healthy: Healthy = NOT_FITTED
     calibration: StatedAccuracy = EXACT
     gains_for: Callable[..., GainSchedule] = gain_schedule
@@ -87,11 +88,6 @@ class EventReader:
     def drift(self) -> NDArray[np.float64]:
         """Standard deviations (m,) of the change of theta from event to event."""
         return with_gain(SCALARS.drift(self.pressure_scale), GAIN_DRIFT * self.calibration.gain)
-
-    @cached_property
-    def limits(self) -> Limits:
-        """Limits of theta."""
-        return theta_limits(self.pressure_scale)
 
     def widths(self, kind: Kind) -> Theta:
         """Standard deviations (m,) by which theta moves where an event is of a kind."""

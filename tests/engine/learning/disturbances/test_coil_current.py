@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.coil_current import (
     CoilCurrent,
@@ -15,6 +16,7 @@ from observer_rt.engine.learning.disturbances.coil_current import (
     Energizing,
     pulse_ends,
 )
+from observer_rt.model.effective import coefficients
 
 INTERVAL = 1e-5  # s
 COUNT = 600
@@ -22,6 +24,7 @@ SIGMA = 1.5e-3  # p_0
 OPENINGS = ((100, 250), (400, 460))
 BEFORE, UNTIL = 25, 30
 PRIOR = np.full(2, 100.0)
+MODEL = coefficients(load_injector())
 
 
 def window(output: NDArray[np.float64]) -> Window:
@@ -87,7 +90,7 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     cost = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
     fit = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)))
     known = Energizing(current=current)
-    without, said = known.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL)  # type: ignore[arg-type,return-value]
+    without, said = known.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, MODEL)  # type: ignore[arg-type,return-value]
     assert said
     assert not without.is_known
     assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0

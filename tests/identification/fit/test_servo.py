@@ -1,0 +1,59 @@
+"""A healthy servo injector: its control flow is part of the fit, and of one that has none nothing is said."""
+
+from functools import cache
+
+import pytest
+
+from observer_rt.files.signals.recording import Recording
+from observer_rt.identification.fit.calibrate import Calibrated, calibrate
+from observer_rt.identification.fit.problem import BESIDE, CONTROL, DISPLACEMENT, STRUCTURES
+from observer_rt.identification.likelihood.measurement import measurements
+from tests.identification.fit.healthy import POINTS, off_by_ten_percent
+from tests.observed_plants import recording_of
+from tests.plants.laws import Laws
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot, record
+
+LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
+MM3_PER_MS, MICROSECOND = 1e-6, 1e-6
+
+
+@cache
+def fitted(laws: Laws) -> Calibrated:
+    """To six recordings of an independent plant, from numbers 10 % off and no control flow."""
+
+    def recording(number: int, rail: float, energizing: float) -> Recording:
+        event = Event(rail, (Shot(0.0, energizing + 0.3e-3),), Faults())
+        return recording_of(record(Bench(Injector(), Needle(), (event,) * 3, seed=number, laws=laws)))
+
+    found = measurements([recording(number, *point) for number, point in enumerate(POINTS)])
+    return calibrate(off_by_ten_percent(), found, {}, lambda _: None, LUMPS)
+
+
+@pytest.mark.parametrize("flow", [1.5, 8.0])
+def test_its_control_flow_is_found(flow: float) -> None:
+    laws = Laws(control_flow=flow * MM3_PER_MS)
+    done = fitted(laws)
+    assert done.inadequate == ()
+    size = done.sizes["line.control_flow"]
+    assert size.value == pytest.approx(flow, abs=0.15)
+    assert size.ci95[1] - size.ci95[0] < 0.4
+    lift_off = 15e-6 / Needle().opening_speed  # s, after the needle has left its seat
+    expected = (laws.control_lead + lift_off) / MICROSECOND
+    assert done.sizes["line.control_start"].value == pytest.approx(expected, abs=12.0)
+    assert done.injector.nozzle.flow_coefficient == pytest.approx(0.78, rel=3e-3)
+    assert "line.displacement" not in done.sizes
+
+
+def test_of_an_injector_without_any_nothing_is_said() -> None:
+    done = fitted(Laws())
+    assert done.inadequate == ()
+    assert not done.sizes.keys() & {one.name for group in BESIDE for one in group}
+    assert all(one.stated(done.injector) is None for one in (CONTROL[0], DISPLACEMENT))
+
+
+def test_a_needle_that_displaces_fuel_has_no_control_flow() -> None:
+    done = fitted(Laws(needle_area=1e-6))
+    assert done.inadequate == ()
+    assert done.sizes["line.displacement"].value == pytest.approx(1.0, abs=0.2)
+    assert "line.control_flow" not in done.sizes

@@ -6,7 +6,7 @@ one over the other shows. All are one sigma.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -21,8 +21,9 @@ _GEOMETRY = ("line_diameter_percent", "line_length_percent", "parallel_flow_perc
 class Accuracy(BaseModel):
     """How well an injector file is known; what it leaves out is as a workshop knows its parts.
 
-    parallel_flow: that leaves the line beside the open nozzle, over the injected one; mass: of the level, where
-    masses were measured, in place of geometry and gains.
+    parallel_flow: that leaves the line beside the open nozzle, over the injected one; control_flow: of a servo
+    injector, by how much it is another exactly while the needle is open, which no pressure tells from the nozzle;
+    mass: of the level, where masses were measured, in place of geometry and gains.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -31,6 +32,7 @@ class Accuracy(BaseModel):
     line_length_percent: Percent = 0.5
     fuel_density_percent: Percent = 0.5
     parallel_flow_percent: Percent = 0.2
+    control_flow_percent: Percent = 10.0
     mass_percent: Percent | None = None
 
     @model_validator(mode="after")
@@ -51,6 +53,8 @@ class StatedAccuracy:
     density: float = 0.0
     parallel_flow: float = 0.0
     measured: float | None = None
+    control_flow: float = 0.0
+    in_step: float = 0.0  # of an event: that of its control flow, over what is injected
 
     @classmethod
     def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "StatedAccuracy":
@@ -64,7 +68,12 @@ class StatedAccuracy:
             0.01 * stated.fuel_density_percent,
             0.01 * stated.parallel_flow_percent,
             None if mass is None else 0.01 * mass,
+            0.01 * stated.control_flow_percent,
         )
+
+    def of_event(self, controlled: float) -> "StatedAccuracy":
+        """That of an event in whose openings the control flow is so much of what is injected."""
+        return replace(self, in_step=self.control_flow * controlled)
 
     @property
     def gain(self) -> float:
@@ -95,7 +104,7 @@ class StatedAccuracy:
         """Of every mass: constant over injections."""
         if self.measured is not None:
             return self.measured
-        return math.hypot(self.common, self.line, LEAK * self.parallel_flow)
+        return math.hypot(self.common, self.line, LEAK * self.parallel_flow, self.in_step)
 
     @property
     def rate(self) -> float:

@@ -26,6 +26,12 @@ def test_the_gain_that_sensors_share_is_what_their_difference_leaves() -> None:
     assert StatedAccuracy(line, 0.0).level(0.01) == 1.0
 
 
+def test_a_control_flow_counts_by_what_it_is_of_an_injection() -> None:
+    stated = StatedAccuracy.of(0.0, 0.0, Accuracy(line_diameter_percent=0.0, line_length_percent=0.0))
+    assert stated.of_event(0.1).mass == pytest.approx(math.hypot(0.01, stated.mass))
+    assert StatedAccuracy(measured=0.002, control_flow=0.1).of_event(0.1).mass == 0.002
+
+
 def test_a_measured_mass_takes_the_place_of_geometry_and_gains() -> None:
     measured = StatedAccuracy.of(0.7, 0.7, Accuracy(mass_percent=0.2, fuel_density_percent=0.5))
     assert measured.is_calibrated

@@ -1,6 +1,6 @@
 """A servo injector by other equations, whose pilot valve moves otherwise than the model's, learned from nothing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +9,7 @@ import pytest
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
+from observer_rt.model.accuracy import Accuracy
 from tests.observed_plants import bench_at, recording_of
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
@@ -50,8 +51,15 @@ class Learned:
 
 
 @cache
-def learned(flow: float, faults: Faults, events: int = 24, laws: Laws = NO_LAWS, seed: int = 3) -> Learned:
-    """flow: at 100 MPa [mm3/ms]."""
+def learned(
+    flow: float,
+    faults: Faults,
+    events: int = 24,
+    laws: Laws = NO_LAWS,
+    seed: int = 3,
+    accuracy: Accuracy | None = None,
+) -> Learned:
+    """flow: at 100 MPa [mm3/ms]; accuracy: that the injector file states, None: of a simulation."""
     points = [(RAIL_PRESSURES[k % 3], DURATIONS[k // 3 % 2]) for k in range(events)]
     schedule = tuple(
         Event(rail, (Shot(7e-6 * (k % 5), duration),), faults) for k, (rail, duration) in enumerate(points)
@@ -59,7 +67,12 @@ def learned(flow: float, faults: Faults, events: int = 24, laws: Laws = NO_LAWS,
     laws = laws._replace(control_flow=flow * MM3_PER_MS)
     bench = Bench(Injector(), Needle(), schedule, seed=seed, laws=laws)
     outcome = record(bench)
-    reports = evaluate(bench_at(bench.sample_rate), [recording_of(outcome)]).evaluations[0].reports
+    observed = bench_at(bench.sample_rate)
+    if accuracy is not None:
+        parameters = observed.injector.parameters.model_copy(update={"accuracy": accuracy})
+        one = replace(observed.injector, parameters=parameters)
+        observed = replace(observed, injectors=(one,))
+    reports = evaluate(observed, [recording_of(outcome)]).evaluations[0].reports
     windows = windows_of(outcome, bench.sample_rate)
     true = windows.masses(outcome.truth.injection_rate, bench.injector.density)
     errors = np.array([report.mass for report in reports]) / true - 1.0
@@ -91,6 +104,16 @@ def test_a_needle_that_displaces_fuel_is_no_control_flow() -> None:
     assert found.valid == len(found.reports)
     assert found.inside >= 0.9 * len(found.reports)
     assert found.control_flow()[0] == pytest.approx(4.0, abs=0.15)
+
+
+def test_what_is_in_step_with_the_needle_is_in_the_interval() -> None:
+    """A tenth of 6 mm3/ms leaves the line exactly while the needle is open: read as flow of the nozzle."""
+    laws = Laws(lift_leakage=6e-15)
+    exact = Accuracy(line_diameter_percent=0.0, line_length_percent=0.0, parallel_flow_percent=0.0)
+    stated = learned(6.0, Faults(), laws=laws, accuracy=exact)
+    unstated = learned(6.0, Faults(), laws=laws)
+    assert stated.inside == stated.valid == len(stated.reports)
+    assert unstated.inside < 0.5 * len(unstated.reports)
 
 
 @pytest.mark.slow

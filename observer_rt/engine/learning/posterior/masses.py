@@ -57,6 +57,14 @@ class EventMass:
         volume = float(np.trapezoid(rate[_part(window)])) * self.setting.interval
         return level_of(theta, self.setting) * volume / max(self.volume, LEAST)
 
+    @property
+    def controlled(self) -> float:
+        """Control flow of a servo injector while its needle is open, over what is injected."""
+        c, inputs = learned_of(self.theta, self.setting.coefficients).coefficients, self.window.inputs
+        opened = inputs[inputs[:, 1] > 0.0, 0] + c.chamber_pressure / c.pressure_scale
+        flow: float = c.flow_scale * c.line.servo / c.line.a1
+        return flow * float(np.sqrt(opened).sum()) * self.setting.interval / max(self.volume, LEAST)
+
     def variance(self, covariance: NDArray[np.float64]) -> float:
         """Variance of the volume, as a share, by a covariance (m, m) of theta."""
         return max(float(self.slopes @ covariance @ self.slopes), 0.0)

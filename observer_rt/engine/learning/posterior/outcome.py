@@ -55,7 +55,7 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
         carried_covariance=learned.gated.carried(event.in_force) + by_coil,
         systematic=math.hypot(systematic, state.lag_doubt.volume_share),
         unknown=shares.beside,
-        calibration=reader.calibration,
+        calibration=reader.calibration.of_event(mass.controlled),
     )
     return Outcome(
         adoption=Adoption.REJECTED if np.array_equal(in_force, event.in_force) else Adoption.ADOPTED,

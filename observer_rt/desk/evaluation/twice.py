@@ -19,7 +19,8 @@ from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, best_subset
 from observer_rt.engine.estimation.predictor import Setting, Window
-from observer_rt.engine.estimation.scalars import SCALARS, Theta
+from observer_rt.engine.estimation.scalars import Theta
+from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.interval import (
     Resimulated,
@@ -162,10 +163,9 @@ class SecondLook:
     def _again(self, number: int, belief: Belief, learned_at: Sequence[EventPoint]) -> _Again:
         """An event run with what all events teach of it."""
         event, run = self._events[number], self._runs[number]
-        theta, active = best_subset(
-            belief.information, belief.information @ belief.mean, SCALARS.gate, self._active
-        )
-        gated = GatedBelief(belief, SCALARS.gate, active)
+        gate = theta_limits(run.setting.coefficients).gate
+        theta, active = best_subset(belief.information, belief.information @ belief.mean, gate, self._active)
+        gated = GatedBelief(belief, gate, active)
         carried = gated.carried(theta) + event.by_coil
         again = resimulated(run.window, run.setting, event.noise, theta, carried, carried)
         far = UNSEEN * extrapolation_sigma(event.point, learned_at)

@@ -8,11 +8,9 @@ import pytest
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.config.bench_file import BenchConfig
 from observer_rt.config.toml_file import validated
-from observer_rt.files.formats import GROUP as FORMATS
 from tests.pages import PAGES, Page, needs_bus, serves_a_page
 
 LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that have them
-    ("docs/CONTRIBUTING.md", "toml"): (1, "here"),
     ("docs/evidence.md", "toml"): (1, "tests/desk/cli/test_pages.py"),
     ("docs/library.md", "python"): (5, "tests/desk/cli/test_pages.py"),
     ("docs/measurement-tools.md", "python"): (2, "tests/files/test_foreign_readers.py"),
@@ -75,8 +73,3 @@ def test_sections_are_those_of_a_bench_file(page: str) -> None:
             before = bench.setdefault(name, {}).get(key)
             bench[name][key] = {**before, **value} if isinstance(before, dict) else value
     validated(BenchConfig, bench, lambda *place: f"{page}: {place}", "bench")
-
-
-def test_entry_points_are_those_that_are_asked_for() -> None:
-    (block,) = Page("docs/CONTRIBUTING.md").fenced("toml")
-    assert list(tomllib.loads(block)["project"]["entry-points"]) == [FORMATS]

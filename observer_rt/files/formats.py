@@ -1,14 +1,10 @@
 """The one registry of formats: what kinds of files hold recordings or CAN logs, and which of them a file is of.
 
-A further format is one entry of `BUILT_IN` or, in a distribution of its own, an entry point of the group
-`observer_rt.formats` that leads to a `LogFormat` or a `SignalFormat`.
+A further format is one entry of `BUILT_IN`.
 """
 
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TypeVar
 
@@ -28,7 +24,7 @@ from observer_rt.files.signals.naming import in_words, layout_of
 from observer_rt.files.signals.parquet_table import ParquetTable
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.files.signals.signal_format import OwnLayout, SignalFormat
-from observer_rt.files.signals.stream import HeldSignals, SignalStream, joined
+from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table_signals import EvenSignals
 from observer_rt.files.signals.table_writers import (
     PRINTED,
@@ -37,13 +33,12 @@ from observer_rt.files.signals.table_writers import (
     recording_writer,
     write_whole,
 )
-from observer_rt.foundation.console import PACKED, check_suffix, suffix_of
+from observer_rt.foundation.console import check_suffix
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import replacing
 
 Format = LogFormat | SignalFormat
-GROUP = "observer_rt.formats"
 F = TypeVar("F", bound=Format)
 _BY_PANDAS = "read it by pandas, `ort.read` takes a DataFrame: docs/measurement-tools.md"
 _ADVICE = {  # what to do with other kinds of files
@@ -53,7 +48,8 @@ _ADVICE = {  # what to do with other kinds of files
     (".mdf", ".dat"): 'in Python: asammdf.MDF("{0}{1}").convert("4.10").save("{0}.mf4")',
     (".pcap", ".pcapng"): "open it in SavvyCAN and save it as Candump/Kayak: {0}.log",
     (".mfc", ".mfe", ".mfm"): "make an .mf4 of it by mdf2finalized, of CSS Electronics",
-    (".gz", ".zst", ".zip", ".7z", ".bz2", ".xz"): "unpack it first; only text is read packed, by gzip",
+    (".gz",): "unpack it first: gunzip {0}{1}",
+    (".zst", ".zip", ".7z", ".bz2", ".xz"): "unpack it first",
 }
 
 
@@ -69,9 +65,7 @@ def _by_header(columns: Sequence[WrittenColumn]) -> RecordingConfig:
 
 _CHANNELS = RecordingConfig.model_validate({column.channel: {"column": column.channel} for column in SI[1:]})
 CSV = SignalFormat((".csv",), _header(PRINTED), OwnLayout(CsvTable, _by_header(PRINTED)), write_whole)
-TEXT = SignalFormat(
-    (".txt", ".csv.gz", ".txt.gz"), "text as .csv, also packed", OwnLayout(CsvTable, _by_header(PRINTED))
-)
+TEXT = SignalFormat((".txt",), "text as .csv", OwnLayout(CsvTable, _by_header(PRINTED)))
 MDF4_SIGNALS = SignalFormat(
     (".mf4",), "ASAM MDF4, one channel a signal, with its unit", OwnLayout(Mdf4Table, _CHANNELS), write_whole
 )
@@ -93,23 +87,14 @@ BUILT_IN: tuple[Format, ...] = (
 )
 
 
-@cache
-def formats() -> tuple[Format, ...]:
-    """Every format, the installed ones last. Raises `UserError` naming the distribution of one that will not do."""
-    known = list(BUILT_IN)
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        known.append(_installed(entry, known))
-    return tuple(known)
-
-
 def log_formats() -> list[LogFormat]:
     """Every format of CAN logs."""
-    return [each for each in formats() if isinstance(each, LogFormat)]
+    return [each for each in BUILT_IN if isinstance(each, LogFormat)]
 
 
 def signal_formats() -> list[SignalFormat]:
     """Every format of recordings."""
-    return [each for each in formats() if isinstance(each, SignalFormat)]
+    return [each for each in BUILT_IN if isinstance(each, SignalFormat)]
 
 
 def suffixes_of(known: Iterable[Format]) -> tuple[str, ...]:
@@ -127,7 +112,7 @@ def is_log(path: Path) -> bool:
 
     Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
     """
-    kinds = _kinds(path, formats())
+    kinds = _kinds(path, BUILT_IN)
     logs = [each for each in kinds if isinstance(each, LogFormat)]
     return len(logs) == len(kinds) or _recognised(path, logs) is not None
 
@@ -186,9 +171,7 @@ def open_recording(
         )
     with file_errors(path):
         stream: SignalStream
-        if not isinstance(reader, OwnLayout):
-            stream = HeldSignals(reader(path))
-        elif reader.is_of(path, mapping):
+        if reader.is_of(path, mapping):
             stream = EvenSignals(reader.table(path, reader.mapping, is_own=True), in_one_go)
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
@@ -238,15 +221,9 @@ def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], Non
 
     Raises `UserError` for a suffix that cannot be written, `OSError` when writing fails.
     """
-    found = _of(path, written(signal_formats()))
-    assert found.writer is not None
-    if isinstance(found.reader, OwnLayout):
-        with recording_writer(path, has_rate) as write:
-            yield write
-    else:
-        parts: list[Recording] = []
-        yield parts.append
-        found.writer(path, joined(parts))
+    _check_suffix(path, suffixes_of(written(signal_formats())))
+    with recording_writer(path, has_rate) as write:
+        yield write
 
 
 def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
@@ -262,52 +239,16 @@ def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
 
 
 def _of(path: Path, known: Sequence[F]) -> F:
+    return _kinds(path, known)[0]
+
+
+def _kinds(path: Path, known: Sequence[F]) -> list[F]:
+    """The formats that a file may be of by its suffix."""
     _check_suffix(path, suffixes_of(known))
-    return next(each for each in known if suffix_of(path) in each.suffixes)
-
-
-def _kinds(path: Path, known: Iterable[F]) -> list[F]:
-    """The formats that a file may be of by its suffix, those of packed text among them."""
-    found: dict[str, list[F]] = {}
-    for packed in ("", PACKED):
-        for each in known:
-            if not packed or (isinstance(each, LogFormat) and each.is_text):
-                for suffix in each.suffixes:
-                    found.setdefault(suffix + packed, []).append(each)
-    _check_suffix(path, tuple(found))
-    return found[suffix_of(path)]
+    return [each for each in known if path.suffix.lower() in each.suffixes]
 
 
 def _recognised(path: Path, known: Iterable[LogFormat]) -> LogFormat | None:
     """The format that takes a file for its own."""
     with file_errors(path):
         return next((each for each in known if each.recognises is not None and each.recognises(path)), None)
-
-
-def _installed(entry: EntryPoint, known: Iterable[Format]) -> Format:
-    """The format an entry point leads to, if it will do beside those known."""
-    origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "a distribution without a name"
-    place = f"format '{entry.name}' of {origin}"
-    remedy = "mend it, or uninstall that distribution"
-    try:
-        found = entry.load()
-    except Exception as error:  # whatever foreign code raises
-        raise UserError(place, f"{entry.value} cannot be loaded: {error!r}", remedy) from error
-    problem = _problem(found, known)
-    if problem:
-        raise UserError(place, f"{entry.value} {problem}", remedy)
-    return found  # type: ignore[no-any-return]  # as `_problem` found it
-
-
-def _problem(found: object, known: Iterable[Format]) -> str | None:
-    """Reason why an object is no format that could stand beside those known."""
-    if not isinstance(found, LogFormat | SignalFormat):
-        return f"is a {type(found).__name__}, neither LogFormat nor SignalFormat"
-    if not found.suffixes or any(not re.fullmatch(r"\.[a-z0-9_]+", suffix) for suffix in found.suffixes):
-        return f"has the suffixes {found.suffixes}: each begins with a dot and is in lower case"
-    for other in known:
-        shared = sorted(set(found.suffixes) & set(other.suffixes))
-        is_recognised = any(isinstance(each, LogFormat) and each.recognises for each in (found, other))
-        if shared and not is_recognised:
-            return f"has the suffix {shared[0]}, which belongs to '{other.description}'"
-    return None

@@ -21,7 +21,6 @@ from observer_rt.foundation.errors import UserError
 
 _TRAILING = re.compile(r" +$", re.MULTILINE)
 
-PACKED = ".gz"
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
@@ -123,18 +122,11 @@ class _Piped(io.TextIOBase):
         self._out.flush()
 
 
-def suffix_of(path: Path) -> str:
-    """Suffix of a file in lower case: of a packed one with that of its content, as `.asc.gz`."""
-    suffix = path.suffix.lower()
-    return Path(path.stem).suffix.lower() + suffix if suffix == PACKED else suffix
-
-
 def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:
     """Raise `UserError` for a file whose suffix is not among those known."""
-    if suffix_of(path) not in suffixes:
-        raise UserError(
-            place, f"unknown kind of file '{suffix_of(path)}'", f"known suffixes: {', '.join(suffixes)}"
-        )
+    suffix = path.suffix.lower()
+    if suffix not in suffixes:
+        raise UserError(place, f"unknown kind of file '{suffix}'", f"known suffixes: {', '.join(suffixes)}")
 
 
 class SignalledEvent(threading.Event):

@@ -1,6 +1,5 @@
 """One recording as other tools write it: files in many layouts and of many kinds, and tables in memory."""
 
-import gzip
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,7 +66,7 @@ def _csv(
 ) -> Layout:
     def make(folder: Path, recording: Recording) -> Path:
         content = change(text(recording, **how)).encode(encoding)
-        (folder / file).write_bytes(gzip.compress(content) if file.endswith(".gz") else content)
+        (folder / file).write_bytes(content)
         return folder / file
 
     return Layout(name, make)
@@ -160,7 +159,6 @@ LAYOUTS = (
     ),
     _csv("moments", separator=",", names=("stamp", *GERMAN[1:]), change=_stamped),
     _csv("text", file="a.txt"),
-    _csv("packed", file="a.csv.gz"),
     _csv(
         "English",
         names=("Time (ms)", "Common rail pressure (bar)", "Needle lift (um)", "Inlet pressure (bar)"),

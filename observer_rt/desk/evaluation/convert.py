@@ -11,7 +11,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.logged import LoggedSignals, open_source
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.formats import (
-    formats,
+    BUILT_IN,
     is_log,
     log_format,
     log_formats,
@@ -53,7 +53,7 @@ def convert(
     takes_frames = suffix in suffixes_of(written(log_formats()))
     if target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
-    check_output("OUT", target, force, suffixes=suffixes_of(written(formats())))
+    check_output("OUT", target, force, suffixes=suffixes_of(written(BUILT_IN)))
     if not holds_frames and not takes_signals:
         return _encoded(source, target, bench, console)
     if holds_frames and (not takes_signals or (bench is None and takes_frames)):

@@ -12,16 +12,15 @@ from typing import Self
 
 from observer_rt.config.bench import Bench
 from observer_rt.files.canlog.can_log import NANOSECONDS
-from observer_rt.files.formats import formats, is_log, open_log, suffixes_of
+from observer_rt.files.formats import BUILT_IN, is_log, open_log, suffixes_of
 from observer_rt.files.signals.recording import TRUTH_SUFFIX
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.console import suffix_of
 from observer_rt.foundation.errors import UserError
 
 INJECTOR_FROM, TIME_FROM = "--injector-from", "--time-from"
 _GLOB = re.compile(r"[*?\[]")
 _DATE_FORMATS = {8: "%Y%m%d", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}  # by the number of digits
-_NOTES = {".txt", ".txt.gz"}  # in folders more often notes than recordings: to be named
+_NOTES = {".txt"}  # in folders more often notes than recordings: to be named
 _SINCE_1970 = 1e9  # s, in 2001: time in a recording is never so late unless it counts from 1970
 _MDF4_START = 64 + 24 + 6 * 8  # byte of the header block's start time [ns since 1970]
 
@@ -35,7 +34,7 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
     for source in sources:
         files = list(_files(source))
         if not files:
-            known = ", ".join(suffixes_of(formats()))
+            known = ", ".join(suffixes_of(BUILT_IN))
             raise UserError(source, "names no recording", f"give files, folders or patterns of {known}")
         paths |= dict.fromkeys(files)
     return list(paths)
@@ -44,9 +43,9 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
 def _files(source: str) -> Iterator[Path]:
     path = Path(source)
     if path.is_dir():
-        suffixes = set(suffixes_of(formats())) - _NOTES
+        suffixes = set(suffixes_of(BUILT_IN)) - _NOTES
         for file in sorted(path.rglob("*")):
-            if file.is_file() and suffix_of(file) in suffixes and not file.name.endswith(TRUTH_SUFFIX):
+            if file.is_file() and file.suffix.lower() in suffixes and not file.name.endswith(TRUTH_SUFFIX):
                 yield file
     elif path.exists():
         yield path

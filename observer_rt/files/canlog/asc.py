@@ -165,4 +165,4 @@ class AscWriter(PythonCanWriter):
         self._writer.log_event("Start of measurement", self._start / NANOSECONDS)
 
 
-ASC = LogFormat((".asc",), "Vector, text", AscLog, AscWriter, stamp_step=MICROSECOND, is_text=True)
+ASC = LogFormat((".asc",), "Vector, text", AscLog, AscWriter, stamp_step=MICROSECOND)

@@ -251,7 +251,5 @@ class LogFormat:
     """Whether CAN FD frames can be written."""
     stamp_step: int = 1
     """ns to which stamps are written."""
-    is_text: bool = False
-    """Whether its reader also reads what gzip packed."""
     recognises: Callable[[Path], bool] | None = None
     """Whether a file is of this format, where those of another have the same suffix; None: any is."""

@@ -183,4 +183,4 @@ class CandumpWriter(LogRecorder):
         self._file.close()
 
 
-CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter, is_text=True)
+CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter)

@@ -126,4 +126,4 @@ def is_csv_log(path: Path) -> bool:
     return head.startswith(_CSV_HEADING.encode()) or bool(likeness(path)[0] if head else "")
 
 
-CSV_LOG = LogFormat((".csv",), "of python-can, text", CsvLog, is_text=True, recognises=is_csv_log)
+CSV_LOG = LogFormat((".csv",), "of python-can, text", CsvLog, recognises=is_csv_log)

@@ -1,18 +1,12 @@
-"""Logs of text, line by line, packed or not; what is foreign is refused by name."""
+"""Logs of text, line by line; what is foreign is refused by name."""
 
-import gzip
-import zlib
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import partial
-from io import TextIOWrapper
 from pathlib import Path
-from typing import BinaryIO, ClassVar, NoReturn, cast
+from typing import ClassVar, NoReturn
 
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogReader
-from observer_rt.foundation.errors import UserError
 
-GZIP_MARK = b"\x1f\x8b"
 _HEAD = 200  # bytes
 _KNOWN = (  # how a file begins, whose it is, what to do; {0} stands for its name without suffix
     (b"date ", "a log of Vector's tools", "name it so: {0}.asc"),
@@ -22,6 +16,7 @@ _KNOWN = (  # how a file begins, whose it is, what to do; {0} stands for its nam
     (b"LOGG", "Vector's binary log", "name it so: {0}.blf"),
     (b"MDF ", "an MDF file", "name it so: {0}.mf4"),
     (b"UnFinMF", "an MDF file", "name it so: {0}.mf4"),
+    (b"\x1f\x8b", "a file packed by gzip", "unpack it by gunzip"),
     (b"(", "a log of candump", "name it so: {0}.log"),
     (b"timestamp,arbitration_id", "python-can's .csv", "name it so: {0}.csv"),
     (
@@ -39,22 +34,16 @@ _KNOWN = (  # how a file begins, whose it is, what to do; {0} stands for its nam
     ),
 )
 _LINES_TO_KNOW = 20
-LONGEST_LINE = 1 << 16  # characters: what is packed may be one line of any length
+LONGEST_LINE = 1 << 16  # characters: what is no text may be one line of any length
 EARLIEST_DATE = 100_000_000 * NANOSECONDS  # since 1970: what is less counts from the start of a log
-_SIZE_AT_END = 4  # bytes of a gzip file that hold the length of its content
 SURE_OF_START = 30  # times that are the largest so far
 SURE_OF_LINES = 8  # times that differ from the one before
 
 
 def head_of(path: Path) -> bytes:
-    """Beginning of a file, that of a packed one unpacked. Raises `OSError` for a file that cannot be opened."""
+    """Beginning of a file. Raises `OSError` for a file that cannot be opened."""
     with path.open("rb") as file:
-        head = file.read(_HEAD)
-        if head.startswith(GZIP_MARK):
-            file.seek(0)
-            with suppress(OSError, EOFError, zlib.error):
-                head = gzip.GzipFile(fileobj=file).read(_HEAD)
-    return head.removeprefix(b"\xef\xbb\xbf")
+        return file.read(_HEAD).removeprefix(b"\xef\xbb\xbf")
 
 
 def likeness(path: Path) -> tuple[str, str]:
@@ -72,7 +61,7 @@ def likeness(path: Path) -> tuple[str, str]:
 
 
 class TextLogReader(LogReader):
-    """Reader of a log of text, in UTF-8 or what is left of another encoding; packed or not, by its first bytes."""
+    """Reader of a log of text, in UTF-8 or what is left of another encoding."""
 
     kind: ClassVar[str]
     """Kind of its files, with an article."""
@@ -84,32 +73,16 @@ class TextLogReader(LogReader):
 
         A last one without its end is left out, and reported: what is left of a frame may look like a shorter one.
         """
-        with self.path.open("rb") as raw:
-            is_packed = raw.read(len(GZIP_MARK)) == GZIP_MARK
-            if is_packed:
-                raw.seek(max(0, self._size - _SIZE_AT_END))
-                self._size = int.from_bytes(raw.read(), "little")
-            raw.seek(0)
-            content = cast(BinaryIO, gzip.GzipFile(fileobj=raw)) if is_packed else raw
-            with TextIOWrapper(content, encoding="utf-8-sig", errors="replace") as file:
-                number = 0
-                try:
-                    for number, line in enumerate(iter(partial(file.readline, LONGEST_LINE), ""), 1):
-                        self._position += len(line)
-                        text = line.strip()
-                        if len(line) == LONGEST_LINE:
-                            self.refuse_content(number, f"it has more than {LONGEST_LINE} characters")
-                        if text and not line.endswith("\n"):
-                            self.remarks.append(f"line {number} is cut short and left out")
-                        elif text:
-                            yield number, text
-                except EOFError:
-                    self.remarks.append(
-                        "the end of the packed file is missing, and with it the end of the log"
-                    )
-                except (gzip.BadGzipFile, zlib.error) as error:
-                    problem = f"is damaged, it cannot be unpacked: {error}"
-                    raise UserError(str(self.path), problem, "give the complete file") from None
+        with self.path.open(encoding="utf-8-sig", errors="replace") as file:
+            for number, line in enumerate(iter(partial(file.readline, LONGEST_LINE), ""), 1):
+                self._position += len(line)
+                text = line.strip()
+                if len(line) == LONGEST_LINE:
+                    self.refuse_content(number, f"it has more than {LONGEST_LINE} characters")
+                if text and not line.endswith("\n"):
+                    self.remarks.append(f"line {number} is cut short and left out")
+                elif text:
+                    yield number, text
 
     def refuse_line(self, number: int, text: str) -> NoReturn:
         """Refuse a line that is none of such a log."""

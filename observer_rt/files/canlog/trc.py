@@ -123,5 +123,4 @@ TRC = LogFormat(
     TrcWriter,
     keeps_fd=False,
     stamp_step=MICROSECOND,
-    is_text=True,
 )

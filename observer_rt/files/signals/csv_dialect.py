@@ -12,8 +12,8 @@ from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.calendar import Calendar, calendar_of
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
 from observer_rt.files.signals.table import OPTIONAL, TIME, Heading
-from observer_rt.files.signals.text_file import encoding_of_file, opened_text
 from observer_rt.foundation.errors import UserError, hint
+from observer_rt.foundation.files import encoding_of
 
 _MARKS = "|nan|-nan|na|n/a|<na>|#n/a|#na|null|none|-|--|---|1.#ind|-1.#ind|1.#qnan|-1.#qnan"
 MISSING = frozenset(_MARKS.split("|"))
@@ -22,6 +22,7 @@ _LIKE_A_NUMBER = re.compile(  # with signs of thousands, too, which are refused 
     r"\s*[+-]?(?:\d[\d.,'\u2019\u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*"
 )
 _WORDS = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}
+_HEAD = 1 << 16  # bytes that tell the encoding
 _LOOKED_AT = 200  # lines, among which names and numbers must begin
 _FEWEST = 3  # columns of numbers
 
@@ -88,8 +89,9 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
 
     is_own: the mapping is of our own layout. Raises `UserError` where no line has the names, or numbers there.
     """
-    encoding = encoding_of_file(path)
-    with opened_text(path, encoding) as file:
+    with path.open("rb") as binary:
+        encoding = encoding_of(binary.read(_HEAD))
+    with path.open(encoding=encoding, errors="replace") as file:
         lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
     if not any(line.strip() for line in lines):
         raise UserError(

@@ -16,7 +16,6 @@ from observer_rt.files.signals.calendar import NO_MOMENT, seconds_since
 from observer_rt.files.signals.csv_dialect import MISSING, dialect_of, split_line
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
-from observer_rt.files.signals.text_file import opened_text, tail_of
 from observer_rt.foundation.errors import UserError
 
 ENOUGH = 60  # cells with three digits behind the sign, none of which ends so by chance
@@ -61,7 +60,7 @@ class CsvTable(FileTable):
     @staticmethod
     def names(path: Path) -> Collection[str]:
         """Names of the columns, of a file in our own layout all."""
-        with opened_text(path, "utf-8-sig") as file:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
             return [name.strip() for name in file.readline(_LONGEST_HEADER).split(",")]
 
     @staticmethod
@@ -86,7 +85,7 @@ class CsvTable(FileTable):
     def _blocks(self) -> Iterator[tuple[int, list[str]]]:
         """Lines from the first number on, and how many lines are before them."""
         before = self._dialect.first_row
-        with opened_text(self.path, self._dialect.encoding) as file:
+        with self.path.open(encoding=self._dialect.encoding, errors="replace") as file:
             deque(islice(file, before), 0)
             while lines := list(islice(file, SAMPLES_AT_ONCE)):
                 if self._is_cut and not lines[-1].endswith("\n"):
@@ -232,7 +231,10 @@ class CsvTable(FileTable):
 
     def _ends_too_soon(self) -> bool:
         """Whether the last line has no line end: its writer was stopped, and a number in it may be cut."""
+        with self.path.open("rb") as file:
+            file.seek(max(0, self.path.stat().st_size - _TAIL))
+            tail = file.read()
         # without those of UTF-16, and what Windows ends a file with
-        tail = tail_of(self.path, _TAIL).replace(b"\0", b"").rstrip(b" \t\x1a")
+        tail = tail.replace(b"\0", b"").rstrip(b" \t\x1a")
         last = tail.decode("ascii", "replace").rpartition("\n")[2]
         return not last.endswith("\r") and bool(self._cells([last]))

@@ -34,7 +34,6 @@ class SignalFormat:
 
     suffixes: tuple[str, ...]
     description: str
-    reader: Callable[[Path], Recording] | OwnLayout
-    """Reader of a file as a whole, in one layout or in any; or the layout by which it is read in parts."""
+    reader: OwnLayout
     writer: Callable[[Path, Recording], None] | None = None
     """Replaces an existing file; None where the format is only read."""

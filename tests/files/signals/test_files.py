@@ -124,7 +124,7 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
         ("a.mdf", r'convert\("4\.10"\)\.save\("a\.mf4"\)'),
         ("a.pkl", r'to_parquet\("a\.parquet"\)'),
         ("a.MFC", "mdf2finalized"),
-        ("a.mf4.gz", "unpack it first"),
+        ("a.mf4.gz", r"unpack it first: gunzip a\.mf4\.gz"),
         ("a.log.zst", "unpack it first"),
     ],
 )

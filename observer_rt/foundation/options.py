@@ -44,16 +44,6 @@ class Standing(Enum):
     FREE = "nothing: takes the next free name", "nothing"
     KEY = "`[model] file` in it, which `--undo` takes back", "nothing"
 
-    @property
-    def replaces(self) -> str:
-        """What the command replaces."""
-        return self.value[0]
-
-    @property
-    def refuses(self) -> str:
-        """What the command refuses, exit code 2."""
-        return self.value[1]
-
 
 @dataclass(frozen=True)
 class Writes:

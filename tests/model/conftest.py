@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import advance_state
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from tests.intervals import Interval
 
 State = tuple[float, float, float]
 Trajectory = Callable[..., NDArray[np.float64]]

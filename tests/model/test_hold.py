@@ -13,9 +13,9 @@ from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import Stroke
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import effective_model
-from observer_rt.model.integrator import Interval
 from observer_rt.model.network import zero_network
 from observer_rt.model.stability import substeps_needed
+from tests.intervals import Interval
 from tests.model.conftest import Trajectory, advanced, advanced_over
 
 NOMINAL = load_injector()

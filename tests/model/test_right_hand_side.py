@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from observer_rt.core.model.model import fault_with_rate, rates_of_change
 from observer_rt.model.effective import Coefficients, coefficients
-from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, constant_network, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
+from tests.intervals import Interval
 from tests.model.conftest import advanced, physical_rates
 
 NO_FAULT = zero_network()

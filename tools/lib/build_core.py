@@ -1,6 +1,6 @@
 """Builds the compiled core, observer_rt/core, by meson and ninja, and puts its modules beside their sources.
 
-usage: build_core.py [module ...]     e.g. model/integrator; without one: all of them
+usage: build_core.py [module ...]     e.g. model/model; without one: all of them
 """
 
 import fcntl

@@ -35,18 +35,6 @@ def protection_of(profile: int | None, data_id: int | None) -> np.void:
     return found
 
 
-class E2EStatus(IntEnum):
-    """Check result of one frame of a protected message."""
-
-    OK = 0
-    OK_SOME_LOST = 1
-    REPEATED = 2
-    WRONG_SEQUENCE = 3
-    CRC_ERROR = 4
-    LENGTH_ERROR = 5
-    INITIAL = 6
-
-
 class E2EState(IntEnum):
     """State of the receiver's state machine, over the frames of a protected message."""
 

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import e2e.p01
@@ -19,7 +20,6 @@ from observer_rt.bus.database.e2e import (
     SUPERVISION,
     UNPROTECTED,
     E2EState,
-    E2EStatus,
     protection_of,
 )
 from observer_rt.core.frames.frames import (
@@ -32,6 +32,18 @@ from observer_rt.core.frames.frames import (
 )
 
 DATA_ID = 0x0100
+
+
+class E2EStatus(IntEnum):
+    """Check result of one frame, as `E2E_OK` and those after it in the core."""
+
+    OK = 0
+    OK_SOME_LOST = 1
+    REPEATED = 2
+    WRONG_SEQUENCE = 3
+    CRC_ERROR = 4
+    LENGTH_ERROR = 5
+    INITIAL = 6
 
 
 def frame_of(payload: bytes) -> NDArray[np.uint8]:

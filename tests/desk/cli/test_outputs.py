@@ -267,7 +267,7 @@ def test_an_end_in_the_midst_of_writing_leaves_the_old_file_whole(
 def test_the_page_of_commands_says_what_is_written() -> None:
     rows = [
         f"| `{command} {option}` | {', '.join((writes.what, *(f'`{name}`' for name in writes.names)))} "
-        f"| {writes.standing.replaces} | {writes.standing.refuses} |"
+        f"| {' | '.join(writes.standing.value)} |"
         for (command, option), writes in DECLARED.items()
     ]
     section = Page("docs/commands.md").text.partition("## What commands write\n")[2].partition("\n## ")[0]

@@ -15,11 +15,11 @@ from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.integrator import Interval
 from observer_rt.model.network import HIDDEN
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.model.stability import substeps_needed
+from tests.intervals import Interval
 
 SAMPLE_RATE = 100e3
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)

@@ -8,9 +8,9 @@ from observer_rt.core.model.model import advance_state, fault_with_rate
 from observer_rt.engine.estimation.open_loop import open_loop
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of
-from observer_rt.model.integrator import Interval
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
+from tests.intervals import Interval
 
 HEALTHY = np.zeros(PARAMETERS)
 VALVE = range(Parameter.CONTROL_START, Parameter.DISPLACEMENT)  # does nothing without flow

@@ -6,9 +6,9 @@ from observer_rt.core.model.model import advance_state
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.integrator import Interval
 from observer_rt.model.network import Network, zero_network
 from tests.engine.sample_stream import NOISE, NOMINAL
+from tests.intervals import Interval
 
 CONSTANTS = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
 SCALE = CONSTANTS.coefficients.pressure_scale

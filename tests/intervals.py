@@ -1,4 +1,4 @@
-"""A sample interval and its inputs, over which core.model steps the state."""
+"""A sample interval and its inputs, as `advance_state` of the core takes them."""
 
 from typing import NamedTuple
 

@@ -120,7 +120,7 @@ class DiscoverOptions(ModelOptions):
         Writes(
             "answer to a search that goes on where `fits.jsonl` ends",
             Standing.ANSWER,
-            ("findings.json", "report.html", "amended.toml", "plan.csv", "data", "fits.jsonl"),
+            ("findings.json", "report.html", "amended.toml", "plan.csv", "fits.jsonl"),
         ),
     ]
     recordings: Recordings = ()
@@ -150,7 +150,6 @@ class DiscoverOptions(ModelOptions):
         Option("Number of the proposed law that the amended model is to have.", "N", 0),
     ] = None
     force: shared.Force = False
-    data: Annotated[bool, Option("Also write the figures (SVG) and the numbers behind them (CSV).")] = False
     plan: Annotated[
         bool,
         Option(
@@ -217,7 +216,7 @@ def discover(options: DiscoverOptions) -> None:
         with progress_bar(messages, "planning what to measure next", 1.0) as progress:
             found = discovery.planned(found, task, two_injections, progress)
     found = replace(found, seconds=time.monotonic() - begin)
-    document = discovery.write_findings(out, task, found, amendable, options.data)
+    document = discovery.write_findings(out, task, found, amendable)
     if found.not_accepted:
         say(messages, f"warning: {found.not_accepted}")
     if options.json:
@@ -229,7 +228,6 @@ def discover(options: DiscoverOptions) -> None:
         written = {
             discovery.AMENDED: found.amended_model is not None,
             discovery.PLAN: found.plan is not None,
-            discovery.DATA: options.data,
         }
         more = [name for name, is_there in written.items() if is_there]
         say(messages, f"{out}: {', '.join([discovery.REPORT, FINDINGS, *more])}")

@@ -109,18 +109,18 @@ class DiscoveryResult:
             plan = planned(self.findings, self.task, two_injections, progress).plan
         return pd.DataFrame([] if plan is None else [one.model_dump() for one in plan.measurements])
 
-    def report(self, folder: str | PathLike[str], data: bool = False, force: bool = False) -> Path:
-        """Write report, findings and amended model into a folder; data: figures and numbers, too. Its page.
+    def report(self, folder: str | PathLike[str], force: bool = False) -> Path:
+        """Write report, findings and amended model into a folder. Its page.
 
         force: an earlier report there is replaced. Raises `UserError` where the folder cannot be written.
         """
         check_answer_folder(Path(folder), None, force)
         make_folder("report", Path(folder))
-        self._write(Path(folder), data)
+        self._write(Path(folder))
         return Path(folder) / REPORT
 
-    def _write(self, folder: Path, data: bool = False) -> None:
-        write_findings(folder, self.task, self.findings, self.file, data)
+    def _write(self, folder: Path) -> None:
+        write_findings(folder, self.task, self.findings, self.file)
 
     def __repr__(self) -> str:
         return as_text(self.findings)

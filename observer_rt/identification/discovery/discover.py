@@ -34,7 +34,6 @@ from observer_rt.identification.discovery.findings import (
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
-from observer_rt.identification.discovery.report.data import remove_data, write_data
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.rivals import next_measurement
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
@@ -96,9 +95,8 @@ _OTHER_RATE = (
     "rate. Fit at this rate, or give healthy recordings by --healthy."
 )
 AMENDED, REPORT, FITS = "amended.toml", "report.html", "fits.jsonl"
-DATA = "data"
 PLAN = "plan.csv"
-ANSWER = (REPORT, FINDINGS, AMENDED, PLAN, DATA)
+ANSWER = (REPORT, FINDINGS, AMENDED, PLAN)
 _KINDS = {
     REPORT: None,
     FINDINGS: file_kinds.FINDINGS,
@@ -320,10 +318,8 @@ def fits_in(folder: Path, task: DiscoveryTask, stated: Sequence[SizedEffect]) ->
         return FitStore(folder / FITS, problem_key(task.parameters, parts, stated))
 
 
-def write_findings(
-    folder: Path, task: DiscoveryTask, findings: Findings, injector: InjectorFile, data: bool = False
-) -> str:
-    """Everything into the folder, and back what findings.json says. data: figures and numbers as files, too.
+def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, injector: InjectorFile) -> str:
+    """Everything into the folder, and back what findings.json says.
 
     What an earlier run left there and this one does not make is removed.
     """
@@ -340,9 +336,6 @@ def write_findings(
         (folder / PLAN).unlink(missing_ok=True)
         if found.plan is not None:
             write_schedule(folder / PLAN, found.plan)
-        remove_data(folder / DATA)
-        if data:
-            write_data(folder / DATA, found)
         if found.amended_model is not None:
             cells = stable_cells(task.parameters, found.in_force, task.measured)
             write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms, found.remainder)

@@ -124,7 +124,7 @@ def trend(options: TrendOptions) -> None:
     check_output("--out", page, options.force, suffixes=(".html",))
     limits = [Limit.read(text) for text in options.limit]
     dates = None if pattern is None else PathPattern.read(TIME_FROM, pattern)
-    made = trends(read_injections(folder, NEEDED), limits, dates, options.trust_file_times)
+    made = trends(read_injections(folder, NEEDED), dates, options.trust_file_times)
     write_page(page, made, limits, folder)
     if options.json:
         print(json.dumps(document(made, limits), indent=2))

@@ -37,7 +37,7 @@ SCHEMA = pa.schema(
         *((name, _KINDS[kind]) for name, kind in columns_of(RESULT_FIELDS, Output.PARQUET).items()),
     ]
 )
-"""time: of the injection's begin; time_from: what says it (`moment`)."""
+"""time: of the injection's begin; time_from: what says it (`TimeFrom`)."""
 _ROWS = 1024
 
 

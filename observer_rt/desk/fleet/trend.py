@@ -1,17 +1,16 @@
 """The wear of injectors over dates: the last valid estimate of each recording, and what all of them say together."""
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 
 from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
-from observer_rt.desk.fleet.wear import QUANTITIES, SURE, Course, Crossing, Limit, course_of
+from observer_rt.desk.fleet.wear import FEWEST, QUANTITIES, Line, Signal
 from observer_rt.engine.reports.injection_report import WEAR
 from observer_rt.foundation.errors import UserError
 
@@ -23,16 +22,36 @@ NEEDED = (
     *chain.from_iterable(_COLUMNS.values()),
 )
 """Columns of a batch's rows that a trend is made of."""
-_DAY = 86400.0  # s
+_DAY, _MONTH = 86400.0, 30.4375  # s; days
 _HOW = f"say where their paths have the time: {TIME_FROM} PATTERN, such as '_(\\d{{8}}_\\d{{6}})'"
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A change of flow at recordings, and halves of its 95 % intervals, (n,); line: None of fewer than `FEWEST`."""
+
+    value: Signal
+    half: Signal
+    line: Line | None
+
+    @property
+    def now(self) -> tuple[float, float]:
+        """At the last recording, and half of its 95 % interval: by the line, or without one by that recording."""
+        level, half = self.line.at(self.line.days) if self.line else (self.value, self.half)
+        return float(level[-1]), float(half[-1])
+
+    @property
+    def rate(self) -> tuple[float, float] | None:
+        """A month, and half of its 95 % interval."""
+        line = self.line
+        return (_MONTH * float(line.coefficients[0]), _MONTH * math.sqrt(line.spread[0, 0])) if line else None
 
 
 @dataclass(frozen=True, eq=False)
 class InjectorTrend:
     """An injector's wear by indicator, at the recordings with a valid estimate, whose times are given.
 
-    courses: empty without such a recording; recordings: all of them; crossings: of the limits asked for, in their
-    order, None where too few recordings are there.
+    courses: empty without such a recording; recordings: all of them.
     """
 
     injector: str
@@ -40,23 +59,15 @@ class InjectorTrend:
     injections: int
     times: tuple[datetime, ...]
     courses: dict[str, Course]
-    crossings: tuple[Crossing | None, ...]
 
     @property
     def wear(self) -> float:
         """The largest change of a flow at the last recording; 0 if none is known."""
-        return max((abs(float(course.level[-1])) for course in self.courses.values()), default=0.0)
-
-    def date(self, day: float) -> datetime:
-        """Date of a day of the courses."""
-        return self.times[0] + timedelta(days=day)
+        return max((abs(course.now[0]) for course in self.courses.values()), default=0.0)
 
 
 def trends(
-    rows: pa.Table,
-    limits: Sequence[Limit] = (),
-    dates: PathPattern | None = None,
-    trusts_file_times: bool = False,
+    rows: pa.Table, dates: PathPattern | None = None, trusts_file_times: bool = False
 ) -> list[InjectorTrend]:
     """Trends of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
 
@@ -71,7 +82,7 @@ def trends(
     elif not trusts_file_times:
         _refuse_written(table)
     table = table.sort_values(["time", "number"])
-    made = [_trend(str(name), its, limits) for name, its in table.groupby("injector")]
+    made = [_trend(str(name), its) for name, its in table.groupby("injector")]
     return sorted(made, key=lambda trend: (-trend.wear, trend.injector))
 
 
@@ -86,7 +97,7 @@ def _refuse_written(table: pd.DataFrame) -> None:
         )
 
 
-def _trend(injector: str, table: pd.DataFrame, limits: Sequence[Limit]) -> InjectorTrend:
+def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
     spans = table.groupby("sha256")["time"].agg(["min", "max"]).sort_values("min")
     if (spans["min"].to_numpy()[1:] <= spans["max"].to_numpy()[:-1]).any():
         remedy = f"{_HOW}; or give each recording once, into a new folder"
@@ -97,12 +108,8 @@ def _trend(injector: str, table: pd.DataFrame, limits: Sequence[Limit]) -> Injec
     courses: dict[str, Course] = {}
     for name in _COLUMNS if len(last) else ():
         value, low, high = (last[column].to_numpy(float) for column in _COLUMNS[name])
-        courses[name] = course_of(days, value, np.asarray(0.5 * (high - low) / SURE))
-    return InjectorTrend(
-        injector,
-        len(spans),
-        len(table),
-        tuple(time.to_pydatetime().astimezone(UTC) for time in last["time"]),
-        courses,
-        tuple(courses[limit.name].crossing(limit) if courses else None for limit in limits),
-    )
+        half = 0.5 * (high - low)
+        line = Line.of(days, value, half) if len(last) >= FEWEST else None
+        courses[name] = Course(value, half, line)
+    times = tuple(time.to_pydatetime().astimezone(UTC) for time in last["time"])
+    return InjectorTrend(injector, len(spans), len(table), times, courses)

@@ -1,36 +1,24 @@
-"""Wear of an injector over days: a straight line that wanders, and the day on which it reaches a limit.
-
-The change of flow is y(t) = a + b t + l W(t) + s integral of V, with Wiener processes W and V. Nobody knows how much
-level (l) and rate (s) wander: each pair of a grid counts by how likely it makes the recordings.
-"""
+"""Wear of an injector over days: a weighted straight line, and the day on which it reaches a limit."""
 
 import math
 import re
 from dataclasses import dataclass
-from itertools import product
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
-from scipy.special import ndtr
+from scipy.optimize import brentq
+from scipy.stats import t as student
 
 from observer_rt.engine.reports.injection_report import WEAR
 from observer_rt.foundation.errors import UserError
 
 Signal = NDArray[np.float64]
-SURE = 1.959964  # standard deviations of a 95 % interval
-FEWEST = 4  # recordings that a date is made of
+FEWEST = 4  # recordings that a line is made of
 QUANTITIES = tuple(indicator.name.partition("_")[0] for indicator in WEAR)
-_LEVEL_WANDERS, _RATE_WANDERS = np.geomspace(0.03, 1.0, 6), np.geomspace(0.003, 2.0, 5)
-"""l and s that are tried, in parts of what the recordings span, over their time; so are the next."""
-_PRIOR_LEVEL, _PRIOR_RATE, _LEAST_SIGMA = 10.0, 3.0, 1e-4  # standard deviations
-_LEAST_SPAN = 1e-6
-_STEPS = 64  # ahead
+_SURE, _LEAST_SIGMA = 1.959964, 1e-4  # standard deviations of a recording's 95 % interval; of its value
+_STEPS = 1001  # days at which a limit is looked for; odd: the last recording's is one
 _LIMIT = re.compile(r"(?P<name>\w+)=(?P<size>[+-]?\d*\.?\d+)(?P<percent>\s*%)?")
-# Of the chance that the level is beyond the limit. That it has been there is at most twice as likely (reflection
-# principle): half of 2.5 % at the early end makes the interval no narrower than it says.
-_EARLY, _MIDDLE, _LATE = 0.0125, 0.5, 0.975
 
 
 @dataclass(frozen=True)
@@ -46,117 +34,58 @@ class Limit:
         match = _LIMIT.fullmatch(text.strip())
         size = float(match["size"]) / (100.0 if match["percent"] else 1.0) if match else 0.0
         if not match or match["name"] not in QUANTITIES or size == 0.0:
-            example = "write it like nozzle=30% or seat=-20%"
-            raise UserError(f"--limit {text}", f"is no limit of {' or '.join(QUANTITIES)}", example)
+            problem = f"is no limit of {' or '.join(QUANTITIES)}"
+            raise UserError(f"--limit {text}", problem, "write it like nozzle=30% or seat=-20%")
         return cls(match["name"], size)
 
     def __str__(self) -> str:
         return f"{self.name} {100.0 * self.size:+g} %"
 
 
-@dataclass(frozen=True)
-class Crossing:
-    """Days at which a limit is reached: 95 % interval and median; is_reached: it was, on that day.
-
-    Nothing is said of what is farther ahead than the recordings reach back: middle and high are infinite there, and
-    low is the day before which the limit is not reached.
-    """
-
-    low: float
-    middle: float
-    high: float
-    is_reached: bool = False
-
-
 @dataclass(frozen=True, eq=False)
-class Course:
-    """A change of flow at the n recordings: each by itself, and the level that all of them say together, (n,).
+class Line:
+    """Change of flow by days (n,) since the first recording.
 
-    days: since the first recording; rate: at the last one, a day; weight, (g,), of the pairs of the grid, by each of
-    which the future has a mean and a standard deviation, (g, _STEPS + 1).
+    coefficients, (2,): a day, and on day 0; spread, (2, 2): their covariance, times squared 95 % quantile.
     """
 
     days: Signal
-    value: Signal
-    sigma: Signal
-    level: Signal
-    level_sigma: Signal
-    rate: float
-    rate_sigma: float
-    weight: Signal
-    future: Signal
-    future_sigma: Signal
+    coefficients: Signal
+    spread: Signal
 
-    def crossing(self, limit: Limit) -> Crossing | None:
-        """When the level reaches a limit; None of too few recordings, or of all at one time."""
-        reach, last = float(np.ptp(self.days)), float(self.days[-1])
-        if self.days.size < FEWEST or not reach:
-            return None
-        side = math.copysign(1.0, limit.size)
-        beyond = side * (self.level - limit.size) >= 0.0
-        if beyond[-1]:
-            before = np.flatnonzero(~beyond)
-            day = float(self.days[before[-1] + 1 if before.size else 0])
-            return Crossing(day, day, day, is_reached=True)
-        chance = self.weight @ ndtr(side * (self.future - limit.size) / self.future_sigma)
-        steps = [np.flatnonzero(chance >= share) for share in (_EARLY, _MIDDLE, _LATE)]
-        low, middle, high = (
-            last + reach * max(0.0, step[0] - 0.5) / _STEPS if step.size else math.inf for step in steps
-        )
-        return Crossing(min(low, last + reach), middle, high)
+    @classmethod
+    def of(cls, days: Signal, value: Signal, half: Signal) -> Self:
+        """Through values with 95 % intervals of these halves, all (n,), n >= `FEWEST`, at rising days.
 
+        What values scatter beyond their intervals is added to the variance of each, so that chi squared is its
+        degrees of freedom (Paule and Mandel, 1982).
+        """
+        variance, freedom = np.maximum(half / _SURE, _LEAST_SIGMA) ** 2, days.size - 2
 
-def course_of(days: Signal, value: Signal, sigma: Signal) -> Course:
-    """What all recordings (n,), at least one, at rising days say together. sigma: standard deviations of the values.
+        def fit(scatter: float) -> tuple[Signal, Signal, float]:
+            weight = 1.0 / np.sqrt(variance + scatter)
+            line, covariance = np.polyfit(days, value, 1, w=weight, cov="unscaled")
+            return line, covariance, float(np.sum((weight * (value - np.polyval(line, days))) ** 2)) - freedom
 
-    Takes time by the cube of n.
-    """
-    reach = float(np.ptp(days)) or 1.0
-    scale = max(float(np.ptp(value)), float(np.median(sigma)), _LEAST_SPAN)
-    place = (days - days[0]) / reach
-    prior, by_level, by_rate = _covariances(
-        np.append(place, place[-1] + np.linspace(0.0, 1.0, _STEPS + 1)), place[-1]
-    )
-    noise = np.diag(np.maximum(sigma / scale, _LEAST_SIGMA) ** 2)
-    scaled, n = (value - value[0]) / scale, days.size
-    likelihood, means, variances = [], [], []
-    for level_wander, rate_wander in product(_LEVEL_WANDERS, _RATE_WANDERS):
-        covariance = prior + level_wander**2 * by_level + rate_wander**2 * by_rate
-        root = cholesky(covariance[:n, :n] + noise, lower=True)
-        white = solve_triangular(root, np.column_stack([covariance[:n], scaled]), lower=True)
-        likelihood.append(-0.5 * white[:, -1] @ white[:, -1] - np.log(np.diag(root)).sum())
-        means.append(white[:, :-1].T @ white[:, -1])
-        variances.append(np.diag(covariance) - (white[:, :-1] ** 2).sum(axis=0))
-    weight = np.exp(np.array(likelihood) - max(likelihood))
-    weight /= weight.sum()
-    mean, variances_of = np.array(means), np.maximum(variances, _LEAST_SIGMA**2)
-    middle = weight @ mean
-    spread = np.sqrt(weight @ (variances_of + (mean - middle) ** 2))
-    known, ahead = slice(0, n), slice(n, -1)
-    return Course(
-        days,
-        value,
-        sigma,
-        value[0] + scale * middle[known],
-        scale * spread[known],
-        float(middle[-1] * scale / reach),
-        float(spread[-1] * scale / reach),
-        weight,
-        value[0] + scale * mean[:, ahead],
-        scale * np.sqrt(variances_of[:, ahead]),
-    )
+        scattered = fit(0.0)[2] > 0.0
+        scatter = brentq(lambda each: fit(each)[2], 0.0, np.ptp(value) ** 2) if scattered else 0.0
+        line, covariance, _ = fit(scatter)
+        return cls(days, line, covariance * student.ppf(0.975, freedom) ** 2)
 
+    def at(self, days: Signal) -> tuple[Signal, Signal]:
+        """Levels and halves of their 95 % intervals, as days (k,)."""
+        place = np.vander(days, 2)
+        return place @ self.coefficients, np.sqrt(((place @ self.spread) * place).sum(axis=1))
 
-def _covariances(place: Signal, now: float) -> tuple[Signal, Signal, Signal]:
-    """Of the levels at places (n,) and the rate now, (n + 1, n + 1): of the line, and with a wander of 1 each."""
-    least, most = np.minimum.outer(place, place), np.maximum.outer(place, place)
-    line, by_level, by_rate = np.zeros((3, place.size + 1, place.size + 1))
-    slope = np.append(place, 1.0)
-    line[:] = _PRIOR_RATE**2 * np.multiply.outer(slope, slope)
-    line[:-1, :-1] += _PRIOR_LEVEL**2
-    by_level[:-1, :-1] = least
-    by_rate[:-1, :-1] = least**2 * (3.0 * most - least) / 6.0
-    earlier = np.minimum(place, now)
-    by_rate[:-1, -1] = by_rate[-1, :-1] = earlier * (place - 0.5 * earlier)
-    by_rate[-1, -1] = now
-    return line, by_level, by_rate
+    def reaches(self, limit: Limit) -> tuple[float, float, float]:
+        """Day on which the level reaches a limit, between the ends of its 95 % interval.
+
+        Nothing is said of what is farther ahead than the recordings reach back: infinite, but for the low end.
+        """
+        side, last = math.copysign(1.0, limit.size), self.days[-1]
+        is_reached = side * (self.at(self.days)[0][-1] - limit.size) >= 0.0
+        days = last * np.linspace(0.0 if is_reached else 1.0, 2.0, _STEPS)
+        level, half = self.at(days)
+        beyond = [side * (level - limit.size) + sign * half >= 0.0 for sign in (1.0, 0.0, -1.0)]
+        low, middle, high = (float(days[each.argmax()]) if each.any() else math.inf for each in beyond)
+        return min(low, float(days[-1])), middle, high

@@ -14,7 +14,7 @@ def table() -> pa.Table:
     return pa.concat_tables(
         [
             rows("aa", "healthy", [0.5, 0.01], day=0),
-            rows("bb", "healthy", [0.0], day=1),
+            rows("bb", "healthy", [0.005], day=1),
             rows("cc", "worn", [0.2], day=0),
             rows("dd", "worn", [0.25], day=2),
             rows("ee", "doubtful", [0.9], valid=False),
@@ -25,10 +25,11 @@ def table() -> pa.Table:
 def test_the_most_worn_comes_first_by_the_last_valid_estimate_of_each_recording(table: pa.Table) -> None:
     worn, healthy, doubtful = trends(table)
     assert [worn.injector, healthy.injector, doubtful.injector] == ["worn", "healthy", "doubtful"]
-    assert healthy.courses["nozzle"].value.tolist() == [0.01, 0.0]
+    assert healthy.courses["nozzle"].value.tolist() == [0.01, 0.005]
     assert (healthy.recordings, healthy.injections) == (2, 3)
     assert doubtful.times == ()
-    assert doubtful.wear == 0.0
+    assert worn.courses["nozzle"].now == pytest.approx((0.25, 0.0196))
+    assert worn.courses["nozzle"].rate is None
 
 
 def test_recordings_at_one_time_are_refused() -> None:

@@ -151,14 +151,11 @@ def recorded() -> list[LogFormat]:
     return [each for each in log_formats() if each.recorder is not None]
 
 
-def open_recording(
-    path: Path, injector: BenchInjector | None = None, in_one_go: bool = False
-) -> SignalStream:
+def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalStream:
     """Look through a recording and return the stream of its samples [SI], which is then read in parts.
 
     injector: whose `[recording]` describes a layout of the user's own; without it our own layouts, and others whose
     headings say which column is which.
-    in_one_go: as of `EvenSignals`, of our own layouts; else it is looked through all the same.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
     reader = _of(path, signal_formats()).reader
@@ -172,7 +169,7 @@ def open_recording(
     with file_errors(path):
         stream: SignalStream
         if reader.is_of(path, mapping):
-            stream = EvenSignals(reader.table(path, reader.mapping, is_own=True), in_one_go)
+            stream = EvenSignals(reader.table(path, reader.mapping, is_own=True))
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
             layout = mapping or _by_headings(path, reader)

@@ -271,18 +271,16 @@ class _Stamps:
 
 
 def open_source(
-    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console, in_one_go: bool = False
+    path: Path, bench: Bench | None, from_channels: Sequence[str], console: Console
 ) -> SignalStream:
     """Look through a file, and warn of odd values in it. from_channels: of a log, as `--from-channel` names them.
-
-    in_one_go: as of `open_recording`; `refuse_implausible` is then for whoever has read it.
 
     Raises `UserError` for an unknown suffix, a file that will not do, signals that are no injector's, and a log
     without a bench file.
     """
     if not is_log(path):
         with progress_bar(console, f"looking through {path.name}", None):
-            source = open_recording(path, None if bench is None else bench.injector, in_one_go)
+            source = open_recording(path, None if bench is None else bench.injector)
     elif bench is None:
         raise UserError(
             "--bench", f"is missing: it says which signals the frames of {path} carry", "name a bench file"
@@ -290,8 +288,7 @@ def open_source(
     else:
         with progress_bar(console, f"decoding {path.name}", 1.0) as progress:
             source = LoggedSignals(bench, path, from_channels, progress)
-    if not in_one_go:
-        refuse_implausible(path, source.survey, source.names)
+    refuse_implausible(path, source.survey, source.names)
     for note in source.notes:
         say(console, note)
     return source

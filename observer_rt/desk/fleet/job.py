@@ -19,9 +19,8 @@ from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.fleet.recordings import PathPattern, injector_of, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
-from observer_rt.engine.signal_survey import refuse_dead, refuse_implausible
+from observer_rt.engine.signal_survey import refuse_dead
 from observer_rt.files.formats import is_log
-from observer_rt.files.signals.table_signals import OtherRateError
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.model.effects import effective_model
@@ -97,10 +96,7 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
     """Rows of one injector of a file."""
     name = injector_of(path, task.names, alone)
     place = task.folder / path
-    try:
-        evaluation = _evaluation(task, place, alone, in_one_go=True)
-    except OtherRateError:
-        evaluation = _evaluation(task, place, alone, in_one_go=False)
+    evaluation = _evaluation(task, place, alone)
     c = effective_model(alone.injector.parameters).coefficients
     zero, by = zero_of(place, evaluation.source)
     for result in evaluation.injections:
@@ -114,16 +110,14 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
         }
 
 
-def _evaluation(task: Task, place: Path, alone: Bench, in_one_go: bool) -> Evaluation:
-    """in_one_go: as of `open_recording`: reading takes a good part of all time."""
-    source = open_source(place, alone, (), Console(quiet=True), in_one_go)
+def _evaluation(task: Task, place: Path, alone: Bench) -> Evaluation:
+    source = open_source(place, alone, (), Console(quiet=True))
     learning = task.learning and alone.injector.config.learning.enabled
     with file_errors(place):
         # not ahead: other workers have the other processors
         (evaluation,), _ = evaluate_stream(
             alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
         )
-    refuse_implausible(place, source.survey, source.names)
     if not is_log(place):
         refuse_dead(place, source.survey, source.names)
     return evaluation

@@ -1,8 +1,7 @@
-"""The signals of a table in SI units, on whatever grid; those of even files read in parts, or in one go."""
+"""The signals of a table in SI units, on whatever grid; those of even files read in parts."""
 
-from collections import deque
 from collections.abc import Iterator, Mapping
-from itertools import chain, islice, zip_longest
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -103,40 +102,12 @@ class TableSignals(SignalStream):
         return _Scale(column.factor * unit, column.offset * unit, self._table.is_text and name != TIME)
 
 
-class OtherRateError(Exception):
-    """A file that was read in one go has another sample rate than its first part showed."""
-
-
 class EvenSignals(TableSignals):
     """A table in one stretch, its stamps as they are. Raises `UserError` for an uneven time or an infinite value."""
 
-    def __init__(self, table: Table, in_one_go: bool = False) -> None:
-        """in_one_go: look at the first part only, and at all others when they are read, which is once.
-
-        Stretches and the ranges of all signals are known then. What is wrong with the file is raised there, too, and
-        `OtherRateError`.
-        """
+    def __init__(self, table: Table) -> None:
         super().__init__(table)
-        self._in_one_go = in_one_go
-        grid = TimeGrid()
-        parts = self._checked_parts(grid)
-        if in_one_go:
-            first = list(islice(parts, 1))
-            self.rate = grid.sample_rate
-            self._coming = chain(first, parts)
-        else:
-            deque(parts, 0)
-
-    def chunks(self) -> Iterator[Chunk]:
-        """Read all samples anew, or in the one go."""
-        first = 0
-        for part in self._coming if self._in_one_go else self._filled_parts():
-            yield self._chunk(part.time, part.signals, 0, first)
-            first += part.time.size
-
-    def _checked_parts(self, grid: TimeGrid) -> Iterator[TablePart]:
-        """Iterate over all parts, each checked before it is given."""
-        start = 0.0
+        grid, start = TimeGrid(), 0.0
         for part in self._filled_parts():
             if not grid.samples:
                 start = float(part.time[0])
@@ -144,13 +115,17 @@ class EvenSignals(TableSignals):
             row = grid.samples
             self._refuse(grid.take(part.time))
             self._look_at(part, row, 0)
-            yield part
         self._refuse_short(grid.samples)
         self._refuse(grid.end())
-        expected, self.rate = self.rate, grid.sample_rate
+        self.rate = grid.sample_rate
         self.stretches = (Stretch(start, grid.samples),)
-        if self._in_one_go and self.rate != expected:
-            raise OtherRateError
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Read all samples anew."""
+        first = 0
+        for part in self._filled_parts():
+            yield self._chunk(part.time, part.signals, 0, first)
+            first += part.time.size
 
     def _filled_parts(self) -> Iterator[TablePart]:
         """Iterate over all parts, joined so that none but the last is a single sample, which has no rate."""

@@ -54,14 +54,14 @@ class InParts(Table):
         return f"parts, row {row}"
 
 
-@given(st.lists(st.integers(0, 3), max_size=8), st.booleans())
-def test_parts_of_any_length(sizes: list[int], in_one_go: bool) -> None:
+@given(st.lists(st.integers(0, 3), max_size=8))
+def test_parts_of_any_length(sizes: list[int]) -> None:
     samples = sum(sizes)
     if samples < 2:
         with pytest.raises(UserError, match=r"holds (no sample|one sample only)"):
-            EvenSignals(InParts(sizes), in_one_go)
+            EvenSignals(InParts(sizes))
         return
-    chunks = list(EvenSignals(InParts(sizes), in_one_go).chunks())
+    chunks = list(EvenSignals(InParts(sizes)).chunks())
     assert np.concatenate([chunk.rail_pressure for chunk in chunks]).tolist() == list(range(samples))
     assert [chunk.first for chunk in chunks] == np.cumsum([0, *(c.samples for c in chunks[:-1])]).tolist()
     assert all(chunk.samples for chunk in chunks)

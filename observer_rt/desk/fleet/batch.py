@@ -85,11 +85,6 @@ class Evaluated:
     skipped: int = 0
     failed: list[FailedFile] = field(default_factory=list)
 
-    @property
-    def files(self) -> int:
-        """Of all outcomes."""
-        return self.done + self.skipped + len(self.failed)
-
     def take(self, dataset: Dataset, path: Path, sha256: str, rows: pa.Table | FailedFile | str) -> None:
         """One file into the dataset; rows: a hash where they are there already."""
         if isinstance(rows, str):
@@ -128,7 +123,7 @@ def evaluate_all(
                     running[submit(evaluated, task, path, result)] = path, result
                 else:
                     counts.take(dataset, path, sha256, result)
-                    progress(counts.files)
+                    progress(counts.done + counts.skipped + len(counts.failed))
     client.cancel(list(running))
     raise InterruptionError(
         f"interrupted; {counts.done + counts.skipped} of {len(paths)} files are done\n"

@@ -8,6 +8,7 @@ batch.json                                by which model and how: another one ne
 
 import json
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -77,19 +78,15 @@ class Dataset:
 
     def _refuse_other(self, settings: dict[str, Any]) -> None:
         path, place = self.folder / _SETTINGS, f"--out {self.folder}"
-        if not path.exists():
-            for name in (_DONE, _ERRORS, INJECTIONS):
+        before = None
+        with suppress(FileNotFoundError, ValueError):
+            before = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(before, dict):
+            for name in (_SETTINGS, _DONE, _ERRORS, INJECTIONS):
                 if (self.folder / name).exists():
                     raise UserError(place, f"holds {name}, of no batch", "name another folder")
             write_text(path, json.dumps(settings, indent=2))
-            return
-        try:
-            before = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError:
-            before = None
-        if not isinstance(before, dict):
-            raise UserError(place, f"holds {_SETTINGS}, of no batch", "name another folder")
-        if other := [key for key in settings if before.get(key) != settings[key]]:
+        elif other := [key for key in settings if before.get(key) != settings[key]]:
             problem = f"holds the results of another batch: {', '.join(other)} differ"
             raise UserError(place, problem, "name another folder")
 

@@ -60,11 +60,6 @@ class InjectorTrend:
     times: tuple[datetime, ...]
     courses: dict[str, Course]
 
-    @property
-    def wear(self) -> float:
-        """The largest change of a flow at the last recording; 0 if none is known."""
-        return max((abs(course.now[0]) for course in self.courses.values()), default=0.0)
-
 
 def trends(
     rows: pa.Table, dates: PathPattern | None = None, trusts_file_times: bool = False
@@ -83,7 +78,9 @@ def trends(
         _refuse_written(table)
     table = table.sort_values(["time", "number"])
     made = [_trend(str(name), its) for name, its in table.groupby("injector")]
-    return sorted(made, key=lambda trend: (-trend.wear, trend.injector))
+    return sorted(
+        made, key=lambda trend: min((-abs(each.now[0]) for each in trend.courses.values()), default=0.0)
+    )
 
 
 def _refuse_written(table: pd.DataFrame) -> None:

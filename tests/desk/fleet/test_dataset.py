@@ -45,6 +45,14 @@ def test_another_model_needs_another_folder(tmp_path: Path) -> None:
         Dataset(tmp_path, {**SETTINGS, "learning": False})
 
 
+@pytest.mark.parametrize(("name", "text"), [("done.jsonl", ""), ("batch.json", "{"), ("batch.json", "[]")])
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=name):
+        Dataset(tmp_path, SETTINGS)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, text)]
+
+
 def test_failures_are_those_of_the_last_run(tmp_path: Path) -> None:
     dataset = Dataset(tmp_path, SETTINGS)
     for name in ("a", "b"):

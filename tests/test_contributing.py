@@ -71,7 +71,7 @@ SCALAR_EDITS = (
     (
         SCALARS,
         "\n\nclass Element(",
-        "    INERTANCE = 11 + HIDDEN\n\n\nclass Element(",
+        "    INERTANCE = 17 + HIDDEN\n\n\nclass Element(",
     ),
     (
         SCALARS,

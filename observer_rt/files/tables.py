@@ -13,7 +13,6 @@ from observer_rt.config.toml_file import validated
 from observer_rt.files.signals.calendar import seconds_since
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.naming import in_words, layout_of, name_and_unit
-from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream
 from observer_rt.files.signals.table import LARGEST, TIME, Heading, Table, TablePart, Values, present
 from observer_rt.foundation.errors import UserError
@@ -105,23 +104,16 @@ class HeldTable(Table):
         return numbers
 
 
-def recording_of(
+def signals_of(
     table: Any, layout: RecordingConfig | Mapping[str, Any] | None = None, name: str = "table"
-) -> Recording:
-    """Recording of a table in memory [SI], as `read_recording` gives that of a file; NaN between its stretches.
+) -> SignalStream:
+    """Signals of a table in memory [SI], with a survey that tells what is odd about its values.
 
     table: pandas DataFrame, or arrays (n,) by name in a dict; units in brackets or at the end of names,
     `p_Rail [bar]`, `lift_um`; an index of moments or floats is the time. layout: what `[recording]` of a bench file
     says, None: what names and units say; with `rate_hz` no time is needed. name: in messages.
     Raises `UserError` with the layout to state where names and units do not say which column is which.
     """
-    return signals_of(table, layout, name).collected()
-
-
-def signals_of(
-    table: Any, layout: RecordingConfig | Mapping[str, Any] | None = None, name: str = "table"
-) -> SignalStream:
-    """The same as a stream, whose survey tells what is odd about its values."""
     frame, notes = framed(table), list[str]()
     if layout is None:
         layout = layout_of(name, headings_of(frame))

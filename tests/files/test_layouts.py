@@ -9,7 +9,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.files.formats import read_recording
 from observer_rt.files.signals.recording import Recording
-from observer_rt.files.tables import recording_of
+from observer_rt.files.tables import signals_of
 from observer_rt.foundation.errors import UserError
 from tests.device import simulated
 from tests.files.layouts import LAYOUTS, Layout, text
@@ -19,7 +19,7 @@ OURS = simulated(3, 0.2, (60e6, 120e6), seed=5)
 
 def read(made: Any) -> Recording:
     """A file or a table."""
-    return read_recording(made) if isinstance(made, Path) else recording_of(made)
+    return read_recording(made) if isinstance(made, Path) else signals_of(made).collected()
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
@@ -79,9 +79,11 @@ def test_a_table_without_a_time_is_read_by_its_rate() -> None:
         "p_line_bar": OURS.line_pressure / 1e5,
     }
     with pytest.raises(UserError, match="time: no heading names it") as raised:
-        recording_of(table)
+        signals_of(table).collected()
     assert "rate_hz" in raised.value.remedy
     units = zip(("rail_pressure", "needle_lift", "line_pressure"), table, ("bar", "um", "bar"), strict=True)
-    found = recording_of(table, {"rate_hz": 50e3, **{s: {"column": c, "unit": u} for s, c, u in units}})
+    found = signals_of(
+        table, {"rate_hz": 50e3, **{s: {"column": c, "unit": u} for s, c, u in units}}
+    ).collected()
     np.testing.assert_allclose(found.line_pressure, OURS.line_pressure)
     assert found.sample_rate == 50e3

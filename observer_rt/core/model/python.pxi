@@ -228,14 +228,6 @@ def totals_of_terms(
     return totals
 
 
-def stiffness_of(double x_1, line) -> float:
-    """K_eff/K_L of a line at the normalised pressure x_1."""
-    cdef Softness softness
-    softness.air, softness.stiffness_slope = line.air, line.stiffness_slope
-    softness.stiffness_pressure, softness.chamber_pressure = line.stiffness_pressure, line.chamber_pressure
-    return stiffness(x_1, &softness)
-
-
 globals().update(
     COLUMNS=WIDTH,
     FORGETTING=tuple(FORGETTING),

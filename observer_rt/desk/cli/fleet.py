@@ -59,7 +59,7 @@ def batch(options: BatchOptions) -> None:
     from observer_rt.desk.fleet.batch import connected, evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.dataset import Dataset
     from observer_rt.desk.fleet.job import Task
-    from observer_rt.desk.fleet.recordings import INJECTOR_FROM, PathPattern, doubt_of_one, recordings_in
+    from observer_rt.desk.fleet.recordings import INJECTOR_FROM, PathPattern, recordings_in
     from observer_rt.foundation.console import stop_on_signals
 
     model, pattern = options.model and options.model.absolute(), options.injector_from
@@ -67,8 +67,6 @@ def batch(options: BatchOptions) -> None:
     chosen = benches.of(options.injector)
     names = None if pattern is None else PathPattern.read(INJECTOR_FROM, pattern)
     paths = recordings_in(options.sources)
-    if doubt := doubt_of_one(paths, names, chosen):
-        say(messages, doubt)
     make_folder("--out", options.out)
     learning = not options.no_learning
     dataset = Dataset(options.out, settings_of(chosen, options.state, learning, pattern))

@@ -34,8 +34,13 @@ PRESSURE_NOISE, LIFT_NOISE, LINE_NOISE = 0.1e6, 0.4e-6, 0.15e6  # one sigma a sa
 PRESSURE_CODE, LIFT_CODE = 5e3, 1e-8  # steps of the bus: Pa, m
 
 _LAMINAR = 1e3  # Pa, below which a flow follows the pressure drop, so that a shut sac comes to rest
-_LONGEST_STEP = 10e-6  # s: an injection must not fall between two steps
-_TOLERANCE = 1e-8
+_SCALES = np.array([100e6, 60e-6, 100e6])  # of the states p_L, Q_L, p_S: one tolerance fits all
+_SOLVER = {
+    "rtol": 1e-8,
+    "atol": 1e-8,
+    "hmax": 10e-6,
+    "mxstep": 100_000,
+}  # hmax [s]: no injection between two steps
 
 
 class Departure(NamedTuple):
@@ -84,9 +89,8 @@ class BenchOperation:
             return 0.0, 0.0, 0.0
         relative = self._set_pressure(number) / REFERENCE_PRESSURE
         speed = OPENING_SPEED * relative**0.4
-        falling = (
-            since - self.energizing_times[number % len(self.energizing_times)] - CLOSING_DELAY + OPENING_DELAY
-        )
+        energizing = self.energizing_times[number % len(self.energizing_times)]
+        falling = since - energizing - CLOSING_DELAY + OPENING_DELAY
         if falling <= 0.0:
             lift = speed * _travelled(since)
             return (lift, speed, since) if lift < HIGHEST_LIFT else (HIGHEST_LIFT, 0.0, since)
@@ -101,8 +105,7 @@ class BenchOperation:
         return number, time - FIRST_EVENT - number * self.period
 
     def _set_pressure(self, number: int) -> float:
-        number = min(max(number, 0), self.injections - 1)
-        return self.rail_pressures[number % len(self.rail_pressures)]
+        return self.rail_pressures[min(max(number, 0), self.injections - 1) % len(self.rail_pressures)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,45 +117,29 @@ class BenchRecording:
 
     def mass(self, first: int, last: int) -> float:
         """Mass [kg] that was injected over the samples first..last."""
-        rate = self.injection_rate[first : last + 1]
-        return float(np.trapezoid(rate)) / self.recording.sample_rate * DENSITY
+        volume = float(np.trapezoid(self.injection_rate[first : last + 1])) / self.recording.sample_rate
+        return volume * DENSITY
 
 
 def record(operation: BenchOperation, departure: Departure, sample_rate: float, seed: int) -> BenchRecording:
     """Run the injector at a sample rate [Hz]; seed: of the sensors' noise."""
     duration = FIRST_EVENT + operation.injections * operation.period
     time = np.arange(round(duration * sample_rate) + 1) / sample_rate
-    rest = [operation.rail_pressure(0.0), 0.0, CHAMBER_PRESSURE]
-    states = odeint(
-        lambda x, t: _rates(x, t, operation, departure),
-        np.array(rest) / _SCALES,
-        time,
-        rtol=_TOLERANCE,
-        atol=_TOLERANCE,
-        hmax=_LONGEST_STEP,
-        mxstep=100_000,
-    )
     rail = np.array([operation.rail_pressure(t) for t in time.tolist()])
-    moved = [operation.lift(t) for t in time.tolist()]
-    lift = np.array([x for x, _, _ in moved])
-    rate = np.array(
-        [
-            _nozzle_flow(sac, since, departure)
-            for sac, (_, _, since) in zip((states[:, 2] * _SCALES[2]).tolist(), moved, strict=True)
-        ]
-    )
+    rest = [rail[0], 0.0, CHAMBER_PRESSURE] / _SCALES
+    states = odeint(_rates, rest, time, (operation, departure), **_SOLVER) * _SCALES
+    lift, _, opened = np.array([operation.lift(t) for t in time.tolist()]).T
+    flows = zip(states[:, 2].tolist(), opened.tolist(), strict=True)
+    rate = np.array([_nozzle_flow(sac, since, departure) for sac, since in flows])
     shown_lift = np.where(lift > 0.0, np.maximum(lift - departure.hidden_lift, 0.0), 0.0)
     noise = np.random.default_rng(seed)
     recording = Recording(
         time=time,
         rail_pressure=_coded(rail * (1.0 + departure.rail_gain), PRESSURE_NOISE, PRESSURE_CODE, noise),
         needle_lift=_coded(shown_lift, LIFT_NOISE, LIFT_CODE, noise),
-        line_pressure=_coded(states[:, 0] * _SCALES[0], LINE_NOISE, PRESSURE_CODE, noise),
+        line_pressure=_coded(states[:, 0], LINE_NOISE, PRESSURE_CODE, noise),
     )
     return BenchRecording(recording, rate)
-
-
-_SCALES = np.array([100e6, 60e-6, 100e6])  # of the states p_L, Q_L, p_S: one tolerance fits all
 
 
 def _rates(
@@ -168,13 +155,11 @@ def _rates(
     nozzle = _nozzle_flow(sac, since, departure)
     lost = 1e6 * departure.loss(flow * 1e6)
     stiffness = STIFFNESS + departure.stiffening * (line - REFERENCE_PRESSURE)
+    driven = LINE_AREA / (DENSITY * LINE_LENGTH) * (operation.rail_pressure(time) - lost - line)
+    slowed = LOSS_FACTOR / (2.0 * LINE_AREA * LINE_LENGTH) * flow * abs(flow)
     return (
         stiffness / LINE_VOLUME * (flow - nozzle) / _SCALES[0],  # (20)
-        (
-            LINE_AREA / (DENSITY * LINE_LENGTH) * (operation.rail_pressure(time) - lost - line)
-            - LOSS_FACTOR / (2.0 * LINE_AREA * LINE_LENGTH) * flow * abs(flow)
-        )
-        / _SCALES[1],  # (19)
+        (driven - slowed) / _SCALES[1],  # (19)
         STIFFNESS / SAC_VOLUME * (seat - nozzle) / _SCALES[2],  # (22)
     )
 

@@ -58,56 +58,36 @@ class HiddenEffect(NamedTuple):
 def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
     """Draw an effect that the daemon cannot learn; outside: a law that is in no vocabulary."""
     drawn = random.Random(seed)
-    return drawn.choice(_LAWS if outside else _EFFECTS)(drawn)
+    return _drawn_law(drawn, drawn.randrange(3)) if outside else _drawn_effect(drawn, drawn.randrange(3))
 
 
-_Drawn = Callable[[random.Random], HiddenEffect]
-
-
-def _rising_stiffness(drawn: random.Random) -> HiddenEffect:
-    n = drawn.uniform(5.0, 10.0)
-    return HiddenEffect(Departure(stiffening=n), f"a bulk modulus that rises with pressure, n = {n:.1f}")
-
-
-def _rail_gain(drawn: random.Random) -> HiddenEffect:
-    g = drawn.choice((-1.0, 1.0)) * drawn.uniform(0.012, 0.03)
-    words = f"a rail pressure sensor whose gain is {100 * g:+.1f} % off"
-    return HiddenEffect(Departure(rail_gain=g), words)
-
-
-def _lift_offset(drawn: random.Random) -> HiddenEffect:
+def _drawn_effect(drawn: random.Random, kind: int) -> HiddenEffect:
+    if kind == 0:
+        n = drawn.uniform(5.0, 10.0)
+        return HiddenEffect(Departure(stiffening=n), f"a bulk modulus that rises with pressure, n = {n:.1f}")
+    if kind == 1:
+        g = drawn.choice((-1.0, 1.0)) * drawn.uniform(0.012, 0.03)
+        return HiddenEffect(
+            Departure(rail_gain=g), f"a rail pressure sensor whose gain is {100 * g:+.1f} % off"
+        )
     x_0 = drawn.uniform(7.0, 12.0)
     return HiddenEffect(Departure(hidden_lift=x_0 * 1e-6), f"a needle lift recorded {x_0:.1f} um too low")
 
 
-_EFFECTS: Sequence[_Drawn] = (_rising_stiffness, _rail_gain, _lift_offset)
-
-
-def _coking(drawn: random.Random) -> HiddenEffect:
-    share, within = drawn.uniform(0.15, 0.3), drawn.uniform(0.25, 0.6)
-    return HiddenEffect(
-        Departure(nozzle=lambda since: 1.0 - share * since / (since + within)),
-        f"a nozzle that loses up to {100 * share:.0f} % within each injection",
-    )
-
-
-def _seat_by_speed(drawn: random.Random) -> HiddenEffect:
-    share = drawn.uniform(0.15, 0.25)
-    return HiddenEffect(
-        Departure(seat=lambda speed: 1.0 - share * math.tanh(speed / 0.3)),
-        f"a seat that passes {100 * share:.0f} % less while the needle opens, and more while it closes",
-    )
-
-
-def _kinked_loss(drawn: random.Random) -> HiddenEffect:
+def _drawn_law(drawn: random.Random, kind: int) -> HiddenEffect:
+    if kind == 0:
+        share, within = drawn.uniform(0.15, 0.3), drawn.uniform(0.25, 0.6)
+        coking = Departure(nozzle=lambda since: 1.0 - share * since / (since + within))
+        return HiddenEffect(coking, f"a nozzle that loses up to {100 * share:.0f} % within each injection")
+    if kind == 1:
+        share = drawn.uniform(0.15, 0.25)
+        words = (
+            f"a seat that passes {100 * share:.0f} % less while the needle opens, and more while it closes"
+        )
+        return HiddenEffect(Departure(seat=lambda speed: 1.0 - share * math.tanh(speed / 0.3)), words)
     loss, from_flow = drawn.uniform(0.04, 0.1), drawn.uniform(20.0, 30.0)
-    return HiddenEffect(
-        Departure(loss=lambda flow: loss * max(flow - from_flow, 0.0)),
-        f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms",
-    )
-
-
-_LAWS: Sequence[_Drawn] = (_coking, _seat_by_speed, _kinked_loss)
+    words = f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms"
+    return HiddenEffect(Departure(loss=lambda flow: loss * max(flow - from_flow, 0.0)), words)
 
 
 @dataclass(frozen=True)

@@ -102,17 +102,6 @@ def injector_of(path: Path, names: PathPattern | None, alone: Bench) -> str:
     return alone.injector.name or f"injector_{alone.injector.config.outputs.injector_id}"
 
 
-def doubt_of_one(paths: Sequence[Path], names: PathPattern | None, bench: Bench) -> str:
-    """Warning that recordings count as those of one injector only because nothing names it; or empty."""
-    if names is not None or len(paths) < 2 or len(bench.injectors) > 1 or bench.injector.name:
-        return ""
-    return (
-        f"all {len(paths)} recordings count as those of one injector, {injector_of(Path(), None, bench)}\n"
-        f"  remedy: if they are of several, say what in their paths names it, such as {INJECTOR_FROM} "
-        r"'([^/]+)\.\w+$', into a new folder"
-    )
-
-
 class TimeFrom(StrEnum):
     """What says a time. WRITTEN: nothing in the file, only when it was last written, which copying changes."""
 

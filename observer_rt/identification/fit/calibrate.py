@@ -5,7 +5,7 @@ Chosen is the simplest of those that explain recordings they were not fitted to 
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 from pathlib import Path
@@ -26,7 +26,6 @@ from observer_rt.identification.fit.cross_validation import (
     share_between_samples,
     thinned,
 )
-from observer_rt.identification.fit.odd_recording import OddRecording, odd_recording
 from observer_rt.identification.fit.problem import (
     BESIDE,
     INERTANCE,
@@ -174,8 +173,7 @@ class Calibrated:
     """Result of a fit.
 
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
-    parameters the recordings do not tell, as in the file; comparison: before and after; odd: the recording that the
-    others contradict, asked where the model is inadequate.
+    parameters the recordings do not tell, as in the file; comparison: before and after.
     """
 
     file: InjectorParameters
@@ -185,7 +183,6 @@ class Calibrated:
     kept: tuple[FreeParameter, ...]
     level: FlowLevel
     comparison: Comparison
-    odd: OddRecording | None = None
 
     @property
     def injector(self) -> InjectorParameters:
@@ -291,8 +288,7 @@ def calibrate(
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
     comparison = compared(file, best.injector, offsets, best.calibration.folds)
-    done = Calibrated(file, found, choice, best, kept, level, comparison)
-    return replace(done, odd=odd_recording(best.calibration, best.minimum.at)) if done.inadequate else done
+    return Calibrated(file, found, choice, best, kept, level, comparison)
 
 
 def _tried(

@@ -49,7 +49,6 @@ class FitDocument(Document):
     gate_chi2: float
     tolerated_share: float
     inadequate_phases: tuple[str, ...]
-    odd_recording: str | None
     structure: dict[str, str] = Field(description="the one chosen, and why")
     structures: tuple[TriedStructure, ...]
     parameters: dict[str, FittedNumber]
@@ -77,7 +76,6 @@ def document_of(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -
         gate_chi2=GATE,
         tolerated_share=TOLERATED,
         inadequate_phases=tuple(map(phase_name, done.inadequate)),
-        odd_recording=None if done.odd is None else names[done.odd.recording],
         structure={
             "name": structure.name,
             "line_outflow": structure.outflow,

@@ -93,12 +93,6 @@ def _fit_words(done: Calibrated) -> str:
 
 def _to_try(done: Calibrated) -> str:
     """By the most probable cause."""
-    if done.odd is not None:
-        with_it, without_it = done.odd.chi2
-        return (
-            f"leave out {recording_name(done, done.odd.recording)}: the others contradict it (without it chi2 is "
-            f"at most {without_it:.3g}, instead of {with_it:.3g}). Was the injector worn there, or another one?"
-        )
     worst = done.inadequate[0]
     if done.left.chi2[worst] > _FOREIGN:
         return _OF_FOREIGN

@@ -6,18 +6,14 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.fleet.recordings import PathPattern, doubt_of_one, injector_of, recordings_in
+from observer_rt.desk.fleet.recordings import PathPattern, injector_of, recordings_in
 from observer_rt.foundation.errors import UserError
 
 
-def test_recordings_that_nothing_names_the_injectors_of_are_asked_about() -> None:
-    paths = [Path("measured/a.csv"), Path("measured/b.csv")]
-    doubt = doubt_of_one(paths, None, load_bench())
-    assert "all 2 recordings count as those of one injector, injector_1" in doubt
-    assert r"--injector-from '([^/]+)\.\w+$'" in doubt
+def test_a_pattern_names_the_injectors_of_paths() -> None:
     names = PathPattern.read("--injector-from", r"([^/]+)\.\w+$")
+    paths = [Path("measured/a.csv"), Path("measured/b.csv")]
     assert [injector_of(path, names, load_bench()) for path in paths] == ["a", "b"]
-    assert doubt_of_one(paths[:1], None, load_bench()) == doubt_of_one(paths, names, load_bench()) == ""
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow as pa
 
 from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern, TimeFrom
-from observer_rt.desk.fleet.wear import FEWEST, QUANTITIES, Line, Signal
+from observer_rt.desk.fleet.wear import FEWEST, QUANTITIES, Signal, WearLine
 from observer_rt.engine.reports.injection_report import WEAR
 from observer_rt.foundation.errors import UserError
 
@@ -32,7 +32,7 @@ class Course:
 
     value: Signal
     half: Signal
-    line: Line | None
+    line: WearLine | None
 
     @property
     def now(self) -> tuple[float, float]:
@@ -106,7 +106,7 @@ def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
     for name in _COLUMNS if len(last) else ():
         value, low, high = (last[column].to_numpy(float) for column in _COLUMNS[name])
         half = 0.5 * (high - low)
-        line = Line.of(days, value, half) if len(last) >= FEWEST else None
+        line = WearLine.of(days, value, half) if len(last) >= FEWEST else None
         courses[name] = Course(value, half, line)
     times = tuple(time.to_pydatetime().astimezone(UTC) for time in last["time"])
     return InjectorTrend(injector, len(spans), len(table), times, courses)

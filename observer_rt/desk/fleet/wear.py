@@ -43,7 +43,7 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class WearLine:
     """Change of flow by days (n,) since the first recording.
 
     coefficients, (2,): a day, and on day 0; spread, (2, 2): their covariance, times squared 95 % quantile.

@@ -5,21 +5,21 @@ import math
 import numpy as np
 import pytest
 
-from observer_rt.desk.fleet.wear import FEWEST, Limit, Line, Signal
+from observer_rt.desk.fleet.wear import FEWEST, Limit, Signal, WearLine
 from observer_rt.foundation.errors import UserError
 
 DAYS, LAST = np.array([0.0, 3.0, 11.0, 12.0, 30.0, 41.0, 60.0, 75.0, 90.0, 110.0]), 110.0
 
 
-def line(level: float, rate: float, half: float = 0.004) -> Line:
-    return Line.of(DAYS, level + rate * DAYS, np.full(DAYS.size, half))
+def line(level: float, rate: float, half: float = 0.004) -> WearLine:
+    return WearLine.of(DAYS, level + rate * DAYS, np.full(DAYS.size, half))
 
 
 @pytest.mark.parametrize("rate", [0.002, -0.002])
 def test_a_known_line_is_found_and_a_bad_recording_counts_less(rate: float) -> None:
     value, half = 0.01 + rate * DAYS, np.full(DAYS.size, 0.004)
     value[4], half[4] = 0.5, 2.0
-    found = Line.of(DAYS, value, half)
+    found = WearLine.of(DAYS, value, half)
     assert found.coefficients == pytest.approx([rate, 0.01], abs=1e-5)
 
 
@@ -29,7 +29,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say_when_values_scatter_beyon
     for _ in range(1500):
         rate, sigma = random.uniform(0.001, 0.003), random.uniform(0.002, 0.01, DAYS.size)
         value = rate * DAYS + random.normal(0.0, np.hypot(sigma, 0.015))
-        found = Line.of(DAYS, value, 1.96 * sigma)
+        found = WearLine.of(DAYS, value, 1.96 * sigma)
         level, half = found.at(DAYS[-1:])
         slope_half = math.sqrt(found.spread[0, 0])
         holds.append(
@@ -62,7 +62,7 @@ def test_a_limit_that_was_passed_has_its_day() -> None:
 @pytest.mark.parametrize("value", [[0.1] * FEWEST, [0.0, 0.1, 0.1, 0.3]])
 def test_recordings_without_noise_do_no_harm(value: list[float]) -> None:
     days: Signal = np.arange(float(FEWEST))
-    level, half = Line.of(days, np.array(value), np.zeros(FEWEST)).at(days)
+    level, half = WearLine.of(days, np.array(value), np.zeros(FEWEST)).at(days)
     assert level == pytest.approx(np.polyval(np.polyfit(days, value, 1), days))
     assert np.isfinite(half).all()
 

@@ -59,7 +59,7 @@ def test_filtered_gradient_is_the_derivative(model: str, late: float, lag: float
         innovations(window, setting, learned_of(moved, setting.coefficients), result)
         return result
 
-    numeric = differences(innovations_of, theta, 1e-5)
+    numeric = differences(innovations_of, theta, 1e-6)
     tolerance = 1e-5 * np.abs(numeric).max(axis=0) + 1e-8
     assert (np.abs(slopes - numeric).max(axis=0) < tolerance).all()
 

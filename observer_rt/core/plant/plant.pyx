@@ -67,6 +67,8 @@ cdef inline void _open_valve(
 ) noexcept nogil:
     """The pilot valve at a time [s] in or before a stroke; it may open for the following one already."""
     cdef double at_stop = lift - (s.top - s.opening) * s.opening_speed + LIFT_OFF
+    if (c.line.wave.servo if c.cells > 0 else c.line.lump.servo) == 0.0:
+        return
     _open_for(u, time, s, c)
     _open_for(u, time, following, c)
     if u.servo.opening > 0.0 and s.closing - s.top > STAYS_AT_STOP:

@@ -131,8 +131,11 @@ cdef bint _follow_valve(Stepping* s, int64_t position) noexcept nogil:
         &s.strokes, position, before.seat_area, row.seat_area, above_100_mpa(row.rail_pressure, &s.coefficients),
         s.interval, &s.coefficients.seat,
     )
+    if in_force.watch_later == 0:  # there is no control flow
+        row.valve = 0.0
+        return False
     row.valve = valve_at(position, row.seat_area, &s.strokes, &in_force.valve, s.interval)
-    return is_shown and in_force.watch_later > 0 and s.of_tilde.rows == 0
+    return is_shown and s.of_tilde.rows == 0
 
 
 cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:

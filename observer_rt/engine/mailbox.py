@@ -12,9 +12,8 @@ from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.stream.state import Observer, Reason
 
-KNOWN_AFTER = (
-    0.25e-3  # s and the time by which the pilot valve is ahead of the lift, after which its flow is known
-)
+# s and the time by which the pilot valve is ahead of the lift, after which its flow is known.
+KNOWN_AFTER = 0.25e-3
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:

@@ -124,11 +124,16 @@ class StatedAccuracy:
         """Whether a measured mass fixed the level, or there is nothing to fix."""
         return self.measured is not None or self.mass == 0.0
 
+    @property
+    def bound_pct(self) -> float:
+        """Half width of the level's 95 % interval [%]."""
+        return 196.0 * self.mass
+
     def as_text(self) -> str:
         """The level with its 95 % bound; empty where nothing is unknown."""
         if self.mass == 0.0:
             return ""
-        return f"level ±{196.0 * self.mass:.1f} %, {'calibrated' if self.is_calibrated else 'not calibrated'}"
+        return f"level ±{self.bound_pct:.1f} %, {'calibrated' if self.is_calibrated else 'not calibrated'}"
 
 
 EXACT = StatedAccuracy()

@@ -87,14 +87,12 @@ class LineParameters(_Section):
     )
     # of a servo injector, see `model.valve`; none of it where left out
     control_flow: Annotated[NonNegative | None, UnitName("m3/s")] = None  # c, of the pilot valve at 100 MPa
-    control_start: Annotated[ValveTime | None, UnitName("s")] = (
-        None  # before the needle leaves its seat, at 100 MPa
-    )
+    # before the needle leaves its seat, at 100 MPa
+    control_start: Annotated[ValveTime | None, UnitName("s")] = None
     control_end: Annotated[ValveTime | None, UnitName("s")] = None  # before it begins to fall
     control_hold: Annotated[float, Field(ge=-1, le=1)] | None = None  # h, while the needle is at its stop
-    control_exponent: Annotated[float, Field(ge=-2, le=2)] | None = (
-        None  # n, of both times by the rail pressure
-    )
+    # n, of both times by the rail pressure
+    control_exponent: Annotated[float, Field(ge=-2, le=2)] | None = None
     displacement: Annotated[Area | None, UnitName("m2")] = None  # A_d, of the needle at the line's end
 
     @property

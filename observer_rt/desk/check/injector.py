@@ -333,7 +333,7 @@ def level_findings(fitted: BenchInjector) -> Iterator[Said]:
         f"{calibration.as_text()}: by the line's bore (known to {bore:g} %) and length ({length:g} %), the pressure "
         f"sensors ({100.0 * calibration.line_sensor:g} and {100.0 * calibration.rail_sensor:g} %) and flow beside "
         "the nozzle",
-        f"one measured mass known to {MEASURED_PERCENT:g} % makes it ±{196.0 * measured.mass:.1f} %: "
+        f"one measured mass known to {MEASURED_PERCENT:g} % makes it ±{measured.bound_pct:.1f} %: "
         "`observer-rt fit --mass`",
     )
 

@@ -35,12 +35,8 @@ PRESSURE_CODE, LIFT_CODE = 5e3, 1e-8  # steps of the bus: Pa, m
 
 _LAMINAR = 1e3  # Pa, below which a flow follows the pressure drop, so that a shut sac comes to rest
 _SCALES = np.array([100e6, 60e-6, 100e6])  # of the states p_L, Q_L, p_S: one tolerance fits all
-_SOLVER = {
-    "rtol": 1e-8,
-    "atol": 1e-8,
-    "hmax": 10e-6,
-    "mxstep": 100_000,
-}  # hmax [s]: no injection between two steps
+# The longest step [s] is so short that no injection lies between two.
+_SOLVER = {"rtol": 1e-8, "atol": 1e-8, "hmax": 10e-6, "mxstep": 100_000}
 
 
 class Departure(NamedTuple):
@@ -70,26 +66,24 @@ class BenchOperation:
 
     def rail_pressure(self, time: float) -> float:
         """Pressure in the rail [Pa]: set for the event, changed half way to the next, dipping and rippling."""
-        number, since = self._event(time)
+        number, since, energizing = self._event(time)
         before, after = self._set_pressure(number), self._set_pressure(number + 1)
         share = min(max(4.0 * since / self.period - 1.5, 0.0), 1.0)
         pressure = before + (after - before) * 0.5 * (1.0 - math.cos(math.pi * share))
         pressure += RIPPLE * math.sin(2.0 * math.pi * PUMP_FREQUENCY * time)
         if number >= 0 and since > 0.0:
-            length = self.energizing_times[number % len(self.energizing_times)]
-            dip = RAIL_DIP * 1e3 * min(since, length)
-            pressure -= dip * math.exp(-max(since - length, 0.0) / RAIL_RECOVERY)
+            dip = RAIL_DIP * 1e3 * min(since, energizing)
+            pressure -= dip * math.exp(-max(since - energizing, 0.0) / RAIL_RECOVERY)
         return pressure
 
     def lift(self, time: float) -> tuple[float, float, float]:
         """Needle lift [m], its speed [m/s], and the time since it left its seat [s]; 0 while it is shut."""
-        number, since = self._event(time)
+        number, since, energizing = self._event(time)
         since -= OPENING_DELAY
         if number < 0 or since <= 0.0:
             return 0.0, 0.0, 0.0
         relative = self._set_pressure(number) / REFERENCE_PRESSURE
         speed = OPENING_SPEED * relative**0.4
-        energizing = self.energizing_times[number % len(self.energizing_times)]
         falling = since - energizing - CLOSING_DELAY + OPENING_DELAY
         if falling <= 0.0:
             lift = speed * _travelled(since)
@@ -99,10 +93,11 @@ class BenchOperation:
         lift = highest - speed * _travelled(falling)
         return (lift, -speed, since) if lift > 0.0 else (0.0, 0.0, 0.0)
 
-    def _event(self, time: float) -> tuple[int, float]:
-        """Number of the event, -1 before the first, and the time since its energizing [s]."""
+    def _event(self, time: float) -> tuple[int, float, float]:
+        """Number of the event, -1 before the first, the time since its energizing, and how long that lasts [s]."""
         number = min(math.floor((time - FIRST_EVENT) / self.period), self.injections - 1)
-        return number, time - FIRST_EVENT - number * self.period
+        energizing = self.energizing_times[number % len(self.energizing_times)]
+        return number, time - FIRST_EVENT - number * self.period, energizing
 
     def _set_pressure(self, number: int) -> float:
         return self.rail_pressures[min(max(number, 0), self.injections - 1) % len(self.rail_pressures)]

@@ -135,7 +135,7 @@ def _level_json(evaluation: Evaluation) -> dict[str, Any]:
     """How well the level of all masses is known; empty without an injection."""
     for result in evaluation.injections[-1:]:
         calibration = result.report.calibration
-        return {"level_ci95_pct": 196.0 * calibration.mass, "calibrated": calibration.is_calibrated}
+        return {"level_ci95_pct": calibration.bound_pct, "calibrated": calibration.is_calibrated}
     return {}
 
 

@@ -81,6 +81,12 @@ def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(0.5 * (matrix + matrix.T), np.float64)
 
 
+def covariance_given(covariance: NDArray[np.float64], column: int) -> NDArray[np.float64]:
+    """The covariance (m, m) of all parameters once that in a column is known exactly."""
+    along = covariance[:, column]
+    return np.asarray(covariance - np.outer(along, along) / along[column])
+
+
 @dataclass(frozen=True)
 class Gate:
     """Columns of the gated parameters, and the lowest value each may take; held: columns that no event tells of."""
@@ -160,8 +166,7 @@ class GatedBelief:
         covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
         out = [column for column in self.gate.columns if column not in self.active]
         for column in self.gate.held:
-            along = covariance[:, column]
-            covariance = covariance - np.outer(along, along) / along[column]
+            covariance = covariance_given(covariance, column)
         if out:
             rows = covariance[out]
             result[:, out] = -np.linalg.solve(rows[:, out], rows).T

@@ -17,9 +17,8 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 HOLD_SHARE = 0.06
 # Of the volume: a published one that differs more from the re-simulated one was not known well.
 REVISED = 0.02
-PARTING = (
-    20e-6  # s (one sigma), by which two injections may part elsewhere than at the least flow between them
-)
+# s (one sigma), by which two injections may part elsewhere than at the least flow between them.
+PARTING = 20e-6
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,8 @@ BLOCK = 1 * MILLISECOND  # of which means are taken: about a period of the line
 BLOCK_ERROR = 0.01 * MEGAPASCAL  # of such a mean, whatever the noise
 # Of a block over the pressures within an event: how the rail recovers is alike in every event, and no gain.
 SYSTEMATIC = 0.03 * MEGAPASCAL
-SIGNIFICANT = (
-    5.0  # standard deviations beyond a belief: another sensor, or one that is not straight, tells no gain
-)
+# Standard deviations beyond a belief: another sensor, or one that is not straight, tells no gain.
+SIGNIFICANT = 5.0
 _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
 _BOTH = [_OFFSET, _GAIN]
 

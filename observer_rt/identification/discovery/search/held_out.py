@@ -63,10 +63,9 @@ class HeldOutPoints:
         return falls > scatter and shrinks > -gap_scatter
 
     def _events(self, candidate: Candidate) -> "_Events | None":
-        key = (candidate.ids, candidate.sizes)
-        if key not in self._known:
-            self._known[key] = self._found(candidate)
-        return self._known[key]
+        if candidate.key not in self._known:
+            self._known[candidate.key] = self._found(candidate)
+        return self._known[candidate.key]
 
     def _found(self, candidate: Candidate) -> "_Events | None":
         hypothesis, theta = candidate.hypothesis, candidate.theta

@@ -14,10 +14,8 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import LAWS_OF_EFFECTS, TermLaw, is_term
 
 DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
-_STEP, _STEP_OF_TERM = (
-    0.01,
-    5.0,
-)  # of the dead zone, for finite differences: noise does not drown that of a term
+# Of the dead zone, for finite differences: noise does not drown that of a term.
+_STEP, _STEP_OF_TERM = 0.01, 5.0
 _SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
 MOST_STARTS = 2  # from which a search begins
 _EXPLAINED = 1.1  # variance of the residuals below which no second start is tried

@@ -22,9 +22,8 @@ from observer_rt.model.terms.law import Number
 from observer_rt.model.terms.term import Term, TermEquation
 
 LEAST_CLOSED = 2.0 / 3.0  # of the gap held out
-_PROBE = Term(
-    TermEquation.NOZZLE_FLOW, Number(0.02)
-)  # so small that pressure and mass follow it in proportion
+# So small that pressure and mass follow it in proportion.
+_PROBE = Term(TermEquation.NOZZLE_FLOW, Number(0.02))
 _MORE = "record more rail pressures and durations, or the injection rate as well"
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from operator import attrgetter
 
@@ -98,6 +99,11 @@ class Search:
         self._adequate = Adequacy(fitter, baseline)
         self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)
 
+    @cached_property
+    def _library(self) -> tuple[Effect, ...]:
+        """Laws without a name, as effects."""
+        return tuple(library(span_of(self._fitter.likelihood)))
+
     def run(self) -> SearchOutcome:
         """Fit candidates until nothing more is worth adding; see `SearchOutcome`."""
         nominal = self._fitter.nothing()
@@ -111,16 +117,16 @@ class Search:
         if pair is not None:
             best, ratio = pair, self._ratio(pair)
         too_small = ratio > 1.0 and best is nominal and self._is_too_small(singles[0])
-        adequate, fitted = ratio <= 1.0 or too_small, (nominal, *singles, *pairs)
+        adequate = ratio <= 1.0 or too_small
         laws = self._laws(pairs) if self._asks_laws(best, adequate) else None
+        fitted = (nominal, *singles, *pairs, *(() if laws is None else laws.tried))
         if laws is not None and not adequate and laws.adequate and not laws.best.terms:
             three = self._best([laws.best], nominal, best, ratio, pairs)
             if three is not None:
                 best, ratio, adequate = three, self._ratio(three), True
         explains = list[Candidate]()
         if adequate:
-            every = (*fitted, *(() if laws is None else laws.tried))
-            explains = [best, *self._contenders(best, every), nominal]
+            explains = [best, *self._contenders(best, fitted), nominal]
         if laws is not None and laws.adequate:
             found = (laws.best, *laws.rivals)
             explains += [one for one in found if one.terms]
@@ -129,7 +135,7 @@ class Search:
             best,
             laws,
             self._posterior(best, explains),
-            (*fitted, *(() if laws is None else laws.tried)),
+            fitted,
             self._threshold(best),
             min(ratio, 1.0) if adequate else ratio,
         )
@@ -140,13 +146,13 @@ class Search:
             return True
         if not best.ids:
             return False
-        scores = self._fitter.scores(best, list(library(span_of(self._fitter.likelihood))))
+        scores = self._fitter.scores(best, self._library)
         return bool(np.max(scores.validated, initial=0.0) > UNNAMED * best.spread)
 
     def _laws(self, pairs: Sequence[Candidate]) -> Laws:
         """Laws beside effects of one size; a third is sought beside the best pair, too."""
         named = (effect for effect in self._effects if len(effect.parameters) == 1)
-        effects = [*library(span_of(self._fitter.likelihood)), *named]
+        effects = [*self._library, *named]
         near = sorted((one for one in pairs if len(one.sizes) == PAIR), key=attrgetter("price"))[:1]
         return LawSearch(self._fitter, effects, self._adequate).run(near)
 

@@ -10,12 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.outputs import replacing
-from observer_rt.foundation.source import source_digest
 from observer_rt.identification.discovery.search.fits import Fit
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 
 FORMAT = 2
+_PACKAGE = Path(__file__).parents[3]
+_SOURCES = (".py", ".pyx", ".pxd", ".pxi")
+
+
+def source_digest() -> str:
+    """SHA-256 (hexadecimal) of the package's source: two states of it never have the same."""
+    digest = hashlib.sha256()
+    for path in sorted(each for each in _PACKAGE.rglob("*.p*") if each.suffix in _SOURCES):
+        digest.update(path.relative_to(_PACKAGE).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def problem_key(

@@ -15,15 +15,11 @@ from observer_rt.model.effective import Coefficients
 
 @dataclass(frozen=True)
 class ComparedRate:
-    """Reference of an injection: its rate [m3/s] over the injection's samples, its mass [kg], its line pressure.
-
-    line_pressure: normalised; None: not known.
-    """
+    """Reference of an injection: its rate [m3/s] over the injection's samples, and its mass [kg]."""
 
     name: str
     rate: NDArray[np.float64]
     mass: float
-    line_pressure: NDArray[np.float64] | None = None
 
 
 References = Callable[[InjectionReport, NDArray[np.void]], Sequence[ComparedRate]]
@@ -42,8 +38,8 @@ class NominalInjection:
         is_open = rows["seat_area"] > 0.0
         if not is_open.any() or is_open[0]:
             return ()
-        follower, line_pressure = Follower(self._constants), np.empty(len(rows))
+        follower = Follower(self._constants)
         follower.begin(rows["x_tilde"][0])
-        rate = follower.along(rows, line_pressure)
+        rate = follower.along(rows)
         mass = float(np.trapezoid(rate)) * self._constants.interval * report.density
-        return [ComparedRate("nominal", rate, mass, line_pressure)]
+        return [ComparedRate("nominal", rate, mass)]

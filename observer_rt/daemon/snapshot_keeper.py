@@ -139,20 +139,11 @@ class SnapshotKeeper:
             MASS_BOUND.name: MASS_BOUND.of(report, self._c),
             "measured_mass_mg": None,
             "model": self._model,
-            "gap_MPa": None if rows is None else self._gap(rows, compared),
             "verdict": "valid" if report.valid else f"not valid: {named(report.reason)}",
         }
         masses = {each.name: known(each.mass / MILLIGRAM) for each in compared}
         curves = {} if rows is None else self._curves(report, rows, compared)
         return ShownInjection(self._count, moment, values, masses, curves)
-
-    def _gap(self, rows: NDArray[np.void], compared: Sequence[ComparedRate]) -> float | None:
-        """How far the line pressure of the model as given is off (rms) [MPa]; None: not known."""
-        for each in compared:
-            if each.line_pressure is not None:
-                error = float(np.sqrt(np.nanmean((rows["line_pressure"] - each.line_pressure) ** 2)))
-                return known(error * self._c.pressure_scale / MEGAPASCAL)
-        return None
 
     def _curves(
         self, report: InjectionReport, rows: NDArray[np.void], compared: Sequence[ComparedRate]

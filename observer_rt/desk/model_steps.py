@@ -53,17 +53,6 @@ def replace_text(path: Path, content: bytes) -> None:
             os.chown(part, owner.st_uid, owner.st_gid)
 
 
-class UnacceptedChangesError(UserError):
-    """An amended file changes more than it adds, and nobody has accepted that."""
-
-    def __init__(self, amended: Path, changes: Sequence[str], present: Path) -> None:
-        super().__init__(
-            str(amended),
-            f"would also change what {present.name} states: {'; '.join(changes)}",
-            "were these corrected since the evidence was kept? search again with newer evidence, or accept them",
-        )
-
-
 @dataclass(frozen=True)
 class TakeOver:
     """One step: the file that the bench named before (None: none) and after, of which injector, and when.

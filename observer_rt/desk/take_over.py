@@ -19,7 +19,6 @@ from observer_rt.daemon.reloading import RELOAD
 from observer_rt.desk.beforehand import learn_beforehand
 from observer_rt.desk.model_steps import (
     TakeOver,
-    UnacceptedChangesError,
     naming,
     note_steps,
     replace_text,
@@ -46,8 +45,8 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
     """Learn for an amended injector file, and have a bench file name a copy of it, beside the file it named.
 
     injector: empty where the bench has one; accepts_changes: also those besides the effects and terms added. Raises
-    `UnacceptedChangesError` without that, `UserError` for a model that cannot be loaded, or is the one in force, and
-    `UserError` or `RunError` for a daemon that does not take it.
+    `UserError` without that, for a model that cannot be loaded, or is the one in force, and `UserError` or `RunError`
+    for a daemon that does not take it.
     """
     with _alone(path):
         bench = load_bench(path).of(injector or None)
@@ -56,7 +55,12 @@ def take_over(path: Path, injector: str, amended: Path, accepts_changes: bool = 
             raise UserError(str(amended), "is the model in force already", "name another one")
         changes = other_changes(fitted.parameters, model)
         if changes and not accepts_changes:
-            raise UnacceptedChangesError(amended, changes, fitted.parameters_path)
+            raise UserError(
+                str(amended),
+                f"would also change what {fitted.parameters_path.name} states: {'; '.join(changes)}",
+                "were these corrected since the evidence was kept? search again with newer evidence, or accept them "
+                "by --accept-changes",
+            )
         done = steps(path)
         copy = _copied(bench, amended, {Path(step.after).name for step in done})
         try:

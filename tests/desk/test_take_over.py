@@ -13,7 +13,7 @@ import tomlkit
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.daemon.control_socket import Message, control_socket
-from observer_rt.desk.model_steps import UnacceptedChangesError, steps
+from observer_rt.desk.model_steps import steps
 from observer_rt.desk.take_over import take_over, undo
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
 
@@ -142,7 +142,7 @@ def test_corrections_made_meanwhile_are_lost_only_where_that_is_accepted(bench: 
     bench.write_text(bench.read_text().replace('# file = "injector.toml"', 'file = "injector.toml"'))
     found = amended(tmp_path, 0.1)
     before = files(tmp_path)
-    with pytest.raises(UnacceptedChangesError, match=r"line\.length 0\.16 m -> 0\.15 m"):
+    with pytest.raises(UserError, match=r"line\.length 0\.16 m -> 0\.15 m"):
         take_over(bench, "", found)
     assert files(tmp_path) == before
     assert take_over(bench, "", found, accepts_changes=True).changes == ("line.length 0.16 m -> 0.15 m",)

@@ -189,10 +189,8 @@ def monitor(options: MonitorOptions) -> None:
     """Serve a live page of the daemons of a bench: last injections, masses, wear, states and what to do."""
     from observer_rt.desk.live_page.server import serve_page
 
-    def read() -> Bench:
-        return load_bench(options.bench, lenient=options.lenient).of(options.injector)
-
-    serve_page(read(), options.address, options.port, options.out, messages, read)
+    chosen = load_bench(options.bench, lenient=options.lenient).of(options.injector)
+    serve_page(chosen, options.address, options.port, options.out, messages)
 
 
 @dataclass(frozen=True)
@@ -220,7 +218,6 @@ class TakeOverOptions:
 def take_over(options: TakeOverOptions) -> None:
     """Have a bench use an amended model, or undo that; the daemon that serves it reads it between two injections."""
     from observer_rt.desk import take_over as taking
-    from observer_rt.desk.model_steps import UnacceptedChangesError
 
     if options.bench is None:
         raise UserError("--bench", "is missing", "name the bench file that the daemon serves")
@@ -231,14 +228,11 @@ def take_over(options: TakeOverOptions) -> None:
             "give one of them",
         )
     bench, injector = options.bench, options.injector or ""
-    try:
-        done = (
-            taking.undo(bench, injector)
-            if options.amended is None
-            else taking.take_over(bench, injector, options.amended, options.accept_changes)
-        )
-    except UnacceptedChangesError as error:
-        raise UserError(error.place, error.problem, f"{error.remedy} by --accept-changes") from None
+    done = (
+        taking.undo(bench, injector)
+        if options.amended is None
+        else taking.take_over(bench, injector, options.amended, options.accept_changes)
+    )
     before, words = done.step.before or "the nominal injector", done.step.as_text
     say(
         results(),

@@ -8,9 +8,7 @@ import resource
 import secrets
 import socket
 import time
-from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -65,9 +63,9 @@ class _PageFiles(_Guarded, StaticFileHandler):
 class _Channel(_Guarded, WebSocketHandler):
     """Brings what is new to a browser, which answers each message with its number once it is drawn."""
 
-    def initialize(self, watching: Watching, folder: Path, asks: bool) -> None:
+    def initialize(self, watching: Watching, folder: Path) -> None:
         """As of `Session`."""
-        self._session = Session(watching, folder, asks)
+        self._session = Session(watching, folder)
         self._looking = PeriodicCallback(self._draw, _LOOK_EVERY)
         self._alive_due = 0.0  # s
 
@@ -130,36 +128,24 @@ class _PageServer(HTTPServer):
             )
 
 
-def serve_page(
-    bench: Bench, address: str, port: int, folder: Path, console: Console, read: Callable[[], Bench]
-) -> None:
+def serve_page(bench: Bench, address: str, port: int, folder: Path, console: Console) -> None:
     """Read the daemons of a bench and serve their page until SIGINT or SIGTERM.
 
-    port: 0: one that is free; folder: of `Save`; read: the bench file anew. Raises `RunError` for a taken port.
+    port: 0: one that is free; folder: of `Save`. Raises `RunError` for a taken port.
     """
     watching = Watching(bench)
-    handlers: list[Any] = []
-    word = ""
-    if any(fitted.evidence is not None for fitted in bench.injectors):
-        from observer_rt.desk.live_page.missing.handlers import MissingEffects, handlers_of
-        from observer_rt.desk.live_page.missing.word import SecretWord
-
-        secret = SecretWord(partial(say, console))
-        word = secret.text
-        handlers += handlers_of(_Guarded, MissingEffects(bench, watching, secret, read))
-    shown = {"watching": watching, "folder": folder, "asks": bool(word)}
-    handlers += [
-        ("/drawings", _Channel, shown),
+    handlers = [
+        ("/drawings", _Channel, {"watching": watching, "folder": folder}),
         ("/(.*)", _PageFiles, {"path": _FILES, "default_filename": "page.html"}),
     ]
     try:
-        asyncio.run(_serve(handlers, address, port, console, word))
+        asyncio.run(_serve(handlers, address, port, console))
     finally:
         watching.close()
 
 
-async def _serve(handlers: list[Any], address: str, port: int, console: Console, word: str) -> None:
-    """Serve until asked to stop; word: of the page's buttons, if it has any."""
+async def _serve(handlers: list[Any], address: str, port: int, console: Console) -> None:
+    """Serve until asked to stop."""
     try:
         is_local = ip_address(socket.gethostbyname(address)).is_loopback
         token = None if is_local else secrets.token_urlsafe(12)
@@ -188,8 +174,6 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console,
         behind = f":{sockets[0].getsockname()[1]}/{asked}"
         urls = " or ".join(f"http://{host}{behind}" for host in _hosts(address))
         say(console, f"{urls} (Ctrl-C ends it)")
-        if word:
-            say(console, f"to ask what is missing, and to take it over, the page wants the word {word}")
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         while not stop.is_set():
             await asyncio.sleep(_STOP_EVERY)

@@ -40,11 +40,11 @@ def pressed(message: str | bytes) -> tuple[str, int, int] | None:
 class Session:
     """Sends one browser what is new."""
 
-    def __init__(self, watching: Watching, folder: Path, asks: bool = False) -> None:
-        """folder: where injections are saved; asks: whether there is a page that asks what is missing."""
+    def __init__(self, watching: Watching, folder: Path) -> None:
+        """folder: where injections are saved."""
         self._watching = watching
         self._folder = folder
-        self._answer: dict[str, Any] = {"names": [each.name for each in watching.readers], "asks": asks}
+        self._answer: dict[str, Any] = {"names": [each.name for each in watching.readers]}
         self._asked: list[tuple[int, ShownInjection]] = []  # by injector
         self._sent = [0] * len(watching.readers)  # injections
         self._number = self._drawn = 0  # of messages: the last one sent, the last one drawn

@@ -28,13 +28,11 @@ class Follower:
         """Be in a state x (states,) at a sample, at which the clock of the terms shows this."""
         self._x, self._terms = x, Terms(self.constants.program, *clock)
 
-    def along(
-        self, rows: NDArray[np.void], line_pressure: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    def along(self, rows: NDArray[np.void]) -> NDArray[np.float64]:
         """`run` along an observer's samples (n,), dtype `SAMPLE` or `sample_dtype`."""
         inputs = np.column_stack([rows["rail_pressure"], rows["seat_area"]])
         knots = np.column_stack([rows["lift_after"], rows["lift_area"]])
-        return self.run(inputs, rows["resting"].copy(), knots, line_pressure=line_pressure)
+        return self.run(inputs, rows["resting"].copy(), knots)
 
     def run(
         self,

@@ -350,10 +350,7 @@ function take(message) {
   let from = 4 + new DataView(message).getUint32(0, true);
   const text = new TextDecoder().decode(new Uint8Array(message, 4, from - 4));
   const said = JSON.parse(text);
-  if (said.names) {
-    build(said.names);
-    element("missing").hidden = !said.asks;
-  }
+  if (said.names) build(said.names);
   if (said.said !== undefined) element("said").textContent = said.said;
   now = said.now;
   showTop(said.buses);

@@ -1,11 +1,54 @@
-"""The plants as the observer meets them: what is recorded of one, and a bench of that sample rate."""
+"""The plants as the observer meets them: what is recorded of one, a bench of that sample rate, and what it says."""
 
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import SamplingConfig
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.files.signals.recording import Recording
-from tests.plants.plant import Outcome
+from tests.plants import plant
+from tests.plants.plant import Outcome, record
+from tests.plants.windows import windows_of
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """Reports of injections, and their true masses (n,) [kg]."""
+
+    reports: tuple[InjectionReport, ...]
+    true: NDArray[np.float64]
+
+    def __getitem__(self, part: slice) -> "Observed":
+        return Observed(self.reports[part], self.true[part])
+
+    @property
+    def valid(self) -> list[bool]:
+        return [report.valid for report in self.reports]
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """Of the masses, relative."""
+        return np.array([report.mass for report in self.reports]) / self.true - 1.0
+
+    @property
+    def inside(self) -> list[bool]:
+        """Of the valid masses, whether they lie in their intervals."""
+        found = zip(self.reports, self.true, strict=True)
+        return [r.mass_ci95[0] <= true <= r.mass_ci95[1] for r, true in found if r.valid and r.mass_ci95]
+
+
+def observed(bench: plant.Bench, observer: Bench | None = None) -> Observed:
+    """What the observer of a bench, by default the example's, says of the injections of a plant."""
+    outcome = record(bench)
+    known = observer or bench_at(bench.sample_rate)
+    reports = evaluate(known, [recording_of(outcome)]).evaluations[0].reports
+    windows = windows_of(outcome, bench.sample_rate)
+    return Observed(reports, windows.masses(outcome.truth.injection_rate, bench.injector.density))
 
 
 def recording_of(outcome: Outcome) -> Recording:

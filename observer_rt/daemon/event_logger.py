@@ -53,7 +53,7 @@ def line(report: InjectionReport) -> str:
     reasons = [*map(named, report.reasons)]
     if Reason.OUTSIDE_LEARNED_RANGE in report.reasons:
         reasons.append(beyond_learned(report))
-    verdict = "valid" if report.valid else f"not valid: {'; '.join(reasons)}"
+    verdict = report.validity if report.valid else f"{report.validity}: {'; '.join(reasons)}"
     if report.posterior and OF_MODEL.intersection(report.reasons):
         verdict += f" ({report.posterior_text})"
     temperature = report.fuel_temperature

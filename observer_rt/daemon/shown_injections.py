@@ -121,7 +121,7 @@ def _wear(values: Values, with_interval: bool) -> str:
 
 def _verdict(values: Values, in_words: bool) -> Text:
     if values["valid"]:
-        return Text("valid", style="green")
+        return Text("valid", style="green" if values["verdict"] == "valid" else "yellow")
     names = values["reasons"].replace(",", ", ")
     words = values["verdict"].partition(": ")[2].partition(": ")[2]
     return Text(f"{names}: {words}" if in_words else names, style="yellow", overflow="ellipsis")

@@ -25,7 +25,7 @@ _FLOAT = np.dtype("<f4")
 
 
 class StatusLevel(StrEnum):
-    """Whether a state is well: results can be valid; it may become so; something is wrong."""
+    """Whether a state is well: results can be valid; it may, or has no calibrated level; something is wrong."""
 
     GOOD = "good"
     WAITING = "waiting"

@@ -41,6 +41,7 @@ from observer_rt.engine.reports.injection_report import (
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
+from observer_rt.engine.service.constants import calibration_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
@@ -62,6 +63,7 @@ class SnapshotKeeper:
         nominal = NominalInjection(fitted)
         self._c = nominal.coefficients
         self._references: References = references or nominal
+        self._calibration = calibration_of(fitted)
         self._model = fitted.parameters_path.name
         self._rate_hz = fitted.config.sampling.rate_hz
         self._run = time.time_ns()
@@ -137,9 +139,10 @@ class SnapshotKeeper:
         values = {
             **row_of(FIELDS, Output.JOURNAL, report, self._c),
             MASS_BOUND.name: MASS_BOUND.of(report, self._c),
+            "density_kg_per_m3": known(report.density),
             "measured_mass_mg": None,
             "model": self._model,
-            "verdict": "valid" if report.valid else f"not valid: {named(report.reason)}",
+            "verdict": report.validity if report.valid else f"{report.validity}: {named(report.reason)}",
         }
         masses = {each.name: known(each.mass / MILLIGRAM) for each in compared}
         curves = {} if rows is None else self._curves(report, rows, compared)
@@ -193,8 +196,11 @@ class SnapshotKeeper:
         if state in (State.STARTING, State.WAITING_FOR_DATA):  # a fault once it lasts
             level = StatusLevel.WAITING
         elif is_good(state):
-            level = StatusLevel.GOOD if not reasons or reasons[0] is Reason.JUMPED else StatusLevel.WAITING
+            is_well = self._calibration.is_calibrated and (not reasons or reasons[0] is Reason.JUMPED)
+            level = StatusLevel.GOOD if is_well else StatusLevel.WAITING
         words = named(reasons[0]) if reasons else STATES[state].what
+        if is_good(state) and not self._calibration.is_calibrated:
+            words += f"; {self._calibration.as_text()}"
         names = tuple(reason.name for reason in reasons)
         return Status(self._run, moment, state.name, names, words, level, self._model, faults=faults)
 

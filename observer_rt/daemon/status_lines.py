@@ -98,9 +98,10 @@ def _figures(daemon: Daemon) -> Iterator[StatusLine]:
     if core.optional.fuel_temperature is not None:
         learned += f"; fuel {core.optional.fuel_temperature - ZERO_CELSIUS:.1f} °C"
     yield StatusLine(learned)
-    if level := core.calibration.as_text():
-        is_good = core.calibration.is_calibrated
-        yield StatusLine(level, StatusLevel.GOOD if is_good else StatusLevel.WAITING)
+    constants = core.compiled.observer.constants
+    level = (constants.calibration.as_text(), f"rates at {constants.coefficients.density:.0f} kg/m3")
+    is_good = constants.calibration.is_calibrated
+    yield StatusLine("; ".join(filter(None, level)), StatusLevel.GOOD if is_good else StatusLevel.WAITING)
     if core.optional.energizing is not None:
         is_odd = core.optional.energizing.missing > 0 or core.optional.energizing.uncommanded > 0
         yield StatusLine(

@@ -15,7 +15,7 @@ from observer_rt.daemon.input_monitoring.arrivals import age_text
 from observer_rt.daemon.shown_injections import HEADING, LOWEST, curves, injections
 from observer_rt.daemon.snapshot import Snapshot, Status, StatusLevel
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.words import STATES, is_good, named
+from observer_rt.engine.words import STATES, named
 
 WIDEST = 200  # columns
 FRAME = 4  # columns of the panel's border and padding
@@ -23,6 +23,7 @@ BORDER = 3  # lines of the panel's border, and one to spare
 TABLE_SHARE = 0.3  # of the lines that curves and table have
 FEW_LINES = 30  # of a terminal, below which inputs that are well share a line
 FRAMES_PER_SECOND = 8
+_BADGES = {StatusLevel.GOOD: "green", StatusLevel.WAITING: "yellow", StatusLevel.BAD: "red"}
 _STYLES = {StatusLevel.GOOD: "dim", StatusLevel.WAITING: "yellow", StatusLevel.BAD: "bold red"}
 
 
@@ -56,7 +57,7 @@ def _heading(status: Status, width: int) -> Table:
     """State and reasons in words, and the clock."""
     state = State[status.state]
     line = Text()
-    line.append(f" {state.name} ", "bold white on green" if is_good(state) else "bold white on red")
+    line.append(f" {state.name} ", f"bold white on {_BADGES[status.level]}")
     line.append(f" {STATES[state].what}")
     for reason in status.reasons:
         line.append(f"\n {named(Reason[reason])}", "yellow")

@@ -7,7 +7,7 @@ one over the other shows. All are one sigma.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -50,7 +50,7 @@ class StatedAccuracy:
     rail_sensor: float = 0.0
     line_diameter: float = 0.0
     line_length: float = 0.0
-    density: float = 0.0
+    fuel_density: float = 0.0
     parallel_flow: float = 0.0
     measured: float | None = None
     control_flow: float = 0.0
@@ -59,17 +59,10 @@ class StatedAccuracy:
     @classmethod
     def of(cls, line_percent: float, rail_percent: float, stated: Accuracy) -> "StatedAccuracy":
         """What the accuracies of the pressure sensors and of an injector file say."""
-        mass = stated.mass_percent
-        return cls(
-            0.01 * line_percent,
-            0.01 * rail_percent,
-            0.01 * stated.line_diameter_percent,
-            0.01 * stated.line_length_percent,
-            0.01 * stated.fuel_density_percent,
-            0.01 * stated.parallel_flow_percent,
-            None if mass is None else 0.01 * mass,
-            0.01 * stated.control_flow_percent,
-        )
+        shares: dict[str, Any] = {
+            name.removesuffix("_percent"): each and 0.01 * each for name, each in stated
+        }
+        return cls(0.01 * line_percent, 0.01 * rail_percent, measured=shares.pop("mass"), **shares)
 
     def of_event(self, controlled: float) -> "StatedAccuracy":
         """That of an event in whose openings the control flow is so much of what is injected."""
@@ -109,14 +102,14 @@ class StatedAccuracy:
     @property
     def rate(self) -> float:
         """Of rate and volume."""
-        return math.hypot(self.mass, self.density)
+        return math.hypot(self.mass, self.fuel_density)
 
     @property
     def wear(self) -> float:
         """Of the flows of nozzle and seat against those of a new part."""
         if self.measured is not None:
             return self.measured
-        by_fuel = WEAR_BY_GAIN * self.common, WEAR_BY_DENSITY * self.density
+        by_fuel = WEAR_BY_GAIN * self.common, WEAR_BY_DENSITY * self.fuel_density
         return math.hypot(*by_fuel, self.line, self.parallel_flow)
 
     @property

@@ -133,6 +133,20 @@ def test_a_silent_input_is_a_fault_of_its_message_with_its_remedy(path: Path) ->
     assert (status.state, status.level) == ("WAITING_FOR_DATA", StatusLevel.WAITING)
 
 
+def test_what_is_not_calibrated_is_not_green(path: Path) -> None:
+    path.write_text(path.read_text().replace("accuracy_percent = 0.0", "accuracy_percent = 0.7"))
+    with observing(path, ScriptedLink(frames_of(path, worn_recording()))) as daemon:
+        told = asked(path)
+        text = daemon.drawn()
+    assert (told.status.state, told.status.level) == ("ADAPTED", StatusLevel.WAITING)
+    level = daemon.notes.injections[-1].calibration.as_text()
+    assert level in told.status.words
+    assert f"{level}; rates at 830 kg/m3" in text
+    verdicts = {each.values["verdict"] for each in told.injections if each.values["valid"]}
+    assert verdicts == {"valid, not calibrated"}
+    assert told.injections[-1].values["density_kg_per_m3"] == 830.0
+
+
 def test_a_bus_that_is_down_says_why(path: Path) -> None:
     link = TroubledLink(frames_of(path, worn_recording()))
     with observing(path, link):

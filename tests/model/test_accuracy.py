@@ -42,11 +42,6 @@ def test_a_measured_mass_takes_the_place_of_geometry_and_gains() -> None:
         Accuracy(mass_percent=0.2, line_diameter_percent=1.0)
 
 
-def test_it_is_said_where_nothing_was_measured() -> None:
-    assert not BENCH.is_calibrated
-    assert BENCH.as_text() == "level ±4.2 %, not calibrated"
-
-
 def test_a_simulation_is_exact() -> None:
     assert StatedAccuracy.of(0.0, 0.0, load_injector().accuracy) == EXACT
     assert (EXACT.mass, EXACT.wear, EXACT.as_text(), EXACT.is_calibrated) == (0.0, 0.0, "", True)

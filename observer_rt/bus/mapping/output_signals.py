@@ -29,6 +29,7 @@ OFFSET = SentQuantity(0.001, -30.0, "MPa", MEGAPASCAL)
 RATE = SentQuantity(0.01, -100.0, "mm3/ms", MM3_PER_MS)
 WEAR = SentQuantity(0.0001, -3.0, "-")
 WEAR_SIGMA = SentQuantity(0.0001, 0.0, "-")
+DENSITY = SentQuantity(0.5, 200.0, "kg/m3")
 AGE = SentQuantity(0.1, 0.0, "s", has_error=False)
 LATENCY = SentQuantity(1e-6, 0.0, "s", has_error=False)
 
@@ -69,7 +70,7 @@ class SummaryValues(NamedTuple):
     sample_index: Annotated[int, OutputSignal("report.start_index", 32, 32, 0, 16, wraps=True,
         says="Index of the input sample at which the window of the injection starts.")]
     valid: Annotated[bool, OutputSignal("report.valid", 1, 24, None, 15,
-        says="1: all samples of the injection were valid and its own event passed its tests.")]
+        says="1: all its samples were valid and its own event passed its tests; its level: see Calibrated.")]
     learning: Annotated[bool, OutputSignal("learning", 1, 25, 1, 51)]
     state: Annotated[int, OutputSignal("report.state", 3, 26, 1, 48)]
     calibrated: Annotated[bool, OutputSignal("report.calibration.is_calibrated", 1, 29, 1, 52,
@@ -94,6 +95,8 @@ class SummaryValues(NamedTuple):
         says="Rail pressure at the start of the window.")]
     peak_injection_rate: Annotated[float, OutputSignal("report.peak_rate", 16, 256, 4, 48, RATE,
         says="Largest injection rate in the window.")]
+    fuel_density: Annotated[float, OutputSignal("report.density", 11, 352, 1, 53, DENSITY,
+        says="Density at the nozzle that volume and rates are of: mass over volume.")]
     nozzle_wear: Annotated[float, OutputSignal("report.indicators.orifice_area.value", 16, 272, 5, 32, WEAR,
         says="Relative change of the nozzle orifice area: erosion positive, coking negative.")]
     nozzle_wear_sigma: Annotated[float, OutputSignal("report.indicators.orifice_area.sigma", 16, 288, 5, 48,

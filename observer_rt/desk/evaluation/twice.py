@@ -24,7 +24,6 @@ from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.interval import (
     Resimulated,
-    VolumeBudget,
     rate_sigma,
     resimulated,
     volume_budget,
@@ -170,12 +169,8 @@ class SecondLook:
         again = resimulated(run.window, run.setting, event.noise, theta, carried, carried)
         far = UNSEEN * extrapolation_sigma(event.point, learned_at)
         unknown = min(event.unknown, self._events[-1].unknown)  # later events told
-        again = replace(
-            again,
-            systematic=math.hypot(event.systematic, far),
-            unknown=unknown,
-            calibration=event.calibration,
-        )
+        systematic = math.hypot(event.systematic, far)
+        again = replace(again, systematic=systematic, unknown=unknown, calibration=event.calibration)
         return _Again(again, theta, gated.covariance + np.diag(event.unseen))
 
 
@@ -204,10 +199,7 @@ def _by_event(
 ) -> tuple[InjectionResult, RateCurves]:
     """An injection, and its curves, by an event run again, in a window of that; passed: the event."""
     rate, sigma = again.event.run.rate[window], rate_sigma(again.event, window)
-    budget = volume_budget(again.event, window)
-    report = _report_by(
-        result.report, again, window, passed and set(result.report.reasons) <= _LIFTED, budget
-    )
+    report = _report_by(result.report, again, window, passed and set(result.report.reasons) <= _LIFTED)
     measured = curves.reference
     return replace(
         result,
@@ -217,11 +209,9 @@ def _by_event(
     ), replace(curves, estimated=rate, sigma=sigma)
 
 
-def _report_by(
-    report: InjectionReport, again: _Again, window: slice, is_judged: bool, budget: VolumeBudget
-) -> InjectionReport:
+def _report_by(report: InjectionReport, again: _Again, window: slice, is_judged: bool) -> InjectionReport:
     """A report by an event run again; is_judged: it only lacked knowledge, and is valid by what is known now."""
-    volume = volume_in(again.event, window)
+    volume, budget = volume_in(again.event, window), volume_budget(again.event, window)
     low, high = volume_interval(again.event, window, math.nan)
     report = replace(
         report,

@@ -105,6 +105,13 @@ class InjectionReport:
         )
 
     @property
+    def validity(self) -> str:
+        """Whether it is valid, and its level calibrated, in words but those of the reasons."""
+        if not self.valid:
+            return "not valid"
+        return "valid" if self.calibration.is_calibrated else "valid, not calibrated"
+
+    @property
     def mass_bound(self) -> float:
         """Error that the mass may have, by the interval with 95 % [kg]; nan before that is known."""
         return math.nan if self.mass_ci95 is None else max(abs(bound - self.mass) for bound in self.mass_ci95)

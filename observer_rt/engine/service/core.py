@@ -39,7 +39,6 @@ from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_f
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, state_of_service
 from observer_rt.engine.words import Topic, is_good
-from observer_rt.model.accuracy import StatedAccuracy
 
 _NOT_LEARNED = (
     "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
@@ -185,11 +184,6 @@ class Core:
     def call_when_learned(self, wake: Callable[[], None]) -> None:
         """Have the executor call `wake` when something was learned, which `attend` then hands to the stream."""
         self._judging.on_learned = wake
-
-    @property
-    def calibration(self) -> StatedAccuracy:
-        """How well level and pressure sensors are known."""
-        return self.compiled.observer.constants.calibration
 
     @property
     def learning_from(self) -> int | None:

@@ -1,20 +1,16 @@
 """A servo injector by other equations, whose pilot valve moves otherwise than the model's, learned from nothing."""
 
-from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.accuracy import Accuracy
-from tests.observed_plants import bench_at, recording_of
+from tests.observed_plants import Observed, bench_at, observed
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, record
-from tests.plants.windows import windows_of
+from tests.plants.plant import Bench, Event, Needle, Shot
 
 RAIL_PRESSURES, DURATIONS = (60e6, 100e6, 140e6), (1.1e-3, 1.9e-3)  # Pa, s
 FIRST = 6  # events, after which every point was seen
@@ -22,32 +18,11 @@ MM3_PER_MS = 1e-6
 WRONG = 0.03
 
 
-@dataclass(frozen=True, eq=False)
-class Learned:
-    """Reports of the events after the first pass over the points, and how wrong their masses are."""
-
-    reports: tuple[InjectionReport, ...]
-    errors: tuple[float, ...]
-
-    @property
-    def valid(self) -> int:
-        return sum(report.valid for report in self.reports)
-
-    @property
-    def inside(self) -> int:
-        """Valid masses that lie in their intervals."""
-        found = 0
-        for report, error in zip(self.reports, self.errors, strict=True):
-            if report.valid and report.mass_ci95 is not None:
-                low, high = report.mass_ci95
-                found += low <= report.mass / (1.0 + error) <= high
-        return found
-
-    def control_flow(self) -> tuple[float, float]:
-        """As it is believed after the last event, and its standard deviation [mm3/ms]; Q_0 is 60."""
-        found = self.reports[-1].indicators["control_flow"]
-        assert found.sigma is not None
-        return 60.0 * found.value, 60.0 * found.sigma
+def control_flow(found: Observed) -> tuple[float, float]:
+    """As it is believed after the last event, and its standard deviation [mm3/ms]; Q_0 is 60."""
+    flow = found.reports[-1].indicators["control_flow"]
+    assert flow.sigma is not None
+    return 60.0 * flow.value, 60.0 * flow.sigma
 
 
 @cache
@@ -58,25 +33,22 @@ def learned(
     laws: Laws = NO_LAWS,
     seed: int = 3,
     accuracy: Accuracy | None = None,
-) -> Learned:
-    """flow: at 100 MPa [mm3/ms]; accuracy: that the injector file states, None: of a simulation."""
+) -> Observed:
+    """The events after the first pass over the points.
+
+    flow: at 100 MPa [mm3/ms]; accuracy: that the injector file states, None: of a simulation.
+    """
     points = [(RAIL_PRESSURES[k % 3], DURATIONS[k // 3 % 2]) for k in range(events)]
     schedule = tuple(
         Event(rail, (Shot(7e-6 * (k % 5), duration),), faults) for k, (rail, duration) in enumerate(points)
     )
     laws = laws._replace(control_flow=flow * MM3_PER_MS)
     bench = Bench(Injector(), Needle(), schedule, seed=seed, laws=laws)
-    outcome = record(bench)
-    observed = bench_at(bench.sample_rate)
+    observer = bench_at(bench.sample_rate)
     if accuracy is not None:
-        parameters = observed.injector.parameters.model_copy(update={"accuracy": accuracy})
-        one = replace(observed.injector, parameters=parameters)
-        observed = replace(observed, injectors=(one,))
-    reports = evaluate(observed, [recording_of(outcome)]).evaluations[0].reports
-    windows = windows_of(outcome, bench.sample_rate)
-    true = windows.masses(outcome.truth.injection_rate, bench.injector.density)
-    errors = np.array([report.mass for report in reports]) / true - 1.0
-    return Learned(reports[FIRST:], tuple(errors[FIRST:].tolist()))
+        model = observer.injector.parameters.model_copy(update={"accuracy": accuracy})
+        observer = observer.with_parameters(model)
+    return observed(bench, observer)[FIRST:]
 
 
 @pytest.mark.parametrize(
@@ -85,25 +57,25 @@ def learned(
 )
 def test_it_is_found_beside_wear_and_no_mass_is_refused_or_wrong(flow: float, faults: Faults) -> None:
     found = learned(flow, faults)
-    assert found.valid == len(found.reports)
-    assert found.inside >= 0.9 * len(found.reports)
-    assert max(map(abs, found.errors)) < 0.01
-    size, sigma = found.control_flow()
+    assert all(found.valid)
+    assert np.mean(found.inside) >= 0.9
+    assert np.abs(found.errors).max() < 0.01
+    size, sigma = control_flow(found)
     assert size == pytest.approx(flow, abs=max(4.0 * sigma, 0.02 * flow))
     assert sigma < 0.2
 
 
 def test_an_injector_without_has_none() -> None:
     found = learned(0.0, Faults(orifice_area=0.1))
-    assert found.valid == len(found.reports)
-    assert found.control_flow() == (0.0, 0.0)
+    assert all(found.valid)
+    assert control_flow(found) == (0.0, 0.0)
 
 
 def test_a_needle_that_displaces_fuel_is_no_control_flow() -> None:
     found = learned(4.0, Faults(), laws=Laws(needle_area=1e-6))
-    assert found.valid == len(found.reports)
-    assert found.inside >= 0.9 * len(found.reports)
-    assert found.control_flow()[0] == pytest.approx(4.0, abs=0.15)
+    assert all(found.valid)
+    assert np.mean(found.inside) >= 0.9
+    assert control_flow(found)[0] == pytest.approx(4.0, abs=0.15)
 
 
 def test_what_is_in_step_with_the_needle_is_in_the_interval() -> None:
@@ -112,8 +84,8 @@ def test_what_is_in_step_with_the_needle_is_in_the_interval() -> None:
     exact = Accuracy(line_diameter_percent=0.0, line_length_percent=0.0, parallel_flow_percent=0.0)
     stated = learned(6.0, Faults(), laws=laws, accuracy=exact)
     unstated = learned(6.0, Faults(), laws=laws)
-    assert stated.inside == stated.valid == len(stated.reports)
-    assert unstated.inside < 0.5 * len(unstated.reports)
+    assert all(stated.valid + stated.inside)
+    assert np.mean(unstated.inside) < 0.5
 
 
 @pytest.mark.slow
@@ -130,11 +102,8 @@ def test_the_promise_over_many_injections(seed: int) -> None:
     valid = inside = 0
     for flow, faults in zip((0.0, 1.5, 3.0, 6.0, 8.0), wear, strict=True):
         found = learned(flow, faults, 48 + FIRST, seed=seed)
-        valid, inside = valid + found.valid, inside + found.inside
-        assert not any(
-            report.valid and abs(error) > WRONG
-            for report, error in zip(found.reports, found.errors, strict=True)
-        )
+        valid, inside = valid + sum(found.valid), inside + sum(found.inside)
+        assert not (found.valid & (np.abs(found.errors) > WRONG)).any()
         assert {report.reason for report in found.reports} <= {Reason.NONE}
     assert valid >= 0.95 * 240
     assert inside >= 0.93 * 240

@@ -29,9 +29,9 @@ MORE = MAKE(
         *get_type_hints(SummaryValues, include_extras=True).items(),
         (
             "needle_bounces",
-            Annotated[int, OutputSignal("counts.bounces", 8, 352, 7, 16, says="Of the needle.")],
+            Annotated[int, OutputSignal("counts.bounces", 8, 363, 7, 16, says="Of the needle.")],
         ),
-        ("bounce_height", Annotated[float, OutputSignal("report.bounce", 16, 360, 7, 24, LENGTH)]),
+        ("bounce_height", Annotated[float, OutputSignal("report.bounce", 8, 371, 7, 24, LENGTH)]),
     ],
 )
 

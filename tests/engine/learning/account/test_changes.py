@@ -1,16 +1,13 @@
 """Changes, faults and drifts of injectors by other equations: named, over soon, and never valid and wrong."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
-from tests.observed_plants import bench_at, recording_of
+from tests.observed_plants import Observed, bench_at, observed
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import (
     FIRST_EVENT,
@@ -21,10 +18,8 @@ from tests.plants.plant import (
     Needle,
     Shot,
     Surroundings,
-    record,
     seen_as,
 )
-from tests.plants.windows import windows_of
 
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
@@ -34,48 +29,20 @@ WRONG = 0.03  # of a mass
 HEALTHY = Faults()
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """Reports of injections, and how wrong their masses are."""
-
-    reports: tuple[InjectionReport, ...]
-    errors: NDArray[np.float64]
-
-    @property
-    def valid(self) -> list[bool]:
-        return [report.valid for report in self.reports]
-
-    @property
-    def covered(self) -> float:
-        """Share of the valid masses that lie in their intervals."""
-        found = []
-        for report, error in zip(self.reports, self.errors, strict=True):
-            if report.valid and report.mass_ci95 is not None:
-                low, high = report.mass_ci95
-                found.append(low <= report.mass / (1.0 + error) <= high)
-        return float(np.mean(found))
-
-
 def seen(
     faults_at: Callable[[int], Faults],
     events: int,
     around: Surroundings = Surroundings(),  # noqa: B008
     accuracy_percent: float = 0.0,
-) -> Seen:
+) -> Observed:
     """Single injections at changing operating points, of an injector with such faults."""
     schedule = tuple(
         Event(RAIL_PRESSURES[k % 5], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), faults_at(k))
         for k in range(events)
     )
     bench = Bench(Injector(), Needle(), schedule, seed=23, around=around)
-    outcome = record(bench)
-    observer = bench_at(bench.sample_rate, accuracy_percent=accuracy_percent)
-    reports = evaluate(observer, [recording_of(outcome)]).evaluations[0].reports
-    windows = windows_of(outcome, bench.sample_rate)
-    true = 1e-6 * np.array(windows.event_masses_mg(outcome.truth.injection_rate, bench.injector.density))
-    found = Seen(reports, np.array([report.mass for report in reports]) / true - 1.0)
-    wrong = np.abs(found.errors) > WRONG
-    assert not (wrong & found.valid).any()
+    found = observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))
+    assert not (found.valid & (np.abs(found.errors) > WRONG)).any()
     return found
 
 
@@ -98,7 +65,7 @@ def test_a_change_is_named_and_the_next_event_is_valid(faults: Faults, reason: R
         found.valid[BEGINS] or found.reports[BEGINS].reason is reason
     )  # a slow sensor changes no mass by much
     assert found.reports[BEGINS].posterior[0][1] > 0.9
-    assert found.covered >= 0.9
+    assert np.mean(found.inside) >= 0.9
 
 
 @pytest.mark.parametrize("lasts", [1, 4])
@@ -120,7 +87,7 @@ def test_a_slow_drift_is_covered() -> None:
     """A third of a percent an event, which a random walk of the usual size would lag behind."""
     found = seen(lambda k: Faults(orifice_area=-0.2 * k / 60.0), 36)
     assert sum(found.valid) >= 33
-    assert found.covered >= 0.93
+    assert np.mean(found.inside) >= 0.93
     assert np.abs(found.errors[WARM:]).max() < 0.015
 
 

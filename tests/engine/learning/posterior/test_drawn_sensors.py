@@ -1,21 +1,16 @@
 """Masses of independent plants whose sensors and lines are drawn from the accuracies that are stated of them."""
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.accuracy import Accuracy
-from tests.observed_plants import bench_at, recording_of
+from tests.observed_plants import Observed, bench_at, observed
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings, record
-from tests.plants.windows import windows_of
+from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings
 
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
@@ -28,19 +23,6 @@ EVENTS = 10
 FALLS, RECOVERS, DIP = 0.8e-3, 6e-3, 2e6  # s, s, Pa: of a rail that feeds an injection
 
 
-class Seen(NamedTuple):
-    """Reports, and true masses [kg]."""
-
-    reports: tuple[InjectionReport, ...]
-    true: NDArray[np.float64]
-
-    @property
-    def inside(self) -> list[bool]:
-        """Of valid masses, whether they lie in their intervals."""
-        found = zip(self.reports, self.true, strict=True)
-        return [r.mass_ci95[0] <= true <= r.mass_ci95[1] for r, true in found if r.valid and r.mass_ci95]
-
-
 def seen(
     faults: Faults,
     injector: Injector,
@@ -49,7 +31,7 @@ def seen(
     pressures: tuple[float, ...] = RAIL_PRESSURES,
     dips: bool = False,
     seed: int = 1,
-) -> Seen:
+) -> Observed:
     shots = [(Shot(7e-6 * (k % 5), DURATIONS[k % 3]),) for k in range(EVENTS)]
     events = tuple(Event(pressures[k % len(pressures)], shot, faults) for k, shot in enumerate(shots))
     plant = Bench(injector, Needle(), events, seed=seed)
@@ -63,14 +45,9 @@ def seen(
 
     if dips:
         plant = replace(plant, around=Surroundings(supply=(dip,)))
-    outcome = record(plant)
     bench = bench_at(plant.sample_rate, accuracy_percent=SENSORS)
-    bench = bench.with_parameters(bench.injector.parameters.model_copy(update={"accuracy": accuracy}))
-    reports = evaluate(bench, [recording_of(outcome)]).evaluations[0].reports
-    masses = windows_of(outcome, plant.sample_rate).event_masses_mg(
-        outcome.truth.injection_rate, injector.density
-    )
-    return Seen(reports, MILLIGRAM * np.array(masses))
+    model = bench.injector.parameters.model_copy(update={"accuracy": accuracy})
+    return observed(plant, bench.with_parameters(model))
 
 
 def drawn(random: Generator) -> Faults:
@@ -107,9 +84,7 @@ def test_a_bore_that_nobody_knows_better_is_in_the_interval() -> None:
     part = Injector()
     wider = part._replace(line_area=part.line_area * 1.015**2)
     found = seen(Faults(), wider, LINE)
-    assert np.all(
-        np.abs([r.mass for r in found.reports[4:]] / found.true[4:] - 1.0) > 0.02
-    )  # nothing shows it
+    assert np.all(np.abs(found.errors[4:]) > 0.02)  # nothing shows it
     assert all(report.valid for report in found.reports[2:])
     assert all(found.inside)
 

@@ -28,7 +28,6 @@ LOOKED_AFTER = {  # blocks by page and language: how many, and the tests that ha
 RUN = {  # commands that need no bus, by page; the others: tests/daemon/test_on_vcan_pages.py
     "docs/buses.md": "tests/desk/cli/test_dbc_page.py",
     "docs/dbc.md": "tests/desk/cli/test_dbc_page.py",
-    "docs/journal.md": "tests/daemon/test_on_vcan_pages.py",
     "docs/tutorial.md": "tests/desk/cli/test_tutorial.py",
 } | dict.fromkeys(
     (

@@ -1,6 +1,6 @@
 """The kinds of failure a user can meet, their exit codes, and what a misspelt name probably meant."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from difflib import SequenceMatcher
 
 REMEDY = "\n  remedy: "  # between a problem and what to do
@@ -36,17 +36,6 @@ class UserError(ObserverError):
         self.problem = problem
         self.remedy = remedy
         super().__init__(f"{place}: {problem}" + (f"{REMEDY}{remedy}" if remedy else ""))
-
-
-class CombinedError(ObserverError):
-    """Failures of several injectors of a recording, each under its name.
-
-    The exit code is that of one alone, and 1 where some failed at run time: another start may help those.
-    """
-
-    def __init__(self, failures: Mapping[str, ObserverError]) -> None:
-        self.exit_code = min(failure.exit_code for failure in failures.values())
-        super().__init__("\n".join(f"{name}: {failure}" for name, failure in failures.items()))
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -164,7 +164,7 @@ def test_several_injectors(shell: Shell, vcan: str) -> None:
         assert (shell.folder / f"learned_{name}.json").exists()
         with closing(sqlite3.connect(shell.folder / f"injections_{name}.sqlite")) as journal:
             assert journal.execute("SELECT count(*) FROM injection").fetchall() == [(4,)]
-    shell.do("observer-rt evaluate engine.blf --bench engine.toml")
+    shell.do("observer-rt evaluate engine.blf --bench engine.toml --injector left")
 
 
 def _run_and_record(shell: Shell, run: str, record: str, replay: str) -> None:
@@ -173,7 +173,6 @@ def _run_and_record(shell: Shell, run: str, record: str, replay: str) -> None:
 
 
 def _journal(shell: Shell) -> None:
-    shell.do("observer-rt journal injections.sqlite")
     query = next(c for c in Page("docs/journal.md").commands if c.startswith("sqlite3"))
     with closing(sqlite3.connect(shell.folder / "injections.sqlite")) as journal:
         assert journal.execute(shlex.split(query)[-1]).fetchall()

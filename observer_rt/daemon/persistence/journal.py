@@ -1,28 +1,20 @@
-"""The journal: a row an injection in an SQLite file, readable while it is written and after any kill; as tables."""
+"""The journal: a row an injection in an SQLite file, readable while it is written and after any kill."""
 
 import contextlib
-import csv
-import json
 import os
 import sqlite3
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
-
-from rich.table import Table
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
-    NAMED,
-    WEAR,
     InjectionReport,
     Output,
     Value,
@@ -30,7 +22,6 @@ from observer_rt.engine.reports.injection_report import (
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News
-from observer_rt.foundation.console import results
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.effects import effective_model
@@ -69,15 +60,6 @@ _ADD_INJECTION = (
 _ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
 Row = Mapping[str, Value]
 """A row of the journal by its columns; those of a version that knew fewer are missing."""
-SPANS = 12  # of the table of wear
-
-_NEWEST = """SELECT * FROM injection ORDER BY run DESC, number DESC LIMIT ?"""
-_SPANS = f"""
-WITH part AS (SELECT *, ntile(?) OVER (ORDER BY run, number) AS span FROM injection)
-SELECT max(judged_utc) AS until_utc, count(*) AS injections, sum(valid) AS valid_injections,
-    min(rail_pressure_MPa) AS lowest_rail_MPa, max(rail_pressure_MPa) AS highest_rail_MPa,
-    {", ".join(f"avg({name}) FILTER (WHERE valid) AS {name}" for each in WEAR for name in each.columns)}
-FROM part GROUP BY span ORDER BY span"""
 
 
 class JournalWriter:
@@ -289,91 +271,18 @@ class JournalReader:
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
-    def count(self) -> int:
-        """Number of injections in the journal."""
-        (count,) = self._connection.execute("SELECT count(*) FROM injection").fetchone()
-        return int(count)
-
     def runs(self) -> list[Row]:
         """The runs of the daemon, in order."""
         return list(self._rows("SELECT * FROM run ORDER BY started_unix_us"))
 
-    def injections(self, last: int | None = None) -> Iterator[Row]:
-        """The injections in order, or the last ones."""
-        return self._rows(f"SELECT * FROM ({_NEWEST}) ORDER BY run, number", (-1 if last is None else last,))
+    def injections(self) -> Iterator[Row]:
+        """The injections in order."""
+        return self._rows("SELECT * FROM injection ORDER BY run, number")
 
-    def spans(self, number: int) -> list[Mapping[str, Any]]:
-        """The wear over time: as many spans of as many injections each, fewer where there are fewer injections.
-
-        until_utc, injections, valid_injections, lowest_rail_MPa, highest_rail_MPa; under the columns of `WEAR` means
-        of the valid ones.
-        """
-        return list(self._rows(_SPANS, (number,)))
-
-    def _rows(self, query: str, values: tuple[int, ...] = ()) -> Iterator[Row]:
-        cursor = self._connection.execute(query, values)
+    def _rows(self, query: str) -> Iterator[Row]:
+        cursor = self._connection.execute(query)
         names = [column[0] for column in cursor.description]
         return (dict(zip(names, row, strict=True)) for row in cursor)
-
-
-def print_csv(journal: JournalReader, last: int | None) -> None:
-    """All injections, or the last ones, on stdout."""
-    writer = csv.DictWriter(sys.stdout, ["run", *COLUMNS], extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(journal.injections(last))
-
-
-def print_json(journal: JournalReader, last: int | None) -> None:
-    """One document on stdout: the runs, and all injections or the last ones."""
-    runs = [dict(run) for run in journal.runs()]
-    for run in runs:
-        run["configuration"] = json.loads(str(run.pop("configuration_json")))
-    injections = [
-        {
-            **row,
-            "valid": bool(row["valid"]),
-            "reasons": str(row["reasons"]).split(",") if row["reasons"] else [],
-        }
-        for row in journal.injections(last)
-    ]
-    print(json.dumps({"schema": SCHEMA, "runs": runs, "injections": injections}, indent=2))
-
-
-def print_tables(journal: JournalReader, last: int) -> None:
-    """The wear over time, and the last injections."""
-    console, runs = results(), journal.runs()
-    killed = sum(run["stopped_utc"] is None for run in runs)
-    since = f" since {runs[0]['started_utc']} UTC" if runs else ""
-    console.print(
-        f"injections: {journal.count()}{since}; runs: {len(runs)}, {killed} of them killed or still running",
-        highlight=False,
-    )
-    names = [each.value.heading.replace("\n", " ") for each in WEAR]
-    title = "Wear over time: means of the valid injections, with their 95 % intervals"
-    wear = Table("until (UTC)", "injections", "valid", "rail MPa", *names, title=title)
-    for span in journal.spans(SPANS):
-        means = ([span[name] for name in each.columns] for each in WEAR)
-        wear.add_row(
-            str(span["until_utc"]),
-            str(span["injections"]),
-            f"{100 * span['valid_injections'] / span['injections']:.0f} %",
-            f"{span['lowest_rail_MPa']:.0f} to {span['highest_rail_MPa']:.0f}",
-            *(_mean(*mean) for mean in means),
-        )
-    newest = Table("judged (UTC)", "no.", "rail MPa", "mass mg", *names, "valid", title="Last injections")
-    shown = [NAMED[name] for name in ("number", "rail_pressure_MPa", "mass_mg")] + [
-        each.value for each in WEAR
-    ]
-    for row in journal.injections(last):
-        cells = (field.text(row.get(field.name)) for field in shown)
-        newest.add_row(str(row["judged_utc"]), *cells, "yes" if row["valid"] else str(row["reasons"]))
-    console.print(wear, newest)
-
-
-def _mean(value: float | None, low: float | None, high: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:+.1%}" + ("" if low is None else f" [{low:+.1%}, {high:+.1%}]")
 
 
 @contextlib.contextmanager

@@ -149,7 +149,6 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "take-over": ("live", "missing/amended.toml --bench bench.toml"),
         "record": ("logs", "--bench bench.toml --out bus.blf --rotate-size 500"),
         "replay": ("logs", "recording.csv --bench bench.toml --speed 0.1"),
-        "journal": ("live", "injections.sqlite --csv > injections.csv"),
     },
     "Offline": {
         "simulate": (
@@ -165,7 +164,6 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     },
     "Discovery": {
         "discover": ("models", "--model injector.toml --out found --plan worn_1.csv worn_2.csv"),
-        "compare": ("models", "found_spring found_autumn"),
         "effects": ("models", "channel_skew seat_area"),
     },
     "Many recordings": {

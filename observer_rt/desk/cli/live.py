@@ -1,4 +1,4 @@
-"""Commands of the live observer: `demo`, `run`, `check`, `monitor` and `journal`."""
+"""Commands of the live observer: `demo`, `run`, `check`, `monitor` and `take-over`."""
 
 import json
 from dataclasses import dataclass
@@ -23,8 +23,6 @@ from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Standing, Writes
 from observer_rt.foundation.outputs import check_output
-
-SHOWN = 10  # injections of a journal in a table
 
 
 @dataclass(frozen=True)
@@ -247,30 +245,3 @@ def take_over(options: TakeOverOptions) -> None:
             messages,
             "no daemon is found by this bench file: one that serves it all the same reads it at SIGUSR1",
         )
-
-
-@dataclass(frozen=True)
-class JournalOptions:
-    """Options of the command."""
-
-    file: Annotated[Path, Argument("Journal that `observer-rt run --journal` wrote or writes.", "FILE")]
-    last: Annotated[
-        int | None, Option(f"Show the last N injections only (table: {SHOWN}).", "N", minimum=1)
-    ] = None
-    csv: Annotated[bool, Option("Injections as CSV on stdout.")] = False
-    json: shared.Json = False
-
-
-def journal(options: JournalOptions) -> None:
-    """Show a journal of injections: the last ones, and the wear over time; also while it is written."""
-    from observer_rt.daemon.persistence import journal as table
-
-    if options.csv and options.json:
-        raise UserError("--csv", "and --json are two forms of the same", "leave one of them out")
-    with table.reading_journal(options.file) as content:
-        if options.csv:
-            table.print_csv(content, options.last)
-        elif options.json:
-            table.print_json(content, options.last)
-        else:
-            table.print_tables(content, options.last or SHOWN)

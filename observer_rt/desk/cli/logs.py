@@ -53,7 +53,6 @@ class ReplayOptions:
     start: Annotated[float | None, Option("Begin at this time of the recording [s].")] = None
     stop: Annotated[float | None, Option("End at this time of the recording [s].")] = None
     windowed: Annotated[bool, Option("Send only about 6 ms around each injection.")] = False
-    map_id: Annotated[tuple[str, ...], Option("Send under another identifier; repeatable.", "FROM=TO")] = ()
     map_channel: Annotated[
         tuple[str, ...], Option("Send the frames of a log's channel to one bus only.", "FROM=TO")
     ] = ()
@@ -73,7 +72,6 @@ def replay(options: ReplayOptions) -> None:
     bench = load_bench(options.bench, lenient=options.lenient).of(options.injector)
     chosen = _with_links(bench, options)
     channels = log_frames.channel_map(options.map_channel)
-    identifiers = log_frames.identifier_map(options.map_id)
     if is_log(recording):
         if options.windowed:
             raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
@@ -82,20 +80,18 @@ def replay(options: ReplayOptions) -> None:
         source = player.recording_source(chosen, recording, options.windowed, *extent, loop, messages)
         if channels:
             raise UserError("--map-channel", f"{recording} is no CAN log: it has no channels", "leave it out")
-    sent = log_frames.remapped_identifiers(source.identifiers, identifiers)
     total = source.extent.duration * loop if loop else None
     with stop_on_signals() as stopped, ExitStack() as stack:
         if not options.force:
-            player.refuse_traffic(source.buses, sent, stopped)
+            player.refuse_traffic(source.buses, source.identifiers, stopped)
         links = {
             number: stack.enter_context(open_link(config.interface, config.channel, config.fd, []))
             for number, config in source.buses.items()
         }
         progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", total))
-        frames = log_frames.remapped(source.frames, identifiers)
         first = min(links.items())[1]
         speed, tell = options.speed or math.inf, partial(say, messages)
-        statistics = player.play(frames, first, speed, progress, stopped, links, tell)
+        statistics = player.play(source.frames, first, speed, progress, stopped, links, tell)
     print(json.dumps(statistics.as_json(), indent=2) if options.json else statistics.as_text())
 
 

@@ -1,4 +1,4 @@
-"""Commands that find out what a model should be: `fit`, `discover`, `compare` and `effects`."""
+"""Commands that find out what a model should be: `fit`, `discover` and `effects`."""
 
 import json
 import sys
@@ -231,30 +231,6 @@ def discover(options: DiscoverOptions) -> None:
         }
         more = [name for name, is_there in written.items() if is_there]
         say(messages, f"{out}: {', '.join([discovery.REPORT, FINDINGS, *more])}")
-
-
-@dataclass(frozen=True)
-class CompareOptions:
-    """Options of the command."""
-
-    runs: Annotated[tuple[Path, ...], Argument("Folders that `discover --out` wrote.", "DIR")]
-    json: shared.Json = False
-
-
-def compare(options: CompareOptions) -> None:
-    """Compare runs of `discover`: verdicts, sizes, gaps, and what changed from the first to the last."""
-    from observer_rt.identification.discovery import runs as comparison
-
-    if len(options.runs) < 2:
-        raise UserError("DIR", "is one run", "name two folders or more")
-    found = [comparison.DiscoveryRun.read(path) for path in options.runs]
-    if options.json:
-        print(json.dumps(comparison.as_json(found), indent=2))
-        return
-    console = results()
-    console.print(comparison.run_table(found))
-    for line in comparison.change_lines(found):
-        say(console, line)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,8 @@
 """`observer-rt evaluate`: files in, table, JSON, trace and figure out."""
 
-import json
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -25,7 +23,6 @@ from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.constants import injector_at
 from observer_rt.engine.service.learners import LearnerFactory
-from observer_rt.files.formats import is_log
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import (
     FIGURE_SUFFIXES,
@@ -33,51 +30,11 @@ from observer_rt.foundation.console import (
     results,
     say,
 )
-from observer_rt.foundation.errors import CombinedError, UserError
+from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE
 from observer_rt.foundation.outputs import check_output, make_folder, replacing
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import temperature_of
-
-
-def evaluate_bench(bench: Bench, options: EvaluateOptions, console: Console) -> None:
-    """Evaluate the recordings for all injectors of a bench, as `evaluate_files`.
-
-    Files that the options name get the name of the injector where there are several: `worn.png` becomes
-    `worn_left.png`, and a folder has one for each. One that cannot be evaluated, such as an injector whose messages a
-    log lacks, leaves the others alone. Raises `UserError` for a recording that is one injector's, and at last
-    `CombinedError` for those that were not evaluated.
-    """
-    if len(bench.injectors) == 1:
-        evaluate_files(bench, options, console)
-        return
-    paths = without_truths(options.recordings, console)
-    _refuse_plain(bench, paths)
-    options = replace(options, recordings=tuple(paths))
-    parts = [(each, _named(options, each.injector.name)) for each in bench.each]
-    for _, own in parts:
-        _refuse_early(paths, own)
-    failures: dict[str, UserError] = {}
-    if options.json:
-        print('{"injectors": {')
-    for number, (each, own) in enumerate(parts):
-        name = each.injector.name
-        if options.json:
-            print(f'{", " if number else ""}"{name}":')
-        else:
-            say(results(), f"{chr(10) if number else ''}injector {name}")
-        try:
-            evaluate_files(each, own, console)
-        except UserError as error:
-            failures[name] = error
-            if options.json:
-                print(json.dumps({"error": str(error)}))
-            else:
-                say(results(), f"not evaluated: {error.problem}")
-    if options.json:
-        print("}}")
-    if failures:
-        raise CombinedError(failures)
 
 
 def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> None:
@@ -107,29 +64,6 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
         there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
         shown = numbers_shown(_asked_for(options), there)
         plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
-
-
-def _refuse_plain(bench: Bench, paths: Sequence[Path]) -> None:
-    """A recording has columns for one injector only, unless the bench file says which are whose."""
-    for injector in bench.injectors:
-        if injector.config.recording is None and (plain := [path for path in paths if not is_log(path)]):
-            raise UserError(
-                str(plain[0]),
-                f"has the signals of one injector, {bench.path} has {len(bench.injectors)}",
-                f"say whose it is, as --injector {injector.name}; or state [injectors.{injector.name}.recording]",
-            )
-
-
-def _named(options: EvaluateOptions, name: str) -> EvaluateOptions:
-    """The options for one injector, with files of its own."""
-
-    def own(path: Path | None) -> Path | None:
-        return path and path.with_name(f"{path.stem}_{name}{path.suffix}")
-
-    output = options.output
-    output = output / name if output is not None and options.has_folder else own(output)
-    plot, state, save_state = map(own, (options.plot, options.state, options.save_state))
-    return replace(options, output=output, plot=plot, state=state, save_state=save_state)
 
 
 def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:

@@ -164,7 +164,7 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         raise UserError(
             f"{config.interface} {config.channel}",
             f"another sender is active: frames with identifier 0x{heard.frame.frame_id:X} come in already",
-            "stop it, send under another identifier (--map-id), or send all the same (--force)",
+            "stop it, or send all the same (--force)",
         )
 
 

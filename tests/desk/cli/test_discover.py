@@ -1,4 +1,4 @@
-"""`observer-rt discover` and `compare`: what they write and print; mistakes they name; an interruption survived."""
+"""`observer-rt discover`: what it writes and prints; mistakes it names; an interruption survived."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Files and a bench of three injectors: `evaluate`, `convert`, `check` and `replay` for all of them, or for one."""
+"""Files and a bench of three injectors: `evaluate` and `convert` for one of them, `replay` for all."""
 
 import json
 from pathlib import Path
@@ -11,7 +11,7 @@ from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.units import MILLIGRAM
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines
-from tests.three_injectors import NAMES, lift_id, one_alone, three_injectors, three_on, three_recordings
+from tests.three_injectors import NAMES, one_alone, three_injectors, three_on, three_recordings
 
 
 @pytest.fixture(scope="module")
@@ -25,46 +25,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_all_of_them_each_as_alone(command: Command, folder: Path) -> None:
-    found = document(command, folder / "bus.log", "--bench", folder / "bench.toml")["injectors"]
-    assert list(found) == list(NAMES)
-    for number, name in enumerate(NAMES):
-        alone = evaluate(load_bench(one_alone(folder, number, "can0")), [three_recordings()[number]])
-        masses = [one.mass / MILLIGRAM for one in alone.evaluations[0].reports]
-        (recording,) = found[name]["recordings"]
-        assert [one["mass_mg"] for one in recording["injections"]] == masses
-    chosen = document(command, folder / "bus.log", "--bench", folder / "bench.toml", "--injector", "two")
-    assert chosen == found["two"]
-
-
-def test_tables_and_files_are_told_apart(
-    command: Command, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    files = "--plot", "worn.png", "--output", "traces", "--save-state", "learned.json"
-    arguments = "evaluate", folder / "bus.log", "--bench", folder / "bench.toml"
-    outcome = command.done(*arguments, *files)
-    headings = [line for line in outcome.out.splitlines() if line.startswith("injector ")]
-    assert headings == [f"injector {name}" for name in NAMES]
-    made = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert made == {
-        file
-        for name in NAMES
-        for file in (f"worn_{name}.png", f"learned_{name}.json", f"traces/{name}/bus.log.trace.csv")
-    }
-    (tmp_path / "worn_two.png").unlink()
-    assert "worn_one.png" in command.refused(*arguments, "--plot", "worn.png")
-    assert not (tmp_path / "worn_two.png").exists()
-    known = command(*arguments, "--state", "learned.json")
-    assert known.err.count("learned state restored") == 3
-
-
-def test_a_recording_is_one_injectors(command: Command, folder: Path) -> None:
-    arguments = "evaluate", folder / "two.csv", "--bench", folder / "bench.toml"
-    said = command.refused(*arguments)
-    assert "has the signals of one injector" in said
-    assert "--injector one" in said
-    command.done(*arguments, "--injector", "two")
+def test_one_of_them_as_alone(command: Command, folder: Path) -> None:
+    arguments = folder / "bus.log", "--bench", folder / "bench.toml"
+    assert "choose one, such as --injector one" in command.refused("evaluate", *arguments)
+    found = document(command, *arguments, "--injector", "two")
+    alone = evaluate(load_bench(one_alone(folder, 1, "can0")), [three_recordings()[1]])
+    (recording,) = found["recordings"]
+    masses = [one.mass / MILLIGRAM for one in alone.evaluations[0].reports]
+    assert [one["mass_mg"] for one in recording["injections"]] == masses
 
 
 def test_the_signals_of_one_out_of_a_log(command: Command, folder: Path, tmp_path: Path) -> None:
@@ -83,30 +51,3 @@ def test_a_log_of_all_is_replayed_whole(command: Command, folder: Path, tmp_path
     (tmp_path / "part.log").write_text("".join([*lines[:700], f"(9.0) can0 302##1{'00' * 64}\n"]))
     outcome = command.done("replay", tmp_path / "part.log", "--bench", path, "--speed", "0", "--json")
     assert json.loads(outcome.out)["frames"] == 700  # not the recorded result
-
-
-def without_lift(folder: Path, number: int, path: Path) -> Path:
-    """The log of all without the needle lift of one of them."""
-    lines = (folder / "bus.log").read_text().splitlines(keepends=True)
-    path.write_text("".join(line for line in lines if f" {lift_id(number):03X}##" not in line))
-    return path
-
-
-def test_one_whose_inputs_are_missing_leaves_the_others_alone(
-    command: Command, folder: Path, tmp_path: Path
-) -> None:
-    log = without_lift(folder, 1, tmp_path / "part.log")
-    arguments = "evaluate", log, "--bench", folder / "bench.toml"
-    outcome = command(*arguments)
-    assert outcome.code == 2
-    assert "error: two: " in outcome.err
-    assert f"NeedleLiftBlock_two 0x{lift_id(1):03X}" in outcome.err
-    assert outcome.out.count("not evaluated: its ") == 1
-    assert outcome.out.split("injector two\n")[1].startswith("not evaluated: its ")
-    printed = command(*arguments, "--json")
-    assert printed.code == 2
-    found = json.loads(printed.out)["injectors"]
-    assert list(found) == list(NAMES)
-    assert "NeedleLiftBlock_two" in found["two"]["error"]
-    alone = document(command, folder / "bus.log", "--bench", folder / "bench.toml", "--injector", "three")
-    assert found["three"]["recordings"][0]["injections"] == alone["recordings"][0]["injections"] != []

@@ -54,7 +54,7 @@ READ = {
     "model",
     "recording",
 }
-READ |= {"recordings", "results_of", "runs", "state"}
+READ |= {"recordings", "results_of", "state"}
 SAMPLES = b"time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n0,100,0,100\n"
 SAME_KIND = {
     ".png": b"\x89PNG\r\n\x1a\n",

@@ -62,16 +62,14 @@ def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -
     assert all(later - earlier == 9 for earlier, later in pairwise(starts))
 
 
-def test_log_is_sent_as_recorded_but_for_identifiers_that_are_mapped(
-    command: Command, bus: can.BusABC, tmp_path: Path
-) -> None:
+def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
     """The flags of FD frames, too."""
     log = tmp_path / "bus.LOG"
     marks = ("##1", "##0", "##3", "##2", "#")
     fd = "".join(f"(100.{n}) can0 123{mark}AABB\n" for n, mark in enumerate(marks))
-    log.write_text(f"{fd}(101.0) can0 00000456#DD\n(101.5) can0 00000457#DD\n")
-    command.done("replay", log, *ON_BUS, "--speed", "0", "--map-id", "0x456=0x18DAF110")
-    *of_fd, mapped, last = received(bus)
+    log.write_text(f"{fd}(101.5) can0 00000457#DD\n")
+    command.done("replay", log, *ON_BUS, "--speed", "0")
+    *of_fd, last = received(bus)
     assert {(m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in of_fd} == {
         (0x123, False, b"\xaa\xbb")
     }
@@ -82,7 +80,6 @@ def test_log_is_sent_as_recorded_but_for_identifiers_that_are_mapped(
         (True, False, True),
         (False, False, False),
     ]
-    assert (mapped.arbitration_id, mapped.is_extended_id, mapped.is_fd) == (0x18DAF110, True, False)
     assert (last.arbitration_id, last.is_extended_id, bytes(last.data)) == (0x457, True, b"\xdd")
 
 
@@ -131,7 +128,6 @@ def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
     assert f"identifier 0x{BLOCK.frame_id:X} come in already" in refused.err
     assert not received(bus)
     assert while_sending(BLOCK.frame_id + 1).code == 0
-    assert while_sending(BLOCK.frame_id, "--map-id", f"{BLOCK.frame_id}=0x7F0").code == 0
     assert while_sending(BLOCK.frame_id, "--force").code == 0
 
 

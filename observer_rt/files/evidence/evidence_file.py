@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
-from observer_rt.files.checksum import refuse_damaged
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.table_writers import SI, ParquetWriter
 from observer_rt.foundation.errors import UserError
@@ -65,11 +64,10 @@ def read_evidence(path: Path) -> KeptEvent:
 
     remedy = "move it out of the folder; the others are used"
     with file_errors(path):
-        refuse_damaged(path)
         try:
             with path.open("rb") as file:  # a name may look like an address to the library
                 sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-                table = parquet.read_table(file)
+                table = parquet.read_table(file, page_checksum_verification=True)
             said = json.loads(table.schema.metadata[_BELIEF.encode()])
             time, rail, lift, line = (table.column(column.header).to_numpy() for column in SI[:4])
             recording = Recording(time, rail, lift, line, path=path)
@@ -83,5 +81,7 @@ def read_evidence(path: Path) -> KeptEvent:
                 dict(said["belief"]),
                 recording,
             )
+        except OSError as error:  # of a page whose checksum is another
+            raise UserError(str(path), f"is damaged: {error}", remedy) from None
         except (ArrowException, KeyError, ValueError, TypeError):
             raise UserError(str(path), "is no evidence kept by `observer-rt run`", remedy) from None

@@ -11,7 +11,6 @@ from pydantic import TypeAdapter
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogReader, LogWriter
-from observer_rt.files.checksum import refuse_damaged, seal
 from observer_rt.files.mdf4.reader_process import crash_told, mdf4_apart
 from observer_rt.foundation.sandbox import WorkerError, checked
 
@@ -64,7 +63,6 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        self.remarks += refuse_damaged(self.path)
         parts = mdf4_apart(FRAMES, "frames", self.path)
         with crash_told(self.path):
             totals = checked(_TOTALS, next(parts, None))
@@ -148,7 +146,6 @@ class Mdf4LogWriter(LogWriter):
             file.header.abs_time = self._start
             file.append(signal)
             file.save(handle, add_history_block=False)
-        seal(self.path)
 
 
 MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)

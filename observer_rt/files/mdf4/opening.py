@@ -15,7 +15,6 @@ from asammdf import MDF
 from asammdf.blocks.utils import MdfException
 from asammdf.blocks.v4_blocks import FileHistory
 
-from observer_rt.files.checksum import BLANK
 from observer_rt.files.mdf4.reader_process import READABLE, refuse_other_files
 from observer_rt.foundation.errors import UserError
 
@@ -58,11 +57,11 @@ def damage_told(path: Path) -> Iterator[None]:
 
 
 def add_history(file: MDF) -> None:
-    """Name what wrote the file, but not when: the same content gives the same bytes. For `seal`."""
+    """Name what wrote the file, but not when: the same content gives the same bytes."""
     file.start_time = NO_DATE
     history = FileHistory()
     history.time_stamp = NO_DATE
-    history.comment = f"<FHcomment><TX>created; {BLANK}</TX><tool_id>observer-rt</tool_id></FHcomment>"
+    history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
     file.file_history.append(history)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
-from observer_rt.files.checksum import refuse_damaged
 from observer_rt.files.mdf4.reader_process import crash_told, mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
@@ -42,7 +41,6 @@ class Mdf4Table(FileTable):
         super().__init__(path, config, is_own)
         if config.time is not None:
             self.notes.append(f"{path}: [recording.time] is passed over, MDF4 channels have their own time")
-        self.notes += [f"{path}: {remark}" for remark in refuse_damaged(path)]
         channels = _channels(path)
         self.columns = {each.name: each.unit for each in reversed(channels)}
         self.mapped = present(path, dict(config.signals), self.columns, is_own, self.word)

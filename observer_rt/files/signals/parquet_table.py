@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.checksum import refuse_damaged
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values, present
 from observer_rt.foundation.errors import UserError
@@ -29,7 +28,6 @@ class ParquetTable(FileTable):
     def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
         super().__init__(path, config, is_own)
         wanted = self._wanted()
-        self.notes += [f"{path}: {remark}" for remark in refuse_damaged(path)]
         with _opened(path) as file:
             schema = file.schema_arrow
             if not _has_page_checksums(path, file.metadata):

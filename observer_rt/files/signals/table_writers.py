@@ -11,7 +11,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.files.checksum import BLANK, seal
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
@@ -117,7 +116,6 @@ class Mdf4Writer(TableWriter):
         with self._path.open("wb+") as handle, quiet:
             self._file.save(handle, add_history_block=False)
         super().close()
-        seal(self._path)
 
 
 class ParquetWriter(TableWriter):
@@ -146,17 +144,11 @@ class ParquetWriter(TableWriter):
                 )
                 for column, array in zip(self._columns, made, strict=True)
             ]
-            self._schema = arrow.schema(fields, metadata={**self._said, "checksum": BLANK})
+            self._schema = arrow.schema(fields, metadata=self._said)
             self._writer = self._stack.enter_context(
                 arrow.parquet.ParquetWriter(str(self._path), self._schema, write_page_checksum=True)
             )
         self._writer.write_table(arrow.Table.from_arrays(made, schema=self._schema), _ROW_GROUP)
-
-    def close(self) -> None:
-        """Complete the file."""
-        super().close()
-        if self._writer is not None:
-            seal(self._path)
 
     def _array(self, column: WrittenColumn, values: NDArray[Any]) -> Any:
         if column.words:

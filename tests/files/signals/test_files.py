@@ -55,6 +55,16 @@ def same(left: Recording, right: Recording) -> bool:
 RECORDING = Recording(np.arange(10) / 1e5, np.ones(10), np.ones(10) * 1e-4, np.ones(10) * 2e6)
 
 
+def test_a_damaged_page_of_our_parquet_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "recording.parquet"
+    write_recording(path, RECORDING)
+    data = bytearray(path.read_bytes())
+    data[data.find(np.float64(2e6).tobytes())] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(UserError, match="CRC"):
+        read_recording(path)
+
+
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 

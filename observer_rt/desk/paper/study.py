@@ -19,8 +19,8 @@ from observer_rt.desk.paper.scheme import (
     scaled_identity,
     swept,
 )
-from observer_rt.desk.paper.table import Estimator, EstimatorCurves, GainCase, Study, WearCase
-from observer_rt.desk.paper.training import BETA, output_error, train
+from observer_rt.desk.paper.table import Estimator, EstimatorCurves, Study, WearCase
+from observer_rt.desk.paper.training import BETA, train
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import FIRST_EVENT, make_schedule
 from observer_rt.desk.simulation.simulate import Simulation, simulate
@@ -42,7 +42,6 @@ SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
 TRAININGS = 10  # of "trained on"
 PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
 LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
-GAINS = (1e4, 3e4, LARGEST_GAIN)
 Progress = Callable[[float], None]
 
 
@@ -135,8 +134,7 @@ def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
     for number, wear in enumerate(SWEEP):
         cases.append(_wear_case(bench, sample_rate, gain, wear))
         progress((number + 1) / len(SWEEP))
-    gains = tuple(_gain_case(bench, sample_rate, value) for value in GAINS if value <= gain)
-    return Study(sample_rate, gain, c, tuple(healthy), tuple(cases), gains)
+    return Study(sample_rate, gain, c, tuple(healthy), tuple(cases))
 
 
 def _simulated(bench: Bench, sample_rate: float, wear: float, events: int) -> Simulation:
@@ -151,7 +149,6 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
     (injection,) = injection_windows(single.truth.needle_lift, sample_rate)
     span = injection.span
     scheme = _Scheme(bench, single, injection, gain)
-    tested, rejected = scheme.tested(TRAININGS)
     x, u = true_states(single.truth, c)[span], inputs(single.truth, c)[span]
     paper = scheme.estimate(scheme.trained(1))
     return WearCase(
@@ -162,12 +159,10 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
             Estimator.MODEL: scheme.estimate(scheme.trained(0)),
             Estimator.PAPER: paper,
             Estimator.PAPER_TRAINED_ON: scheme.estimate(scheme.trained(TRAININGS)),
-            Estimator.PAPER_TESTED: scheme.estimate(tested),
             Estimator.OURS: _ours(bench, single, single, injection),
             Estimator.OURS_TRAINED_ON: _ours(bench, several, single, injection),
         },
         law_rate=np.array([c.nozzle.flow * root(value, c.nozzle.transition) for value in paper.x_3]),
-        rejected=rejected,
     )
 
 
@@ -179,22 +174,6 @@ def _ours(
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span
     return EstimatorCurves(trace.x[span, 2], trace.phi[span], trace.injection_rate[span])
-
-
-def _gain_case(bench: Bench, sample_rate: float, gain: float) -> GainCase:
-    simulation = _simulated(bench, sample_rate, NOZZLE_WEAR, 1)
-    (injection,) = injection_windows(simulation.truth.needle_lift, sample_rate)
-    scheme = _Scheme(bench, simulation, injection, gain)
-    true_x_3 = true_states(simulation.truth, effective_model(bench.injector.parameters).coefficients)[
-        injection.span, 2
-    ]
-    model, paper = scheme.estimate(scheme.trained(0)), scheme.estimate(scheme.trained(1))
-    true_volume = np.trapezoid(simulation.truth.injection_rate[injection.span])
-    return GainCase(
-        gain=gain,
-        mse_ratio=float(np.sum((model.x_3 - true_x_3) ** 2) / np.sum((paper.x_3 - true_x_3) ** 2)),
-        mass_error=float(np.trapezoid(paper.rate) / true_volume) - 1.0,
-    )
 
 
 class _Scheme:
@@ -215,18 +194,6 @@ class _Scheme:
         for _ in range(trainings):
             in_force = start = train(self._window, self._setting, in_force, start)
         return free_network(in_force, self._setting.gain)
-
-    def tested(self, trainings: int) -> tuple[FreeNetwork, int]:
-        """The network in force after so many trainings behind the adoption test, and how many it refused."""
-        in_force, trained, refused = no_fault(), scaled_identity(BETA), 0
-        for _ in range(trainings):
-            trained = train(self._window, self._setting, in_force, trained)
-            after, before = (output_error(self._window, self._setting, p) for p in (trained, in_force))
-            if after < before:
-                in_force = trained
-            else:
-                refused += 1
-        return free_network(in_force, self._setting.gain), refused
 
     def estimate(self, network: FreeNetwork) -> EstimatorCurves:
         """The observer with this network over the injection."""

@@ -20,7 +20,6 @@ class Estimator(StrEnum):
     MODEL = "model"
     PAPER = "paper, 1"
     PAPER_TRAINED_ON = "paper, 10"
-    PAPER_TESTED = "paper, 10, tested"
     OURS = "ours, 1"
     OURS_TRAINED_ON = "ours, 10"
 
@@ -46,8 +45,6 @@ class WearCase:
     truth: EstimatorCurves
     estimates: dict[Estimator, EstimatorCurves]
     law_rate: NDArray[np.float64]
-    rejected: int
-    """Trainings of `Estimator.PAPER_TESTED` that the adoption test refused."""
 
     def mse(self, estimator: Estimator) -> float:
         """Mean squared error of x3 (28)."""
@@ -67,15 +64,6 @@ class WearCase:
 
 
 @dataclass(frozen=True)
-class GainCase:
-    """The paper's scheme after one training at v_H = 0.3 with an identification gain [1/s]."""
-
-    gain: float
-    mse_ratio: float
-    mass_error: float
-
-
-@dataclass(frozen=True)
 class Study:
     """Everything the figures, the table and the report are made of."""
 
@@ -85,7 +73,6 @@ class Study:
     healthy: tuple[Truth, ...]
     """One injection of the model at every pressure of Fig. 3."""
     cases: tuple[WearCase, ...]
-    gains: tuple[GainCase, ...]
 
     def case(self, nozzle_wear: float) -> WearCase:
         """The case of one v_H of the sweep."""
@@ -109,7 +96,6 @@ def _printed(study: Study) -> pd.DataFrame:
             "MSE of x3, model": f"{case.mse(Estimator.MODEL):.2e}",
             **{f"MSE ratio: {each}": _ratio(case.mse_ratio(each)) for each in OBSERVERS},
             **{f"mass error [%]: {each}": f"{100 * case.mass_error(each):+.2f}" for each in Estimator},
-            "refused": str(case.rejected),
         }
         for case in study.cases
     )
@@ -137,7 +123,6 @@ def csv_table(study: Study) -> str:
             **{f"x3_mse_{_key(each)}": case.mse(each) for each in Estimator},
             **{f"x3_mse_ratio_{_key(each)}": case.mse_ratio(each) for each in OBSERVERS},
             **{f"mass_error_pct_{_key(each)}": 100 * case.mass_error(each) for each in Estimator},
-            "refused_trainings_paper_10_tested": case.rejected,
         }
         for case in study.cases
     ]

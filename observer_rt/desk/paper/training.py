@@ -130,11 +130,3 @@ def training_data(
     )
     target = setting.gain * np.outer(seen.error, design_vector(setting.coefficients))
     return z[seen.driven], target[seen.driven]
-
-
-def output_error(window: Window, setting: PaperSetting, weights: NDArray[np.float64]) -> float:
-    """Sum of squared output errors y - C x^ of the observer re-simulated with weights p (48,); inf if not finite."""
-    seen = swept(window, setting, free_network(weights, setting.gain))
-    error = (window.output - seen.x[:, 0])[seen.driven]
-    total = float(error @ error)
-    return total if np.isfinite(total) else np.inf

@@ -37,13 +37,10 @@ def test_figures_are_pictures_with_something_on_them(folder: Path) -> None:
         assert 0.005 < dark < 0.5
 
 
-def test_table_covers_the_range_of_wear(folder: Path) -> None:
-    wears = [float(row["v_H"]) for row in rows_of(folder)]
-    assert wears == pytest.approx([-0.5 + 0.1 * i for i in range(11)])
-
-
 def test_model_is_wrong_as_wear_says_and_ours_is_not(folder: Path) -> None:
-    for row in rows_of(folder):
+    rows = rows_of(folder)
+    assert [float(row["v_H"]) for row in rows] == pytest.approx([-0.5 + 0.1 * i for i in range(11)])
+    for row in rows:
         wear = float(row["v_H"])
         mass = float(row["mass_error_pct_model"])
         assert mass * wear < 0 or abs(mass) < 0.5
@@ -68,12 +65,3 @@ def test_sample_rate_too_low_for_the_scheme_is_refused(tmp_path: Path) -> None:
     assert isinstance(result.exception, UserError)
     assert result.exception.place == "--sample-rate"
     assert not list(tmp_path.iterdir())
-
-
-def test_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    file.write_text("mine")
-    result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(file)])
-    assert isinstance(result.exception, UserError)
-    assert str(file) in result.exception.place
-    assert file.read_text() == "mine"

@@ -14,7 +14,7 @@ from observer_rt.desk.paper.scheme import (
     scaled_identity,
     swept,
 )
-from observer_rt.desk.paper.training import BETA, minimise, output_error, train, training_data
+from observer_rt.desk.paper.training import BETA, minimise, train, training_data
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from tests.desk.paper.conftest import Injection, make_injection
@@ -110,11 +110,8 @@ def test_more_gain_identifies_more(worn: Injection) -> None:
 
 
 def test_trained_on_it_stays_wrong(worn: Injection) -> None:
-    """Ten trainings: better than no observer, but the mass stays several per cent off."""
+    """Ten trainings: the mass stays several per cent off."""
     weights = trained(worn, 10)
-    assert output_error(worn.window, worn.setting(), weights) < output_error(
-        worn.window, worn.setting(), no_fault()
-    )
     assert -0.12 < mass_error(worn, weights) < -0.03
 
 

@@ -30,21 +30,6 @@ def x_of(pressure: float) -> float:
     return (pressure - P_C) / P_0
 
 
-def cavitating(p_s: float, p_c: float, excess: float) -> float:
-    """sqrt(p_S - p_C) with the coefficient lowered below N_crit, sqrt(Pa)."""
-    number = (p_s - P_V) / (p_s - p_c)
-    factor = math.sqrt(number / (1 + excess)) if number < 1 + excess else 1.0
-    return factor * math.sqrt(p_s - p_c)
-
-
-@given(st.floats(30e6, 200e6), st.floats(0.0, 0.6), st.floats(0.0, 10e6))
-def test_cavitation_lowers_the_coefficient(p_s: float, excess: float, rise: float) -> None:
-    c = model(orifice_cavitation={"n_crit_excess": excess}, chamber_pressure_rise={"dp": rise})
-    found = nozzle_law(x_of(p_s), 0.5, NOTHING_LEARNED, c.nozzle) * math.sqrt(P_0)
-    # the root is smooth through zero: 0.1 % at 10 MPa of difference
-    assert found == pytest.approx(cavitating(p_s, P_C + rise, excess), rel=2e-3)
-
-
 @pytest.mark.parametrize(("pressure", "expected"), [(60e6, 1.0), (140e6, math.sqrt((1 + 5 / 135) / 1.06))])
 def test_cavitation_sets_in_at_the_critical_number(pressure: float, expected: float) -> None:
     """N_crit = 1.06: below it only where p_S - p_C > 4.998 / 0.06 = 83.3 MPa."""
@@ -53,17 +38,6 @@ def test_cavitation_sets_in_at_the_critical_number(pressure: float, expected: fl
         x_of(pressure), 0.5, NOTHING_LEARNED, model().nozzle
     )
     assert share == pytest.approx(expected, rel=1e-5)
-
-
-@given(pressures, st.floats(0.0, 40e6))
-def test_chamber_pressure_rises_while_the_needle_is_open_only(p_s: float, rise: float) -> None:
-    c = model(chamber_pressure_rise={"dp": rise})
-    assert nozzle_law(x_of(p_s), 0.3, NOTHING_LEARNED, c.nozzle) == pytest.approx(
-        nozzle_law(x_of(p_s - rise), 0.3, NOTHING_LEARNED, model().nozzle), abs=1e-12
-    )
-    assert nozzle_law(x_of(p_s), 0.0, NOTHING_LEARNED, c.nozzle) == nozzle_law(
-        x_of(p_s), 0.3, NOTHING_LEARNED, model().nozzle
-    )
 
 
 @given(pressures, st.floats(0.0, 40e6), st.floats(0.0, 1.0), st.floats(1e-3, 1.0))
@@ -85,26 +59,11 @@ def stiffness_of(pressure: float, c: Coefficients) -> float:
     return changed / nominal
 
 
-@given(pressures, st.floats(-8.0, 12.0), st.floats(0.0, 0.03))
-def test_stiffness_of_the_line(p: float, slope: float, air: float) -> None:
-    c = model(pressure_dependent_bulk_modulus={"n": slope}, entrained_air={"g": air})
-    fuel = K_L + slope * (p - 100e6)
-    assert stiffness_of(p, c) * K_L == pytest.approx(1 / (1 / fuel + air / p), rel=1e-12)
-
-
 @pytest.mark.parametrize("pressure", [-20e6, 0.0, 5e6, 400e6, 1e9])
 @pytest.mark.parametrize("slope", [-8.0, 12.0])
 def test_stiffness_stays_positive_where_no_injector_works(pressure: float, slope: float) -> None:
     c = model(pressure_dependent_bulk_modulus={"n": slope}, entrained_air={"g": 0.03})
     assert 0.0 < stiffness_of(pressure, c) < 10.0
-
-
-@given(st.floats(1e-6, 0.3e-3), st.floats(-0.8, 0.95), st.floats(10e-6, 200e-6))
-def test_seat_coefficient_depends_on_the_lift(lift: float, a: float, scale: float) -> None:
-    c = model(lift_dependent_seat_coefficient={"a": a, "x_c": scale})
-    area = math.pi * lift * math.sin(math.radians(30)) * (2.2e-3 - lift / 2 * math.sin(math.radians(60)))
-    expected = area * (1 - a * math.exp(-lift / scale)) / 7e-7
-    assert normalised_area(lift, c.seat) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_shut_seat_has_no_area_whatever_its_coefficient() -> None:

@@ -14,7 +14,7 @@ import cantools.database
 from cantools.database.can import Database, Message
 
 from observer_rt.bus.can_frame import EXTENDED_MASK, STANDARD_MASK
-from observer_rt.bus.database.lookup import SEVERAL_SCALES, find_message
+from observer_rt.bus.database.lookup import find_message
 from observer_rt.config.bench import Bench
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import encoding_of
@@ -31,9 +31,9 @@ _UNDEFINED = re.compile(r"uses (\S+), which it does not define")
 _IN_MESSAGE = re.compile(r"signals? (\w+).* in\s+message (\w+)")
 _MESSAGE = re.compile(r"message (\w+)\W*$")
 _OF_SIGNAL = re.compile(r"unused \w+ entries in DBC: (\w+ \d+ \w+)")
-_NOT_READ = ("expected database format", "Only SYM version 6.0")
-_DBC, _ARXML = ".dbc", ".arxml"
-_CONVERT = "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads DBF, XLS, older SYM and some FIBEX"
+_CONVERT = (
+    "make a DBC of it: `canconvert {} {}.dbc`, of canmatrix, reads ARXML, DBF, KCD, SYM, XLS and some FIBEX"
+)
 
 _EXTENDED = 1 << 31  # of an identifier in a DBC file
 _TEXT = r'"(?:\\.|[^"\\])*+"'
@@ -42,17 +42,6 @@ _MESSAGE_LINES = re.compile(
 )
 _BIT_TIMING = re.compile(r"^([ \t]*BS_[ \t]*:)[ \t]*\d+[ \t]*:[ \t]*\d+[ \t]*,[ \t]*\d+;?", re.MULTILINE)
 _BARE_DEFAULT = re.compile(rf"^([ \t]*BA_DEF_DEF_[ \t]+{_TEXT}[ \t]+)([A-Za-z_]\w*)([ \t]*;)", re.MULTILINE)
-_SCALING = re.compile(
-    r"(<COMPU-METHOD\b(?:(?!</COMPU-METHOD>).)*?)(<COMPU-(?:INTERNAL|PHYS)-TO-.*?)(</COMPU-METHOD>)",
-    re.DOTALL,
-)
-_CATEGORY = re.compile(r"<CATEGORY>\s*(\w*)\s*</CATEGORY>")
-_LINEAR = ("LINEAR", "SCALE_LINEAR_AND_TEXTTABLE")  # with one segment: what cantools reads
-_SEVERAL_SCALES = (
-    "<CATEGORY>LINEAR</CATEGORY><COMPU-INTERNAL-TO-PHYS><COMPU-SCALES><COMPU-SCALE><COMPU-RATIONAL-COEFFS>"
-    f"<COMPU-NUMERATOR><V>0</V><V>{SEVERAL_SCALES}</V></COMPU-NUMERATOR><COMPU-DENOMINATOR><V>1</V></COMPU-DENOMINATOR>"
-    "</COMPU-RATIONAL-COEFFS></COMPU-SCALE></COMPU-SCALES></COMPU-INTERNAL-TO-PHYS>"
-)
 _SIGNAL = re.compile(r"^[ \t]*SG_[ \t]+(\w+)", re.MULTILINE)
 _SIGNAL_VALUES = re.compile(
     rf"^[ \t]*((?:VAL_|SIG_VALTYPE_)[ \t]+(\d+)[ \t]+(\w+))(?:[^;\"]|{_TEXT})*+;", re.MULTILINE
@@ -63,15 +52,17 @@ _IDENTIFIED = re.compile(
 
 
 def load_database(path: Path, lenient: bool = False) -> Database:
-    """Load a bus database (DBC, or another CAN format cantools reads).
+    """Load a bus database, a DBC file.
 
     Signals that overlap or do not fit their message, and what decoding does not need, are refused unless `lenient`:
     see `overlooked`.
 
     Raises `UserError`: no such file, not readable, not a bus database, or not correct.
     """
+    if path.suffix.lower() != ".dbc":
+        raise UserError(str(path), "is no DBC file", _CONVERT.format(path.name, path.stem))
     try:
-        database, _ = _loaded(path, lenient)
+        return _loaded(path, lenient)[0]
     except FileNotFoundError:
         raise UserError(str(path), "no such file", "correct the path of the bus database") from None
     except OSError as error:
@@ -86,13 +77,8 @@ def load_database(path: Path, lenient: bool = False) -> Database:
             except Exception as second:  # leniency does not help
                 if _reason(second) != reason:
                     problem = f"{reason}; and, where that is overlooked: {_reason(second)}"
-        if reason.startswith(_NOT_READ):
-            remedy = _CONVERT.format(path.name, path.stem)
         line = _line_of(path, reason)
         raise UserError(str(path) if line is None else f"{path}:{line}", problem, remedy) from None
-    if not isinstance(database, Database):
-        raise UserError(str(path), "is a diagnostics database, not a bus database", "name a DBC file")
-    return database
 
 
 def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
@@ -104,34 +90,15 @@ def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
 @lru_cache(maxsize=_KEPT)
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
     """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
-    kind, text = path.suffix.lower(), _text_of(path)
-    complaints: tuple[str, ...] = ()
-    if kind == _DBC:
-        text = _BIT_TIMING.sub(r"\1", text)
-        if lenient:
-            text, complaints = mended_dbc(text)
-    elif kind == _ARXML:
-        text = _SCALING.sub(_readable, text)
-    return cantools.database.load_string(text, kind[1:], strict=not lenient), complaints
+    text = _BIT_TIMING.sub(r"\1", _text_of(path))
+    text, complaints = mended_dbc(text) if lenient else (text, ())
+    return cantools.database.load_string(text, "dbc", strict=not lenient), complaints
 
 
 def _text_of(path: Path) -> str:
     """The text of a database, which may not state its encoding."""
     content = path.read_bytes()
     return re.sub("\r\n?", "\n", content.decode(encoding_of(content), errors="replace"))
-
-
-def _readable(scaling: re.Match[str]) -> str:
-    """An ARXML scaling as cantools reads it; of others it would take the last segment, or 1, for all codes."""
-    head, scales, end = scaling.groups()
-    segments = scales.count("<COMPU-RATIONAL-COEFFS")
-    category = found[1] if (found := _CATEGORY.search(head)) else ""
-    is_one = segments == 1 and scales.startswith("<COMPU-INTERNAL")
-    if not segments or (is_one and category in _LINEAR):
-        return scaling[0]
-    if is_one and category == "SCALE_LINEAR":
-        return scaling[0].replace("SCALE_LINEAR", "LINEAR", 1)
-    return _CATEGORY.sub("", head) + _SEVERAL_SCALES + end
 
 
 def overlooked(path: Path) -> list[str]:

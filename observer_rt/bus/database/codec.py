@@ -23,7 +23,7 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import SEVERAL_SCALES, find_signal, reserved_codes
+from observer_rt.bus.database.lookup import find_signal, reserved_codes
 from observer_rt.core.frames.frames import RECORDS, raw_value
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.records import dtype_of
@@ -57,12 +57,6 @@ def _compile(signal: Signal, row: np.void, message: Message) -> None:
     place = f"message {message.name}, signal {signal.name}"
     if signal.length > 64:
         raise UserError(place, f"has {signal.length} bits, at most 64 are supported")
-    if signal.scale == SEVERAL_SCALES:
-        raise UserError(
-            place,
-            "has several linear segments, or a scaling that is none, which are not decoded",
-            "describe it in a DBC by the scale of the codes that are sent",
-        )
     if signal.scale == 0:
         raise UserError(place, "has scale 0", "correct the scale in the bus database")
     if signal.conversion.is_float and signal.length not in _FLOAT_KIND:

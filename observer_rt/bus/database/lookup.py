@@ -18,12 +18,7 @@ NANOSECONDS_PER_MILLISECOND = 1_000_000
 USUAL_INDEX = "SampleIndex"  # where the bench file names none
 INDEX_BITS = 32
 NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
-IN_CONTAINERS = (
-    "places in a container change from frame to frame, which is not decoded: have the PDU sent in a frame of its own "
-    "or, where every frame has the same PDUs in the same order, describe their signals at their places in a DBC"
-)
 ERROR_NAMES = ("error", "err", "signal_error")
-SEVERAL_SCALES = 5e-324  # what `catalogue` puts in the place of a scale that depends on the code
 _DATA_ID = "E2EDataId"
 
 
@@ -108,11 +103,6 @@ def find_message(database: Database, name: str) -> Message:
     """
     names = [message.name for message in database.messages]
     if name not in names:
-        for container in database.messages:
-            if any(inner.name == name for inner in container.contained_messages or ()):
-                raise UserError(
-                    f"message {name}", f"is a PDU within the container {container.name}", IN_CONTAINERS
-                )
         raise UserError(f"message {name}", "not in the bus database", _nearest(name, names))
     return database.get_message_by_name(name)
 
@@ -149,9 +139,6 @@ def find_signal(message: Message, name: str) -> Signal:
     Raises `UserError`: there is none; names the nearest.
     """
     known = [signal.name for signal in message.signals]
-    if name not in known and message.contained_messages:
-        inner = ", ".join(each.name for each in message.contained_messages)
-        raise UserError(f"message {message.name}", f"is a container of the PDUs {inner}", IN_CONTAINERS)
     if name not in known:
         raise UserError(f"message {message.name}", f"has no signal {name}", _nearest(name, known))
     return message.get_signal_by_name(name)

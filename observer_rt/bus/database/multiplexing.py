@@ -65,7 +65,7 @@ def conditions_of(message: Message, name: str) -> Conditions:
 
 
 def _multiplexer_ids(message: Message, signal: Signal) -> set[int] | None:
-    """Values of its selector under which a signal is sent, None: always. KCD repeats it in each of its groups."""
+    """Values of its selector under which a signal is sent, None: always. It may be repeated for each of them."""
     repeated = [other for other in message.signals if other.name == signal.name]
     if any(_field(other) != _field(signal) for other in repeated):
         raise UserError(

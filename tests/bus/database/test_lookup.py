@@ -191,8 +191,11 @@ def test_codes_named_in_a_value_table(
 def test_missing_database(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"absent\.dbc: no such file"):
         load_database(tmp_path / "absent.dbc")
+    (tmp_path / "folder.dbc").mkdir()
     with pytest.raises(UserError, match="cannot be read"):
-        load_database(tmp_path)
+        load_database(tmp_path / "folder.dbc")
+    with pytest.raises(UserError, match=r"user\.arxml: is no DBC file\n.*canconvert user\.arxml user\.dbc"):
+        load_database(tmp_path / "user.arxml")
 
 
 @pytest.mark.parametrize(
@@ -237,13 +240,3 @@ def test_a_message_without_signals_says_so(tmp_path: Path) -> None:
     message = find_message(load_text(tmp_path, USER_DBC.replace(f"{PRESSURES}\n", "")), "Pressures")
     with pytest.raises(UserError, match=r"has no signal Rail1\n.*it has none at all"):
         signal_names(message, "Rail1")
-
-
-def test_what_cantools_fails_on_is_refused_in_words(tmp_path: Path) -> None:
-    path = tmp_path / "user.kcd"
-    namespace = "http://kayak.2codeornot2code.org/1.0"
-    path.write_text(
-        f'<NetworkDefinition xmlns="{namespace}"><Bus name="a"><Message/></Bus></NetworkDefinition>'
-    )
-    with pytest.raises(UserError, match=r"user\.kcd: is incomplete, or not of the kind its name says"):
-        load_database(path)

@@ -3,12 +3,10 @@
 from pathlib import Path
 
 import pytest
-from cantools.database.can import Database, Message
 from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.database.catalogue import load_database, mended_dbc, overlooked
-from observer_rt.bus.database.lookup import find_message, signal_names
 from observer_rt.foundation.errors import UserError
 from tests.bus.database.random_databases import RandomMessage, multiplexed_messages, plain_messages
 
@@ -113,13 +111,3 @@ def test_a_correct_database_stays_as_it_is(message: RandomMessage, ends: str) ->
 @given(st.text(alphabet='BOSGVAL_ 0123456789:|@+"\\;\nab', max_size=300))
 def test_any_text_is_answered(text: str) -> None:
     mended_dbc(f'BO_ 5000 A: 8 X\n SG_ B : 0|8@1+ (1,0) [0|0] "" X\n{text}')
-
-
-@pytest.mark.parametrize("name", ["Inner", "Container"])
-def test_containers_are_refused_with_what_is_possible(name: str) -> None:
-    inner = Message(1, "Inner", 8, [], header_id=0xA0B0C)
-    database = Database([Message(0x66, "Container", 64, [], contained_messages=[inner], is_fd=True)])
-    with pytest.raises(
-        UserError, match=r"(?s)(within the container Container|container of the PDUs Inner).*in a DBC"
-    ):
-        signal_names(find_message(database, name), "Speed")

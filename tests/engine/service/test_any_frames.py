@@ -18,7 +18,6 @@ from observer_rt.engine.service.core import Core
 from tests.device import core_of, frames_of, hand, simulated
 
 CLASSIC = Path(__file__).parents[2] / "bus" / "databases" / "testbed_classic.toml"
-LIMITS = {"RP_RailPressure": 1e5, "NL_Lift": 1e-6, "LP_LinePressure": 1e5}
 
 
 def database() -> Database:
@@ -54,39 +53,6 @@ def test_any_bytes_are_counted_and_harm_nothing(bench: Path, frames: list[tuple[
         if number < len(lengths) and len(payload) < [*lengths.values()][number]
     )
     assert counters.length_errors >= wrong
-
-
-@given(st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=40))
-def test_signals_of_any_bytes_are_those_of_cantools(payloads: list[bytes]) -> None:
-    """What reaches the observer is what plain cantools reads of the same bytes, in SI units."""
-    loaded, plain = load_bench(CLASSIC), database()
-    core = Core(loaded.injector, map_bus(loaded), learning=False)
-    names = ("DAQ_RailPress", "DAQ_NeedleLift", "DAQ_LinePress")
-    expected = []
-    for index, payload in enumerate(payloads):
-        row = []
-        for name, (signal, unit) in zip(names, LIMITS.items(), strict=True):
-            message = plain.get_message_by_name(name)
-            values = message.decode(
-                payload[: message.length].ljust(message.length, b"\0"), decode_choices=False, scaling=False
-            )
-            assert isinstance(values, dict)
-            counter = next(each for each in values if each.endswith("MsgCnt"))
-            values[counter] = index % 256
-            values[signal] = min(int(values[signal]), 64_000)  # the largest code in the declared range
-            sent = message.encode(values, scaling=False, strict=False)
-            core.handle(message.frame_id, bool(message.is_extended_frame), sent, index * 100_000)
-            read = message.decode(sent, decode_choices=False)
-            assert isinstance(read, dict)
-            row.append(float(read[signal]) * unit)
-        expected.append(row)
-    ring = core.compiled.observer.recorded
-    received = int(core.compiled.observer.memory[0]["positions"]["received"])
-    found = ring["values"][:received]
-    assert received == len(payloads)
-    for row, values in zip(found, expected, strict=True):
-        known = np.isfinite(row)
-        np.testing.assert_allclose(row[known], np.array(values)[known], rtol=1e-9, atol=1e-12)
 
 
 @given(st.binary(min_size=64, max_size=64))

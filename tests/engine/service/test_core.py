@@ -29,7 +29,6 @@ from tests.device import (
     hand,
     later,
     protected,
-    recoded,
     run,
     simulated,
 )
@@ -158,13 +157,6 @@ def test_header_tells_validity_and_state(clean: Traffic) -> None:
     assert clean.result.core.state == (State.ADAPTED, Reason.NONE)
 
 
-def test_learning_switched_off(clean: Traffic) -> None:
-    core = clean.run(clean.frames, learning=False).core
-    assert core.counters.adoptions == 0
-    assert core.counters.events == 3
-    assert core.state == (State.DEGRADED, Reason.MODEL_INADEQUATE)  # worn by 20 %, which it cannot know
-
-
 class NeverDone(Executor):
     """Takes jobs and never finishes one."""
 
@@ -180,13 +172,6 @@ def test_learning_that_never_ends_is_counted_and_keeps_nothing_from_being_judged
     assert core.counters.passed_over == 1  # and one would be next
     assert core.counters.adoptions == 0
     assert core.counters.samples > 14_900
-
-
-def test_restored_knowledge_is_valid_one_event_earlier(clean: Traffic) -> None:
-    restored = clean.run(clean.frames, knowledge=clean.result.core.knowledge)
-    assert [report.valid for report in restored.reports] == [False, True, True]
-    assert restored.reports[0].phi_version == clean.result.core.knowledge.phi_version
-    assert restored.reports[0].mass == pytest.approx(clean.result.reports[2].mass, rel=0.02)
 
 
 Frames = list[TimedFrame]
@@ -278,24 +263,6 @@ def test_frame_lost_in_an_injection_makes_it_invalid_only(clean: Traffic) -> Non
     assert summary["Valid"] == 0
 
 
-def test_interpolated_sample_does_not_interrupt(clean: Traffic) -> None:
-    """One sample of one sensor not available in a good frame: marked, counted, and on it goes."""
-    swapped = recoded(clean.frames[LOST], LinePressure_04=0xFFFF)
-    result = clean.run([*clean.frames[:LOST], swapped, *clean.frames[LOST + 1 :]])
-    assert set(result.rates) == set(clean.result.rates)
-    assert result.core.counters.interpolated_samples == 1
-    assert result.core.counters.lost_samples == 1
-
-
-def test_reordered_frame_is_dropped(clean: Traffic) -> None:
-    traffic = list(clean.frames)
-    traffic[LOST], traffic[LOST + 1] = traffic[LOST + 1], traffic[LOST]
-    result = clean.run(traffic)
-    without = clean.without(LOST)
-    assert result.frames == without.frames
-    assert result.core.counters.old_frames == 1
-
-
 def test_an_input_whose_protection_is_invalid_is_not_taken_until_it_is_valid_again(clean: Traffic) -> None:
     """Of 20 frames every third is right: without the state machine these would be taken."""
     first = len(clean.frames) // 2
@@ -357,15 +324,6 @@ def test_windowed_source(tmp_path: Path, messages: dict[str, str], clean: Traffi
     assert [report.event for report in result.reports] == [1, 2, 3]
     assert np.isfinite([report.mass for report in result.reports]).all()
     assert result.reports[2].mass == pytest.approx(clean.result.reports[2].mass, rel=0.03)
-
-
-def test_jump_with_a_lost_frame_is_a_loss(clean: Traffic) -> None:
-    device = Device(clean.bench)
-    first, second = (device.send(simulated(), span) for span in (Span(0, 2700), Span(5400, 14_400)))
-    assert clean.run([*first, *second]).core.counters.jumps == 1
-    result = clean.run([*first[:-1], *second])
-    assert result.core.counters.jumps == 0
-    assert result.core.counters.lost_samples == 2700 + 9
 
 
 @pytest.mark.slow

@@ -14,10 +14,8 @@ from tests.daemon.pulses import (
     durations,
     index_at,
     injected,
-    is_on,
     pulse_bench,
     samples,
-    triple_bench,
     watch,
 )
 from tests.device import encoded, later, merged, run
@@ -75,27 +73,6 @@ def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float)
     assert watched.commands[:16] == [*range(1, 17)]
     assert watched.commands[-2:] == [27, 28]
     assert None in watched.commands
-
-
-def test_level_beside_samples_without_an_index(tmp_path: Path) -> None:
-    """One sample a frame, and its level: frames are counted by their stamps, and so are commands placed."""
-    pulses, recording = injected(2)
-    message = BED.get_message_by_name("Triple")
-    sent = []
-    for n in range(recording.samples):
-        values = {
-            "Rail": recording.rail_pressure[n] / 1e6,
-            "Lift": recording.needle_lift[n] / 1e-6,
-            "Line": recording.line_pressure[n] / 1e6,
-            "Level": int(is_on(pulses, n / SAMPLE_RATE + 1e-9)),
-            "LevelPlain": 0,
-            "Time": 0,
-        }
-        sent.append(encoded(message, values, n / SAMPLE_RATE))
-    watched = watch(triple_bench(tmp_path, "Level"), sent)
-    assert watched.energized == ([1, 2], [], [])
-    assert watched.core.optional.energizing is not None
-    assert watched.core.optional.energizing.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)
 
 
 def test_multiplexed_message(tmp_path: Path) -> None:

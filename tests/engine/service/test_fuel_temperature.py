@@ -1,9 +1,7 @@
 """The optional input `fuel_temperature`: the model follows it, and nothing is valid without it."""
 
-import gc
 from collections.abc import Sequence
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import cantools
@@ -16,7 +14,7 @@ from observer_rt.desk.check.findings import Level
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
-from observer_rt.engine.stream.state import Observer, Reason, State
+from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
@@ -24,7 +22,7 @@ from observer_rt.model.effects import sized
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.daemon.end_to_end import DATABASE
 from tests.desk.evaluation.documents import recording_json
-from tests.device import Device, Result, core_of, encoded, hand, inserted, recoded, run
+from tests.device import Device, Result, core_of, encoded, inserted, recoded, run
 
 NOMINAL = load_injector()
 REFERENCE, HOT = 40.0, 85.0  # degC
@@ -150,14 +148,6 @@ def test_what_is_no_temperature_of_a_fuel_counts_as_none(tmp_path: Path, broken:
     assert not any(report.valid for report in first.reports)
 
 
-def test_it_may_come_before_the_first_sample(tmp_path: Path) -> None:
-    """Whose index may be any: it tells nothing of how long ago the temperature came."""
-    path = bench(tmp_path, "timeout_ms = 1000\n")
-    frames = Device(path, index=1_000_000_000).send(simulation(REFERENCE).recording)
-    result = run(path, [sensor(REFERENCE), *frames])
-    assert [report.valid for report in result.reports[2:]] == [True, True]
-
-
 def test_it_takes_effect_between_events(tmp_path: Path) -> None:
     """Told in the middle of the third injection, it holds from the fourth on."""
     frames = frames_at(REFERENCE)
@@ -191,16 +181,6 @@ def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
         assert not report.valid or report.mass == pytest.approx(true, rel=5e-3)
 
 
-def test_nobody_keeps_the_constants_of_other_fuel(tmp_path: Path) -> None:
-    core = core_of(bench(tmp_path))
-    before = core.compiled.observer.constants
-    hand(core, [*frames_at(REFERENCE)[:10], sensor(HOT)])
-    now = core.compiled.observer
-    assert now.constants != before
-    observers = [one for one in gc.get_objects() if type(one) is Observer and one.memory is now.memory]
-    assert [one.constants for one in observers] == [now.constants] * len(observers)
-
-
 def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
     recording = simulation(REFERENCE).recording
     (tmp_path / "block").mkdir()
@@ -213,13 +193,6 @@ def test_a_recording_is_taken_to_be_at_the_reference(tmp_path: Path) -> None:
         )
 
 
-def test_check_shows_the_law(tmp_path: Path) -> None:
-    findings = checkup(load_bench(bench(tmp_path)))
-    texts = [finding.text for finding in findings]
-    assert any("fuel_temperature: Sensor 0x323, Fuel, -100 to 400 degC" in text for text in texts)
-    assert any("80 degC: 807 kg/m3, 1.32 GPa" in text for text in texts)
-
-
 def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
     path = bench(tmp_path)
     text = load_bench(path).injector.parameters_path.read_text()
@@ -228,12 +201,3 @@ def test_an_injector_without_a_reference_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"injector\.toml: fluid\.reference_temperature"):
         core_of(loaded)
     assert any(f.level is Level.ERROR and "reference_temperature" in f.text for f in checkup(loaded))
-
-
-def test_neighbouring_reports_differ_little_in_density(tmp_path: Path) -> None:
-    """A noisy sensor does not make the model jump."""
-    frames = frames_at(REFERENCE)
-    noisy = [(50 * n, sensor(REFERENCE + 0.5 * (-1) ** n)) for n in range(len(frames) // 50)]
-    reports = run(bench(tmp_path), inserted(frames, noisy)).reports
-    assert all(report.valid for report in reports[2:])
-    assert all(abs(a.density / b.density - 1.0) < 1e-3 for a, b in pairwise(reports))

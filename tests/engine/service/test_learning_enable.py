@@ -56,11 +56,6 @@ def test_off_from_the_start_is_as_switched_off_by_the_bench(told: Callable[..., 
     assert held.core.counters.adoptions == 0
 
 
-def test_bench_that_switches_learning_off_cannot_be_overruled(told: Callable[..., Result]) -> None:
-    result = told([(0, bed("LearnEnable", 1))], extra="[learning]\nenabled = false")
-    assert set(flags(result)) == {0}
-
-
 def test_what_was_learned_stays_in_force(clean: Traffic, told: Callable[..., Result]) -> None:
     """Off after the first of three events."""
     usual = clean.result
@@ -86,11 +81,6 @@ def test_learning_goes_on_when_it_is_on_again(
     result = told([(0, bed("LearnEnable", 0)), (after_injection(clean.result, 1), bed("LearnEnable", on))])
     assert [report.mass_ci95 is None for report in result.reports] == [True, False, False]
     assert result.core.counters.adoptions == 2
-
-
-def test_another_page_of_its_message_is_no_word_of_it(clean: Traffic, told: Callable[..., Result]) -> None:
-    """The byte of the signal is 0 there."""
-    assert told([(0, bed("Mass", 0.0))]).frames == clean.result.frames
 
 
 def test_damaged_frames_are_counted_and_change_nothing(clean: Traffic, told: Callable[..., Result]) -> None:

@@ -12,24 +12,17 @@ from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.replay.framing import TimedFrame
 from tests import device
-from tests.benches import ONE_MESSAGE, THREE_MESSAGES, sample_bench, twin_bench
+from tests.benches import ONE_MESSAGE, THREE_MESSAGES, sample_bench
 from tests.daemon.pulses import PILOT_AND_MAIN, SOURCES, injected, misfired, pulse_bench, samples
-from tests.daemon.slow_frames import bed, slow_bench
 from tests.device import (
     Device,
     Result,
     damaged,
-    frames_of,
     inserted,
     merged,
     run,
-    shuffled,
     simulated,
-    worn_recording,
 )
-from tests.engine.service import test_fuel_temperature
-
-BLOCK = 9  # samples in a frame
 
 
 class ManyAtOnce(Core):
@@ -84,29 +77,6 @@ def test_while_it_learns(tmp_path: Path, either_way: Callable[..., Result], mess
     del frames[700]
     foreign = [(n, TimedFrame(0.0, 0x7, False, False, b"\x00")) for n in range(0, 900, 90)]
     assert either_way(path, inserted(frames, foreign)).core.knowledge.state.events == 3
-
-
-def test_from_several_buses(tmp_path: Path, either_way: Callable[..., Result]) -> None:
-    path = twin_bench(tmp_path)
-    assert either_way(path, shuffled(frames_of(path, worn_recording()), 0.01, 1)).frames
-
-
-def test_with_fuel_that_warms_up_and_is_lost(tmp_path: Path, either_way: Callable[..., Result]) -> None:
-    """A temperature every 200 frames: within events, between them, and stale in the end."""
-    path = test_fuel_temperature.bench(tmp_path, "timeout_ms = 50\n")
-    frames = Device(path).send(test_fuel_temperature.simulation(40.0).recording)
-    celsius = (40.0, 40.0, 52.0, 52.1, 60.0, None, 41.0, 40.0)
-    told = ((200 * n, test_fuel_temperature.sensor(each)) for n, each in enumerate(celsius))
-    result = either_way(path, inserted(frames, told))
-    assert len({report.fuel_temperature for report in result.reports}) > 1
-
-
-def test_with_learning_held_up_for_a_while(tmp_path: Path, either_way: Callable[..., Result]) -> None:
-    path = slow_bench(tmp_path, {"learning_enable": ("Bed", "LearnEnable"), "measured_mass": ("Bed", "Mass")})
-    made = simulated(4)
-    values = [(n, bed("LearnEnable", int(n // 400 % 2))) for n in range(0, made.samples // BLOCK, 50)]
-    frames = inserted(Device(path).send(made), [*values, (1500, bed("Mass", 12.0))])
-    assert 0 < either_way(path, frames).core.knowledge.state.events < 4
 
 
 @pytest.mark.parametrize("name", SOURCES)

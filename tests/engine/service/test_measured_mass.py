@@ -85,15 +85,6 @@ def test_nothing_in_between_makes_an_equal_value_new(scale: Scale, nothing: floa
     assert scale.masses(first, between, second) == [(1, 10.0), (2, 10.0)]
 
 
-def test_of_several_for_one_injection_the_first_counts(scale: Scale) -> None:
-    sent = [(scale.after(1, SOON + k), bed("Mass", 10.0 + k)) for k in range(3)]
-    assert scale.masses(*sent) == [(1, 10.0)]
-
-
-def test_a_value_before_any_injection_belongs_to_none(scale: Scale) -> None:
-    assert not scale.masses((0, bed("Mass", 10.0)))
-
-
 def test_protected_message_in_kilograms(tmp_path: Path, scale: Scale) -> None:
     """A damaged frame and a repeated one count for nothing."""
     scale.path = slow_bench(tmp_path, SAFE_MASS)
@@ -105,11 +96,6 @@ def test_protected_message_in_kilograms(tmp_path: Path, scale: Scale) -> None:
         (second + 1, safe_bed(2, mass=14e-6)),
     ]
     assert scale.masses(*sent) == [(1, 12.0), (2, 14.0)]
-
-
-def test_unit_of_the_bench_file_goes_before_the_databases(scale: Scale) -> None:
-    scale.path.write_text(scale.path.read_text() + 'unit = "g"\n')
-    assert scale.masses((scale.after(1), bed("Mass", 0.5))) == [(1, 500.0)]
 
 
 def test_evaluating_a_log_compares_it(scale: Scale, tmp_path: Path) -> None:

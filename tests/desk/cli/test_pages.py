@@ -107,13 +107,8 @@ def without_bus(page: Page) -> list[str]:
 
 @pytest.mark.slow
 def test_the_commands_of_the_readme(command: Command, desk: Path) -> None:
-    measured = desk / "measured"
-    measured.mkdir()
-    command.done("simulate", *SEVERAL_POINTS, *WORN, "--output", measured / "injector_a_20260301.csv")
     run_all(command, without_bus(Page("README.md")))
-    made = {"worn.png", "figures", "found", "bench.toml", "results"}
-    assert made <= {path.name for path in desk.iterdir()}
-    assert (desk / "results" / "trend.html").exists()
+    assert {"worn.png", "found", "bench.toml"} <= {path.name for path in desk.iterdir()}
 
 
 @pytest.mark.slow
@@ -238,8 +233,8 @@ def test_the_extras_that_are_installed_are_there() -> None:
     assert {"batch", "desk", "monitor"} <= named <= set(project["optional-dependencies"])
 
 
-def test_the_readme_is_two_screens() -> None:
-    assert len(Page("README.md").text.splitlines()) <= 120
+def test_the_readme_is_a_screen_and_a_half() -> None:
+    assert len(Page("README.md").text.splitlines()) <= 90
 
 
 def test_the_benchmarks_that_are_named_are_there() -> None:

@@ -113,11 +113,7 @@ class HeardDaemon(Daemon):
     """A daemon of a bench on the links given, whose news are kept, and shown by a view."""
 
     def __init__(
-        self,
-        bench: Path | Bench,
-        *links: Link,
-        references: References | None = None,
-        **options: Any,
+        self, bench: Path | Bench, *links: Link, references: References | None = None, **options: Any
     ) -> None:
         """references: of `SnapshotKeeper`; options: of `Daemon`."""
         loaded = bench if isinstance(bench, Bench) else load_bench(bench)

@@ -24,13 +24,7 @@ from observer_rt.engine.learning.disturbances.coil_current import (
     EdgeSearch,
     Energizing,
 )
-from observer_rt.engine.learning.disturbances.colour import (
-    ORDERS,
-    Colour,
-    RestingNoise,
-    SlowRail,
-    TimeJitter,
-)
+from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
 from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
 from observer_rt.engine.learning.indicators import Estimate

@@ -159,8 +159,7 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
 
 
 @pytest.mark.parametrize(
-    ("interface", "speed"),
-    [("virtual", math.inf), pytest.param("socketcan", 0.1, marks=pytest.mark.vcan)],
+    ("interface", "speed"), [("virtual", math.inf), pytest.param("socketcan", 0.1, marks=pytest.mark.vcan)]
 )
 def test_replay_and_daemon_on_a_bus(
     request: pytest.FixtureRequest, tmp_path: Path, interface: str, speed: float

@@ -14,14 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.daemon.rights import (
-    Processors,
-    hurry,
-    numbers_in,
-    processors,
-    rights,
-    take_time,
-)
+from observer_rt.daemon.rights import Processors, hurry, numbers_in, processors, rights, take_time
 from tests.daemon.participants import until
 
 LOCKED = """

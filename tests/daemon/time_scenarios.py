@@ -34,11 +34,7 @@ BARS = {20e3: (0.015, 1.2e-6), 50e3: (0.01, 0.5e-6)}  # of volume and rate [m3/s
 STEEPEST = 12e-6  # m3/s from one sample to the next at 20 kHz, where a worn needle opens or shuts
 LATER = 2.3  # s, by when clocks are known again
 
-ONE_BASE = {
-    "Line": 'message = "Line"',
-    "Lift": 'message = "RailLift"',
-    "Rail": 'message = "RailLift"',
-}
+ONE_BASE = {"Line": 'message = "Line"', "Lift": 'message = "RailLift"', "Rail": 'message = "RailLift"'}
 TWO_BASES = {
     "Line": 'message = "Line"',
     "Lift": 'message = "RailLift"\ntime_base = "other"',

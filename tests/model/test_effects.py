@@ -129,11 +129,7 @@ def test_stiffness_and_volume_of_the_line_cannot_be_told_apart(r: float) -> None
     assert stiffer[1:-1] == smaller[1:-1]
 
 
-@given(
-    st.floats(10e6, 200e6),
-    st.floats(-0.1, 0.1),
-    st.floats(-10e6, 10e6),
-)
+@given(st.floats(10e6, 200e6), st.floats(-0.1, 0.1), st.floats(-10e6, 10e6))
 def test_rail_pressure_is_corrected_for_gain_and_offset(true: float, gain: float, offset: float) -> None:
     model = effective_model(
         NOMINAL, [sized("rail_pressure_sensor_gain", g=gain), sized("rail_pressure_sensor_offset", o=offset)]

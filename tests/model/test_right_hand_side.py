@@ -67,10 +67,7 @@ def test_flow_reverses_with_every_pressure(
 @over_forms
 @given(x=STATES, u=INPUTS, network=networks())
 def test_published_rate_obeys_both_balances(
-    injector: InjectorParameters,
-    x: tuple[float, float, float],
-    u: tuple[float, float],
-    network: Network,
+    injector: InjectorParameters, x: tuple[float, float, float], u: tuple[float, float], network: Network
 ) -> None:
     """Q_H^ from Q_H,model and the rows of phi, in either outflow form."""
     c = coefficients(injector)
@@ -87,10 +84,7 @@ def test_published_rate_obeys_both_balances(
 @over_forms
 @given(x=STATES, u=INPUTS, network=networks())
 def test_fault_is_what_the_network_adds(
-    injector: InjectorParameters,
-    x: tuple[float, float, float],
-    u: tuple[float, float],
-    network: Network,
+    injector: InjectorParameters, x: tuple[float, float, float], u: tuple[float, float], network: Network
 ) -> None:
     c = coefficients(injector)
     without = np.array(rates_of_change(x, u, c, NO_FAULT))

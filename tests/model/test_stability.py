@@ -53,11 +53,7 @@ def test_fastest_rate_bounds_every_mode(
 )
 @pytest.mark.parametrize("sample_rate", [20e3, 100e3])
 def test_integration_stays_stable_at_any_pressure(
-    injector: InjectorParameters,
-    integrate: Trajectory,
-    rail_pressure: float,
-    sample_rate: float,
-    wear: float,
+    injector: InjectorParameters, integrate: Trajectory, rail_pressure: float, sample_rate: float, wear: float
 ) -> None:
     """Against ten times finer steps over a stroke: within 1 % of the rail's pressure difference."""
     c = coefficients(injector)

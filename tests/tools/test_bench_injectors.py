@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tools.benchmarks.speed.injectors import (
-    in_windows,
-    lost,
-    measure_injectors,
-    sent_frames,
-)
+from tools.benchmarks.speed.injectors import in_windows, lost, measure_injectors, sent_frames
 from tools.benchmarks.speed.pace import Pacer, Passage
 from tools.benchmarks.speed.traffic import RATES, RAW_FRAME, SAMPLES, Ids, Traffic, index_of
 

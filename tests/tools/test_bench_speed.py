@@ -14,11 +14,7 @@ from tests.observed_plants import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import observer
 from tools.benchmarks.speed.pace import Pacer, Passage
-from tools.benchmarks.speed.roundtrip import (
-    ECHO,
-    PARTIES,
-    command_of,
-)
+from tools.benchmarks.speed.roundtrip import ECHO, PARTIES, command_of
 from tools.benchmarks.speed.traffic import (
     DATA_ID,
     RATE_ID,

@@ -48,10 +48,7 @@ def set_up(folder: Path, *programs: str) -> list[str]:
         "PATH=$venv/bin:$PATH; ensure_compiler; hash -r; cc x.c"
     )
     done = subprocess.run(
-        [str(machine / "bash"), "-euc", commands],
-        env={"PATH": str(machine)},
-        capture_output=True,
-        text=True,
+        [str(machine / "bash"), "-euc", commands], env={"PATH": str(machine)}, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     return log.read_text().splitlines()

@@ -76,11 +76,7 @@ def state_of_the_code() -> str:
 
 
 def run_cases(
-    what: str,
-    work: Callable[..., Row],
-    cases: Mapping[str, tuple[Any, ...]],
-    jobs: int,
-    out: Path,
+    what: str, work: Callable[..., Row], cases: Mapping[str, tuple[Any, ...]], jobs: int, out: Path
 ) -> pd.DataFrame:
     """A row for every case, by its label: `work`, a function of a module, called with its arguments in a process.
 
@@ -131,14 +127,12 @@ def summed_up(values: pd.Series, how: How) -> Any:
     """A figure of values: nan, or a dash, without any, but for a sum or a count."""
     if callable(how):
         return how(values) if len(values) else math.nan
+    if how in ("of", "spread") and not len(values):
+        return NOTHING
     if how == "of":
-        return f"{int(values.sum())}/{len(values)}" if len(values) else NOTHING
+        return f"{int(values.sum())}/{len(values)}"
     if how == "spread":  # of magnitudes
-        return (
-            " / ".join(f"{np.percentile(np.abs(list(values)), q):.3g}" for q in (50, 95, 100))
-            if len(values)
-            else NOTHING
-        )
+        return " / ".join(f"{np.percentile(np.abs(list(values)), q):.3g}" for q in (50, 95, 100))
     if how.startswith("p") and how[1:].isdigit():
         return float(np.percentile(values.astype(float), int(how[1:]))) if len(values) else math.nan
     return values.agg(how) if len(values) or how in ("sum", "count") else math.nan

@@ -104,7 +104,7 @@ _REST: dict[str, Draw] = {
 """What the vocabulary has beside the classes of the bars."""
 
 _UNSEEN: dict[str, Draw] = {
-    "fuel_density": lambda rng: Faults(fuel_density=rng.uniform(0.02, 0.06) * sign(rng)),
+    "fuel_density": lambda rng: Faults(fuel_density=rng.uniform(0.02, 0.06) * sign(rng))
 }
 """In the vocabulary, but nothing in the pressures tells it: flows and 1/inertance scale together. Shown by itself."""
 
@@ -187,14 +187,8 @@ CLASSES: dict[str, FaultClass] = {
 
 LUMP_CLASSES = tuple(name for name, c in CLASSES.items() if not c.averaged)
 """Those of the nominal injector's bars."""
-WAVE_CLASSES = (
-    "healthy",
-    "orifice_and_seat_area",
-    *_SIZES,
-    "rail_pressure_sensor_offset",
-    "mixture",
-    "wear_averaged_20_khz",
-)
+_ON_WAVES = ("rail_pressure_sensor_offset", "mixture", "wear_averaged_20_khz")
+WAVE_CLASSES = ("healthy", "orifice_and_seat_area", *_SIZES, *_ON_WAVES)
 """With the faults and schedules of the bars, on another injector and line."""
 
 

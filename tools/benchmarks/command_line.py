@@ -25,8 +25,7 @@ CasesOption = Annotated[int, typer.Option(min=0, help="How many; of `twice`: of 
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 JobsOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[
-    Path | None,
-    typer.Option(help="Folder for the rows (default: in build/); a run interrupted goes on."),
+    Path | None, typer.Option(help="Folder for the rows (default: in build/); a run interrupted goes on.")
 ]
 TierOption = Annotated[
     Tier, typer.Option(help="A: a plant of the nominal structure. B: a richer one, to which `fit` fits.")

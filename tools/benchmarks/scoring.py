@@ -31,14 +31,14 @@ WORSE_EVENTS = 3  # more of which must not be worse than the nominal model
 COVERAGE_EVENT = 14  # one injection a case
 WAVE_JUDGED = 2  # events after which a travelling wave must be known as such
 WRONG_MASS, WRONG_RATE = 3.0, 3.0  # %, mm3/ms, beyond which a valid injection is wrong
-WEAR_FROM_THE_START = (
+# Classes in which the third event's mass is asked for.
+WORN_FROM_THE_START = (
     "orifice_area",
     "seat_area",
     "orifice_and_seat_area",
     "growing_wear",
     "missing_injections",
 )
-"""Classes in which the third event's mass is asked for."""
 OBSERVER, NOMINAL = "observer", "nominal"
 Z_95 = 1.96  # sigmas
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
@@ -133,7 +133,7 @@ class Score:
         in_time = None
         if case.change_event is not None:
             in_time = bool(abs(errors[case.change_event + RECOVERY_EVENTS]) < USEFUL_PCT)
-        elif case.class_name in WEAR_FROM_THE_START:
+        elif case.class_name in WORN_FROM_THE_START:
             in_time = bool(abs(errors[THIRD_EVENT]) < USEFUL_PCT)
         facts: dict[str, Any] = {
             "class_name": case.class_name,
@@ -175,12 +175,11 @@ class Score:
         return int(np.sum(matters & (np.abs(observer - nominal) < np.abs(observer - true))))
 
     def _outside(self) -> int:
-        """Events whose published mass lies outside the interval beside it."""
+        """Events whose published mass lies outside its own interval."""
+        masses = self.event_masses(self.estimates[OBSERVER].masses)
         return sum(
             interval is not None and not interval[0] - 1e-6 <= mass <= interval[1] + 1e-6
-            for mass, interval in zip(
-                self.event_masses(self.estimates[OBSERVER].masses), self.mass_ci95_mg, strict=True
-            )
+            for mass, interval in zip(masses, self.mass_ci95_mg, strict=True)
         )
 
 

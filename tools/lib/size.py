@@ -6,6 +6,7 @@ The limits only ever fall: whoever deletes lowers them, whoever adds takes as ma
 import subprocess
 import sys
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -14,28 +15,35 @@ SOURCES = {".py", ".pyi", ".pyx", ".pxd", ".pxi", ".c", ".h", ".js", ".css", ".h
 SLACK = 300  # lines below the limit from which on it is to be lowered
 
 
-def count_lines(folder: str) -> int:
-    """Lines of the source files below a folder that git tracks."""
+def tracked_files(folder: str) -> list[Path]:
+    """Files below a folder that git tracks."""
     listed = subprocess.run(
         ["git", "ls-files", "-z", folder], cwd=REPOSITORY, capture_output=True, text=True, check=True
     ).stdout
-    paths = [REPOSITORY / name for name in listed.split("\0") if name]
-    return sum(path.read_bytes().count(b"\n") for path in paths if path.suffix in SOURCES and path.is_file())
+    return [path for name in listed.split("\0") if name and (path := REPOSITORY / name).is_file()]
+
+
+def exit_code(section: str, counts: Mapping[str, int], unit: str, slack: int, remedy: str) -> int:
+    """Print a line for each part; 1 when a limit of `[tool.SECTION]` is exceeded or too high."""
+    limits = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["tool"][section]
+    code = 0
+    for part, count in counts.items():
+        limit, verdict = limits[part], "ok"
+        if count > limit:
+            verdict, code = f"TOO MANY: {remedy}", 1
+        elif count < limit - slack:
+            verdict, code = f"lower the limit in pyproject.toml to {count}", 1
+        print(f"{part:8s} {count:6d} of {limit:6d} {unit}  {verdict}")
+    return code
 
 
 def main() -> int:
-    """Print a line for each part; the exit code: 1 when a limit is exceeded or too high."""
-    limits = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["size"]
-    code = 0
-    for part, folder in FOLDERS.items():
-        lines, limit = count_lines(folder), limits[part]
-        verdict = "ok"
-        if lines > limit:
-            verdict, code = "TOO LONG: take lines away", 1
-        elif lines < limit - SLACK:
-            verdict, code = f"lower the limit in pyproject.toml to {lines}", 1
-        print(f"{part:8s} {lines:6d} of {limit:6d} lines  {verdict}")
-    return code
+    """Lines of the source files, against `[tool.size]`."""
+    lines = {
+        part: sum(path.read_bytes().count(b"\n") for path in tracked_files(folder) if path.suffix in SOURCES)
+        for part, folder in FOLDERS.items()
+    }
+    return exit_code("size", lines, "lines", SLACK, "take lines away")
 
 
 if __name__ == "__main__":

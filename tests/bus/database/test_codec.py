@@ -23,10 +23,7 @@ from tests.bus.database.random_databases import (
 )
 
 FLOAT_FORMAT = {32: "f", 64: "d"}
-many = settings(
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-)
+many = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 all_messages = st.one_of(plain_messages(), multiplexed_messages())
 
 

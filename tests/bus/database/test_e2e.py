@@ -106,8 +106,7 @@ def test_frames_of_the_wrong_length_fail() -> None:
 
 
 @pytest.mark.parametrize(
-    ("profile", "modulus", "most"),
-    [(PROFILE_1, 15, 7), (PROFILE_5, 256, 5), (PROFILE_5, 256, 1)],
+    ("profile", "modulus", "most"), [(PROFILE_1, 15, 7), (PROFILE_5, 256, 5), (PROFILE_5, 256, 1)]
 )
 def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
     """most: the largest step that is taken; with 1 no loss is tolerated."""

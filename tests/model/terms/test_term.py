@@ -115,12 +115,7 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
         ("stiffness", "0.1 / line_pressure", 1.0, "no finite value at line_pressure = 0"),
         ("stiffness", "exp(line_pressure * 3)", 1.0, "no finite value"),
         ("line_pressure_sensor", "log(line_flow)", 1.0, "no finite value"),
-        (
-            "needle_lift",
-            "c * needle_lift",
-            3.0,
-            "mm, more than 5 times its bound 0.1, at needle_lift = 0.24",
-        ),
+        ("needle_lift", "c * needle_lift", 3.0, "mm, more than 5 times its bound 0.1, at needle_lift = 0.24"),
         ("needle_lift", "0.05", 1.0, "holds a shut needle open by 0.05 mm, more than 0.01"),
         ("rail_pressure", "c * rail_pressure", -0.5, "is -125 MPa"),
         ("line_flow", "-0.006 * line_flow", 1.0, "falls by 0.006 MPa per mm3/ms of line_flow"),

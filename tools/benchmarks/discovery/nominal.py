@@ -133,10 +133,7 @@ BARS = (
 )
 COLUMNS: dict[str, tuple[str, How]] = {
     **GRADES,
-    "answered": (
-        "answer",
-        tally,
-    ),
+    "answered": ("answer", tally),
     "found from, SI": ("found", detection_limit),
     "intervals hold": ("held", "of"),
     "p_L gap left": ("pressure_left", "median"),

@@ -125,12 +125,9 @@ def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> Recorded:
     is_open = np.concatenate(([False], outcome.truth.needle_lift > 0.0, [False]))
     changes = np.flatnonzero(is_open[1:] != is_open[:-1])
     openings = np.stack((changes[::2], changes[1::2] - 1), axis=1)
-    strokes = np.concatenate(
-        [
-            strokes_of(event, event_start(i), bench.needle, bench.injector.max_lift)
-            for i, event in enumerate(bench.events)
-        ]
-    )
+    starts = (event_start(number) for number in range(len(bench.events)))
+    lift = bench.injector.max_lift
+    strokes = [strokes_of(*event, bench.needle, lift) for event in zip(bench.events, starts, strict=True)]
     counted = np.zeros(measured.time.size, np.bool_)
     for first, last in openings:
         counted[first - round(LEAD / INTERVAL) : last + round(TAIL / INTERVAL)] = True
@@ -141,7 +138,7 @@ def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> Recorded:
         measured.line_pressure,
         measured_rate(bench, outcome) if with_rate else None,
         openings,
-        strokes[:, 4:6],
+        np.concatenate(strokes)[:, 4:6],
         counted,
     )
 

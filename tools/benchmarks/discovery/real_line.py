@@ -158,10 +158,7 @@ BARS = (
 )  # fmt: skip
 COLUMNS: dict[str, tuple[str, How]] = {
     **GRADES,
-    "answered": (
-        "answer",
-        tally,
-    ),
+    "answered": ("answer", tally),
     "smallest visible, stated, SI": ("smallest", "median"),
     "smallest named": ("named_size", "min"),
     "intervals hold": ("held", "of"),

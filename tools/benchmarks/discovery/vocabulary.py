@@ -147,19 +147,13 @@ OUTSIDE = {kind.name: kind for kind in _UNNAMED}
 """What has no name in the vocabulary."""
 
 PAIRS = (
-    ("orifice_area", "guide_leakage"),
-    ("orifice_area", "seat_area"),
-    ("orifice_area", "line_pressure_sensor_offset"),
-    ("seat_area", "line_friction"),
-    ("guide_leakage", "orifice_cavitation"),
-    ("orifice_area", "line_pressure_sensor_lag"),
-    ("bulk_modulus", "guide_leakage"),
-    ("chamber_pressure_rise", "seat_area"),
-    ("orifice_area", "entrained_air"),
-    ("guide_leakage", "lift_offset"),
-    ("orifice_area", "needle_lift_sensor_lag"),
-    ("guide_leakage", "rail_pressure_sensor_offset"),
-)
+    ("orifice_area", "guide_leakage"), ("orifice_area", "seat_area"),
+    ("orifice_area", "line_pressure_sensor_offset"), ("seat_area", "line_friction"),
+    ("guide_leakage", "orifice_cavitation"), ("orifice_area", "line_pressure_sensor_lag"),
+    ("bulk_modulus", "guide_leakage"), ("chamber_pressure_rise", "seat_area"),
+    ("orifice_area", "entrained_air"), ("guide_leakage", "lift_offset"),
+    ("orifice_area", "needle_lift_sensor_lag"), ("guide_leakage", "rail_pressure_sensor_offset"),
+)  # fmt: skip
 """Effects that are different in kind."""
 
 

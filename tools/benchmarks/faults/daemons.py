@@ -88,11 +88,7 @@ def strike(how: Strike, folder: Path, seed: int) -> campaign.Row:
     folder = folder.resolve()  # as the daemon names its files
     chance, disk = np.random.default_rng([seed, list(Strike).index(how)]), folder / "disk"
     disk.mkdir(parents=True)
-    preloaded = {
-        "LD_PRELOAD": str(library("disk_log", folder)),
-        "DISK_LOG": str(folder / "log"),
-        "DISK_FOLDER": str(disk),
-    }
+    preloaded = {"LD_PRELOAD": library("disk_log", folder), "DISK_LOG": folder / "log", "DISK_FOLDER": disk}
     with _learning(disk, preloaded if how is Strike.POWER_LOST else {}) as daemon:
         time.sleep(chance.uniform(*LIVES))
         if how is Strike.FULL_DISK:
@@ -132,7 +128,7 @@ def _cut(
 
 
 @contextlib.contextmanager
-def _learning(disk: Path, environment: dict[str, str]) -> Iterator[Observer]:
+def _learning(disk: Path, environment: dict[str, Path]) -> Iterator[Observer]:
     """A daemon on one end of a pair of sockets, to whose other end a worn injector's frames are sent."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     path, stop = disk.parent / "bench.toml", threading.Event()
@@ -148,14 +144,7 @@ def _learning(disk: Path, environment: dict[str, str]) -> Iterator[Observer]:
     schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
     recording = worn_injector(schedule, 100e3, wear=0.3, seed=3).recording
     frames = list(Framer(map_bus(load_bench(path))).frames(recording, whole(recording)))
-    command: list[str | Path] = [
-        *RUN,
-        path,
-        "--state",
-        disk / "state.json",
-        "--journal",
-        disk / "injections.sqlite",
-    ]
+    files = ("--state", disk / "state.json", "--journal", disk / "injections.sqlite")
 
     def send() -> None:
         with (
@@ -164,7 +153,7 @@ def _learning(disk: Path, environment: dict[str, str]) -> Iterator[Observer]:
         ):
             play(frames, link, 1.0, stop=stop)
 
-    with ours, theirs, observer(command, [theirs.fileno()], environment) as daemon:
+    with ours, theirs, observer([*RUN, path, *files], [theirs.fileno()], environment) as daemon:
         sender = threading.Thread(target=send)
         sender.start()
         try:

@@ -26,10 +26,8 @@ from tools.benchmarks.faults.filters import (
 )
 
 NOISE = {RAIL: RAIL_NOISE, LIFT: LIFT_NOISE, LINE: LINE_NOISE}  # of the plant, per sample
-FULL_LIFT, REFERENCE = (
-    300e-6,
-    100e6,
-)  # m; Pa, at which a lift with crosstalk of the whole pressure was set to 0
+FULL_LIFT = 300e-6  # m
+REFERENCE = 100e6  # Pa, at which a lift with crosstalk of the whole pressure was set to 0
 CREEP, CREEP_TIME = 3e-3, 15e-3  # s: how fast it comes while open, and goes
 LIFT_SPIKE = 20e-6 / 3e6  # m of a spike on the lift per Pa of one on a pressure
 BURST = 2e-3  # s

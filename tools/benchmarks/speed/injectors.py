@@ -77,16 +77,14 @@ def _marked(starts: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
 def _row(folder: Path, traffic: Traffic, number: int, seconds: float) -> Row:
     with ExitStack() as stack:
         pairs = [socket_pair(stack) for _ in range(number)]
-        bench = socket_bench(folder / f"injectors_{number}", [pair.receiver for pair in pairs])
+        bench = socket_bench(folder / f"injectors_{number}", [receiver for _, receiver in pairs])
         ours = [
-            stack.enter_context(
-                observer([*RUN, bench, "--injector", f"i{n}", "--json"], [pair.receiver.fileno()])
-            )
-            for n, pair in enumerate(pairs)
+            stack.enter_context(observer([*RUN, bench, "--injector", f"i{n}", "--json"], [receiver.fileno()]))
+            for n, (_, receiver) in enumerate(pairs)
         ]
         turns = [round(place * PERIOD / number / _FRAME) for place in range(number)]  # they inject in turn
         senders = zip(turns, pairs, strict=True)
-        pacers = [socket_pacer(folder, traffic, pair.sender, turn) for turn, pair in senders]
+        pacers = [socket_pacer(folder, traffic, sender, turn) for turn, (sender, _) in senders]
         together = stack.enter_context(ThreadPoolExecutor(number))
 
         def sent(duration: float) -> list[Passage]:

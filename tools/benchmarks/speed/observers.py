@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -68,23 +68,21 @@ def cpu_time(process: psutil.Process) -> float:
 
 @contextmanager
 def observer(
-    command: Sequence[str | Path],
-    descriptors: Sequence[int] = (),
-    environment: Mapping[str, str] | None = None,
+    command: Sequence[str | Path], descriptors: Sequence[int] = (), environment: dict[str, Path] | None = None
 ) -> Iterator[Observer]:
     """Start one, and wait until it has said `ready`; end it with SIGTERM. Raises RunError."""
     begin = time.monotonic()
+    variables: dict[str, str | Path] = {**os.environ, "COLUMNS": "300", **(environment or {})}
     process = subprocess.Popen(
         list(map(str, command)),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         pass_fds=descriptors,
-        env={**os.environ, "COLUMNS": "300", **(environment or {})},
+        env=variables,
     )
-    said: list[str] = []
+    said, ready_at = list[str](), list[float]()
     ready = threading.Event()
-    ready_at: list[float] = []
 
     def listen() -> None:
         assert process.stdout is not None

@@ -17,9 +17,8 @@ from tools.benchmarks.speed import native
 from tools.benchmarks.speed.traffic import DATA_ID, RATES, SAMPLES, Ids, Traffic
 
 LINGER = 0.3  # s after the last answer
-BACKLOG = (
-    1.8  # s a frame may wait for room: 20,000 frames, as many as a SocketCAN receive buffer of 16 MiB holds
-)
+# A frame may wait so long for room [s]: 20,000 frames, as many as a SocketCAN receive buffer of 16 MiB holds.
+BACKLOG = 1.8
 
 
 def latency_of(seconds: Array) -> Row:

@@ -5,7 +5,6 @@ soon it is ready, and for as long as one likes with its Python disturbed: what g
 import socket
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -30,31 +29,23 @@ FRAME = SAMPLES / SAMPLE_RATE  # s
 _MEBIBYTE = 1 << 20
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Two connected sockets that keep frames apart."""
-
-    sender: socket.socket
-    receiver: socket.socket
-
-
-def socket_pair(stack: ExitStack) -> Pair:
-    """A pair with room for as many frames as the kernel allows."""
+def socket_pair(stack: ExitStack) -> tuple[socket.socket, socket.socket]:
+    """Sender and receiver, connected, that keep frames apart; with room for as many as the kernel allows."""
     sender, receiver = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    for each in (sender, receiver):
-        stack.enter_context(each)
-        each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
-    return Pair(sender, receiver)
+    for end in (sender, receiver):
+        stack.enter_context(end)
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
+    return sender, receiver
 
 
 @contextmanager
 def daemon_on_sockets(folder: Path, command: Sequence[str] = RUN) -> Iterator[tuple[Observer, socket.socket]]:
     """A daemon that is ready, and the socket to send to it by; its bench file goes into the folder."""
     with ExitStack() as stack:
-        pair = socket_pair(stack)
-        descriptor = pair.receiver.fileno()
+        sender, receiver = socket_pair(stack)
+        descriptor = receiver.fileno()
         bench = write_bench(folder, "descriptor", str(descriptor), Ids())
-        yield stack.enter_context(observer([*command, bench], [descriptor])), pair.sender
+        yield stack.enter_context(observer([*command, bench], [descriptor])), sender
 
 
 def measure_sustained(folder: Path, traffic: Traffic, seconds: float) -> list[Row]:
@@ -71,14 +62,9 @@ def measure_startup(folder: Path) -> list[Row]:
     rows = []
     for number in range(STARTS):
         with daemon_on_sockets(folder / "startup") as (ours, _):
-            times = {"ready_s": ours.ready_after, "cpu_s": ours.cpu_time()}
+            used = {"cpu_s": ours.cpu_time(), "memory_mib": ours.memory() / _MEBIBYTE}
             rows.append(
-                {
-                    "part": "startup",
-                    "label": f"start {number + 1}",
-                    **times,
-                    "memory_mib": ours.memory() / _MEBIBYTE,
-                }
+                {"part": "startup", "label": f"start {number + 1}", "ready_s": ours.ready_after, **used}
             )
     return rows
 
@@ -89,10 +75,8 @@ def soak_rows(folder: Path, minutes: float) -> list[Row]:
     with daemon_on_sockets(folder / "soak", PAUSED_RUN) as (ours, sender):
         pacer = socket_pacer(folder, traffic, sender)
         for number in range(max(1, round(minutes * 60.0 / STRETCH))):
-            minute = (number + 1) * STRETCH / 60.0
-            rows.append(
-                {"label": f"{minute:.1f} min", "minute": minute, **_stretch(ours, pacer, traffic, STRETCH)}
-            )
+            minute, row = (number + 1) * STRETCH / 60.0, _stretch(ours, pacer, traffic, STRETCH)
+            rows.append({"label": f"{minute:.1f} min", "minute": minute, **row})
             messages.print(f"{minute:.1f} of {minutes:g} minutes", highlight=False)
     return rows
 

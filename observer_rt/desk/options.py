@@ -11,9 +11,6 @@ Decoder = Annotated[
 ]
 Model = Annotated[Path | None, Option("Injector file, instead of the bench file's.")]
 State = Annotated[Path | None, Option("Learned state to start from.")]
-FuelTemperature = Annotated[
-    float | None, Option("Fuel temperature [degC] (default: reference_temperature of the injector file).")
-]
 SampleRate = Annotated[float, Option("Samples a second [Hz].", minimum=1.0)]
 FromChannel = Annotated[
     tuple[str, ...],

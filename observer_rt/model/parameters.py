@@ -19,7 +19,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 import observer_rt.model.line.lump  # noqa: F401 - the lines every injector may have
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import ZERO_CELSIUS
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
 from observer_rt.model.line.interface import known_line
@@ -218,17 +217,6 @@ NO_DEPARTURES = Departures()
 def is_plausible(temperature: float) -> bool:
     """Whether fuel [K] can be so warm; not a number is not."""
     return LOWEST_TEMPERATURE <= temperature <= HIGHEST_TEMPERATURE
-
-
-def temperature_of(place: str, celsius: float) -> float:
-    """A temperature the user gave in degC [K]. Raises `UserError` naming `place` where no fuel can be so warm."""
-    temperature = celsius + ZERO_CELSIUS
-    if not is_plausible(temperature):
-        lowest, highest = LOWEST_TEMPERATURE - ZERO_CELSIUS, HIGHEST_TEMPERATURE - ZERO_CELSIUS
-        raise UserError(
-            place, f"{celsius:g} degC is no temperature of a fuel", f"give {lowest:.0f} to {highest:.0f} degC"
-        )
-    return temperature
 
 
 def at_temperature(injector: InjectorParameters, temperature: float) -> InjectorParameters:

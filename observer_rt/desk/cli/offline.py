@@ -15,7 +15,6 @@ from observer_rt.foundation.file_kinds import REPRODUCED
 from observer_rt.foundation.options import Option, Standing, Writes
 from observer_rt.foundation.outputs import check_output, make_folder, write_text
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.model.parameters import at_temperature, temperature_of
 
 MAX_SAMPLES = 20_000_000  # of a simulation, that a machine of 4 GiB can hold with their truth
 
@@ -52,7 +51,6 @@ class SimulateOptions:
     noise: Annotated[str, Option("on: noise and 16-bit quantisation; off: none.", "on|off")] = "on"
     measured_rate: Annotated[bool, Option("Add a measured injection rate with its errors.")] = False
     seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0
-    fuel_temperature: shared.FuelTemperature = None
     model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR
     force: shared.Force = False
 
@@ -86,9 +84,6 @@ def simulate(options: SimulateOptions) -> None:
         times.parse_shots(options.shots) if options.shots else (),
     )
     parameters = load_injector(options.model)
-    if options.fuel_temperature is not None:
-        temperature = temperature_of("--fuel-temperature", options.fuel_temperature)
-        parameters = at_temperature(parameters, temperature)
     deviations = simulation.parse_effects(options.effect)
     noise = simulation.SimulatedNoise() if options.noise == "on" else None
     with progress_bar(messages, "simulating", 1.0) as progress:

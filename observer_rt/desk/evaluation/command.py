@@ -15,13 +15,12 @@ from observer_rt.daemon.persistence.state_file import model_hash, restored_knowl
 from observer_rt.desk.evaluation.curves import chosen_numbers, numbers_shown, refuse_beyond
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
 from observer_rt.desk.evaluation.histories import look_over, refuse_missing_state, run_by_run, write_state
-from observer_rt.desk.evaluation.logged import LoggedSignals, open_source, without_truths
+from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.desk.evaluation.options import EvaluateOptions
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.service.constants import injector_at
 from observer_rt.engine.service.learners import LearnerFactory
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import (
@@ -34,7 +33,6 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE
 from observer_rt.foundation.outputs import check_output, make_folder, replacing
 from observer_rt.model.effects import effective_model
-from observer_rt.model.parameters import temperature_of
 
 
 def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> None:
@@ -43,7 +41,6 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
     _refuse_early(paths, options)
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
     stated = bench.injector.parameters
-    bench = _with_fuel(bench, sources, options)
     knowledge = restored_knowledge(options.state, stated, partial(say, console), set_aside=False)
     with ExitStack() as stack:
         traces = [stack.enter_context(replacing(path)) for path in _traces(paths, options)]
@@ -99,21 +96,6 @@ def _traces(paths: Sequence[Path], options: EvaluateOptions) -> list[Path]:
     if options.output is None or not options.has_folder:
         return [] if options.output is None else [options.output]
     return [options.output / (path.name + TRACE_SUFFIX) for path in paths]
-
-
-def _with_fuel(bench: Bench, sources: Sequence[SignalStream], options: EvaluateOptions) -> Bench:
-    """The bench with its fuel as warm as the options say."""
-    if options.fuel_temperature is None:
-        return bench
-    is_mapped = bench.injector.config.signals.fuel_temperature is not None
-    if is_mapped and any(isinstance(source, LoggedSignals) for source in sources):
-        raise UserError(
-            "--fuel-temperature",
-            "is for recordings; a log has it in signals.fuel_temperature of the bench file",
-            "leave it out",
-        )
-    temperature = temperature_of("--fuel-temperature", options.fuel_temperature)
-    return bench.with_parameters(injector_at(bench.injector, temperature))
 
 
 def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None:

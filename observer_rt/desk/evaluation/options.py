@@ -44,7 +44,6 @@ class EvaluateOptions:
         Option("Injections to draw as curves, such as 1,5-8 (default: first, middle, last)."),
     ] = None
     from_channel: shared.FromChannel = ()
-    fuel_temperature: shared.FuelTemperature = None
     injector: Injector = None
     lenient: Lenient = False
     force: shared.Force = False

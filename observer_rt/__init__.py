@@ -56,8 +56,8 @@ def __getattr__(name: str) -> Any:
     """A name of the library, its module imported when it is first asked for: the daemon needs none of them."""
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, found = _PLACES[name].rpartition(".")
-    return getattr(import_module(f"{__name__}.{module}"), found)
+    module, _, attribute = _PLACES[name].rpartition(".")
+    return getattr(import_module(f"{__name__}.{module}"), attribute)
 
 
 def __dir__() -> list[str]:

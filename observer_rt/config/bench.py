@@ -68,19 +68,19 @@ class BenchInjector:
     @property
     def state(self) -> Path | None:
         """The file of the learned state, if the bench file names one."""
-        return self._beside(self.config.state.file)
+        return self._path_of(self.config.state.file)
 
     @property
     def journal(self) -> Path | None:
         """The journal of injections, if the bench file names one."""
-        return self._beside(self.config.state.journal)
+        return self._path_of(self.config.state.journal)
 
     @property
     def evidence(self) -> Path | None:
         """The folder of evidence, if the bench file names one."""
-        return self._beside(self.config.evidence.folder)
+        return self._path_of(self.config.evidence.folder)
 
-    def _beside(self, file: str | None) -> Path | None:
+    def _path_of(self, file: str | None) -> Path | None:
         return self.file.path.parent / file if file else None
 
 
@@ -105,7 +105,7 @@ class Bench:
         return self.injectors[0]
 
     @property
-    def each(self) -> "tuple[Bench, ...]":
+    def per_injector(self) -> "tuple[Bench, ...]":
         """The bench once for every injector, as if that were alone on its buses."""
         return tuple(replace(self, injectors=(injector,)) for injector in self.injectors)
 
@@ -113,18 +113,18 @@ class Bench:
         """The bench with one of its injectors only, None: as it is. Raises `UserError` for a name it has not."""
         if name is None:
             return self
-        found = tuple(injector for injector in self.injectors if injector.name == name)
-        if not found:
-            known = [injector.name for injector in self.injectors if injector.name]
-            meant = did_you_mean(name, known)
+        chosen = tuple(injector for injector in self.injectors if injector.name == name)
+        if not chosen:
+            names = [injector.name for injector in self.injectors if injector.name]
+            meant = did_you_mean(name, names)
             raise UserError(
                 f"--injector {name}",
                 f"{self.path} has no [injectors.{name}]",
                 f"{meant}known injectors: {self._names}"
-                if known
+                if names
                 else "leave it out: the file has one injector",
             )
-        return replace(self, injectors=found)
+        return replace(self, injectors=chosen)
 
     @property
     def _names(self) -> str:
@@ -180,7 +180,9 @@ def load_bench(
     shared = read_toml(path)
     if off_bus and _is_off_bus(shared):
         shared = _completed(shared, read_toml(EXAMPLE_BENCH))
-    stated = validated(_Named, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench").injectors
+    stated = validated(
+        _InjectorNames, {"injectors": shared.pop("injectors", {})}, place_in(path), "bench"
+    ).injectors
     files = {
         name: BenchFile(path, name, number, shared, own)
         for number, (name, own) in enumerate((stated or {"": {}}).items())
@@ -211,7 +213,7 @@ def _completed(stated: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, An
     return result
 
 
-class _Named(Section):
+class _InjectorNames(Section):
     injectors: Mapping[LinkName, Mapping[str, Any]]
 
 
@@ -229,19 +231,19 @@ def _part(model: type[_Sections], config: BenchConfig) -> _Sections:
 
 
 def _database_path(bench: Path, number: int, name: str) -> Path:
-    beside, shipped = bench.parent / name, PACKAGE_DATA / name
-    if shipped.exists() and not beside.exists():
+    own, shipped = bench.parent / name, PACKAGE_DATA / name
+    if shipped.exists() and not own.exists():
         return shipped
     of_package = ", or " + ", ".join(sorted(path.name for path in PACKAGE_DATA.glob("*.dbc")))
-    _require_file(f"{bench}: dbc.{number}.file", beside, f"{of_package}, which come with the package")
-    return beside
+    _require_file(f"{bench}: dbc.{number}.file", own, f"{of_package}, which come with the package")
+    return own
 
 
-def _require_file(place: str, path: Path, others: str = "") -> None:
+def _require_file(location: str, path: Path, others: str = "") -> None:
     """Raise `UserError` for a path of the bench file that leads to no file; others: what else could be named."""
     if not path.is_file():
         problem = f"{path} {'is a folder' if path.is_dir() else 'does not exist'}"
-        raise UserError(place, problem, f"name a file, by its path from the bench file on{others}")
+        raise UserError(location, problem, f"name a file, by its path from the bench file on{others}")
 
 
 def content_of(bench: Bench) -> Content:
@@ -257,12 +259,12 @@ def content_of(bench: Bench) -> Content:
 def changes(before: Content, after: Content) -> list[str]:
     """Keys whose entries differ, each with its new entry."""
     pairs = {key: (before.get(key), after.get(key)) for key in [*before, *after]}
-    found = [
+    lines = [
         f"{key}: other content" if isinstance(now, tuple) else f"{key} {_shown(was)} -> {_shown(now)}"
         for key, (was, now) in pairs.items()
         if was != now
     ]
-    return found if len(found) <= _SHOWN else [*found[:_SHOWN], f"{len(found) - _SHOWN} more"]
+    return lines if len(lines) <= _SHOWN else [*lines[:_SHOWN], f"{len(lines) - _SHOWN} more"]
 
 
 def _shown(value: Any) -> str:

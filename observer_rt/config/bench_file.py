@@ -34,7 +34,7 @@ class LinkConfig(Section):
 
 
 class FurtherLinkConfig(Section):
-    """A further bus; what is left out is as in `[link]`."""
+    """A further bus; keys that are left out are as in `[link]`."""
 
     channel: Channel
     interface: str | None = None
@@ -70,27 +70,27 @@ def named_links(first: LinkConfig, further: Mapping[str, FurtherLinkConfig]) -> 
     return tuple(links)
 
 
-def require_link(place: str, name: str | None, known: Mapping[str, FurtherLinkConfig]) -> None:
+def require_link(location: str, name: str | None, links: Mapping[str, FurtherLinkConfig]) -> None:
     """Raise `UserError` for the name of a bus that is not among the known ones; None is the first bus."""
-    if name is None or name in known:
+    if name is None or name in links:
         return
-    if not known:
+    if not links:
         raise UserError(
-            place, f"there is no link '{name}'", f"add [links.{name}] with its channel, or leave it out"
+            location, f"there is no link '{name}'", f"add [links.{name}] with its channel, or leave it out"
         )
-    remedy = f"{did_you_mean(name, known)}known links: {', '.join(known)}"
-    raise UserError(place, f"there is no link '{name}'", remedy)
+    remedy = f"{did_you_mean(name, links)}known links: {', '.join(links)}"
+    raise UserError(location, f"there is no link '{name}'", remedy)
 
 
-def refuse_shared_channels(place: str, links: Sequence[NamedLink]) -> None:
-    """Raise `UserError` where two buses are one channel; place: where the channels are stated."""
+def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
+    """Raise `UserError` where two buses are one channel; location: where the channels are stated."""
     seen: dict[tuple[str, str], NamedLink] = {}
     for link in links:
         channel = link.config.interface, link.config.channel
         other = seen.setdefault(channel, link)
         if other is not link:
             raise UserError(
-                f"{place}{link.place}.channel",
+                f"{location}{link.place}.channel",
                 f"is {' '.join(channel)}, as that of [{other.place}]",
                 "name another channel, or leave the section out",
             )
@@ -170,7 +170,7 @@ class BenchFile:
     own: Mapping[str, Any]
 
     def read(self) -> BenchConfig:
-        """Join what is stated for all and for one. Raises `UserError` at the place that states it."""
+        """Join the sections stated for all injectors and for this one. Raises `UserError` at the key at fault."""
         for key in self.own:
             if key not in InjectorConfig.model_fields:
                 raise unknown_key(

@@ -27,8 +27,8 @@ def undone_in_alignment(signals: SignalsConfig, role: Role) -> float:
 def effects_after_alignment(signals: SignalsConfig) -> tuple[SizedEffect, ...]:
     """Effects of the delays that are left in aligned samples, and of the lags; () where nothing is stated."""
     rail = signals.rail_pressure.filter_delay_us * MICROSECOND
-    rest = rail - undone_in_alignment(signals, Role.RAIL_PRESSURE)
-    return _effects(signals, rest, signals.line_pressure.filter_delay_us * MICROSECOND)
+    remaining = rail - undone_in_alignment(signals, Role.RAIL_PRESSURE)
+    return _effects(signals, remaining, signals.line_pressure.filter_delay_us * MICROSECOND)
 
 
 def effects_on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
@@ -55,8 +55,8 @@ def as_sent(signals: SignalsConfig) -> SignalsConfig:
     return _changed(signals, lambda _: dict.fromkeys(_KEYS, 0.0))
 
 
-def as_mended(signals: SignalsConfig) -> SignalsConfig:
-    """Signals as an observer's evidence has them: lift and rail pressure were mended, the line pressure was not."""
+def as_observed(signals: SignalsConfig) -> SignalsConfig:
+    """Signals as an observer's evidence has them: only the line pressure is still delayed."""
     mended = dict.fromkeys(_KEYS, 0.0)
     return _changed(signals, lambda role: {} if role is Role.LINE_PRESSURE else mended)
 

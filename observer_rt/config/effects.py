@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from observer_rt.model.terms.bounds import TermDomain
 
 
-def effect_named(place: str, name: str) -> Effect:
-    """The effect of this id. Raises `UserError` at `place`, naming the nearest."""
+def effect_named(location: str, name: str) -> Effect:
+    """The effect of this id. Raises `UserError` at `location`, naming the nearest."""
     if name not in VOCABULARY:
         raise UserError(
-            place,
+            location,
             f"unknown effect '{name}'{hint(name, VOCABULARY)}",
             f"known effects: {', '.join(_described(effect) for effect in VOCABULARY.values())}; "
             "no file of Python is read for others: state a law of your own in [[terms]] of the injector file "
@@ -26,44 +26,44 @@ def effect_named(place: str, name: str) -> Effect:
     return VOCABULARY[name]
 
 
-def effects_named(place: str, names: str) -> tuple[str, ...]:
+def effects_named(location: str, names: str) -> tuple[str, ...]:
     """Ids of effects, given as `ID` or `ID+ID`; none of an empty text. Raises `UserError` as `effect_named`."""
-    return tuple(effect_named(place, name.strip()).id for name in names.split("+")) if names else ()
+    return tuple(effect_named(location, name.strip()).id for name in names.split("+")) if names else ()
 
 
-def parameter_named(place: str, effect: Effect, name: str) -> EffectParameter:
-    """The effect's parameter of this name. Raises `UserError` at `place`."""
+def parameter_named(location: str, effect: Effect, name: str) -> EffectParameter:
+    """The effect's parameter of this name. Raises `UserError` at `location`."""
     for parameter in effect.parameters:
         if parameter.name == name:
             return parameter
-    known = ", ".join(parameter.name for parameter in effect.parameters)
+    names = ", ".join(parameter.name for parameter in effect.parameters)
     raise UserError(
-        place,
+        location,
         f"'{effect.id}' has no parameter '{name}'",
-        f"its parameters: {known}" if known else "it has none: leave it out",
+        f"its parameters: {names}" if names else "it has none: leave it out",
     )
 
 
-def value_in_bounds(place: str, effect: Effect, parameter: EffectParameter, printed: float) -> float:
-    """A value in SI. Raises `UserError` at `place` when it is no number or beyond the bounds of physics."""
+def value_in_bounds(location: str, effect: Effect, parameter: EffectParameter, printed: float) -> float:
+    """A value in SI. Raises `UserError` at `location` when it is no number or beyond the bounds of physics."""
     value = printed * parameter.si
     if not parameter.lowest <= value <= parameter.highest:
         raise UserError(
-            place,
+            location,
             f"{printed:g} is no value for {effect.id}:{parameter.name}",
             f"allowed: {parameter.lowest / parameter.si:g} to {parameter.highest / parameter.si:g} {parameter.unit}",
         )
     return value
 
 
-def check_effects(place: str, effects: Sequence[EffectInForce]) -> None:
+def check_effects(location: str, effects: Sequence[EffectInForce]) -> None:
     """Refuse effects of an injector file that do not exist, exceed their bounds or are given twice.
 
-    Raises `UserError` at a key below `place`.
+    Raises `UserError` at a key below `location`.
     """
     seen: set[str] = set()
     for number, entry in enumerate(effects):
-        here = f"{place}effects.{number}"
+        here = f"{location}effects.{number}"
         effect = effect_named(f"{here}.id", entry.id)
         if entry.id in seen:
             raise UserError(f"{here}.id", f"'{entry.id}' is given twice", "give each effect once")
@@ -97,10 +97,10 @@ def term_domain(parameters: InjectorParameters) -> "TermDomain":
     return TermDomain(parameters.seat.max_lift / MILLIMETRE, friction, line.model != "lump")
 
 
-def check_terms(place: str, parameters: InjectorParameters) -> None:
+def check_terms(location: str, parameters: InjectorParameters) -> None:
     """Refuse terms of an injector file that cannot be read, do not fit, or make no sound model.
 
-    Raises `UserError` at a key below `place`.
+    Raises `UserError` at a key below `location`.
     """
     if not parameters.terms:
         return
@@ -108,7 +108,7 @@ def check_terms(place: str, parameters: InjectorParameters) -> None:
 
     domain = term_domain(parameters)
     for number, stated in enumerate(parameters.terms):
-        here = f"{place}terms.{number}"
+        here = f"{location}terms.{number}"
         try:
             term = stated.term
         except UserError as error:

@@ -33,7 +33,7 @@ class OptionalRole(StrEnum):
 class OptionalSignal:
     """Description of an optional role, for the bus and for `check`.
 
-    use: what becomes of its values; possible: lowest and highest value [SI] of which its range must reach one, else
+    use: what becomes of its values; possible: lowest and highest value [SI]; its range must reach one of them, else
     it is `wrong`. expires: a value counts for a time only. usual: value [SI] in frames made of recordings; if not
     always, then only where a frame cannot mark it as not available. units: SI of each, or origins: where each begins
     [K]; neither: a plain number. shown: the unit of its range in `check`; without one that is not shown.

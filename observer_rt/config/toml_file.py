@@ -20,23 +20,23 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
-class Allowed:
-    """Schema of what may stand at a place of a file. root, schema: of the whole file, and of this place."""
+class EntrySchema:
+    """Schema of an entry of a file. root, schema: of the whole file, and of this entry."""
 
     root: Schema
     schema: Schema
     keys: tuple[int | str, ...] = ()
 
     @classmethod
-    def at(cls, model: type[BaseModel], location: Iterable[int | str]) -> "Allowed":
-        """Schema at the place of one of pydantic's errors, whose own remarks in the location are passed over."""
+    def at(cls, model: type[BaseModel], location: Iterable[int | str]) -> "EntrySchema":
+        """Schema at the location of a pydantic error; parts of the location that are no keys are skipped."""
         root = model.model_json_schema()
-        place = cls(root, root)
+        entry = cls(root, root)
         for part in location:
-            below = next(place._below(part), None)
+            below = next(entry._below(part), None)
             if below is not None:
-                place = cls(root, below, (*place.keys, part))
-        return place
+                entry = cls(root, below, (*entry.keys, part))
+        return entry
 
     @property
     def names(self) -> list[str]:
@@ -49,12 +49,12 @@ class Allowed:
         return [choice for kind in self._kinds for choice in kind.get("enum", ())]
 
     def in_words(self) -> str:
-        """Text of what is allowed, such as `a number from 2 to 50 ms`."""
+        """The allowed values as text, such as `a number from 2 to 50 ms`."""
         key = next((part for part in reversed(self.keys) if isinstance(part, str)), "")
         return " or ".join(_in_words(key, kind, self._of(kind.get("items", {}))) for kind in self._kinds)
 
     def _below(self, part: int | str) -> Iterator[Schema]:
-        """Schemas of what may stand a key or a number of a list further."""
+        """Schemas of the entries one key, or one list index, further down."""
         for kind in self._kinds:
             if isinstance(part, int):
                 yield from [*kind.get("prefixItems", ())[part:], *filter(None, [kind.get("items")])]
@@ -120,18 +120,18 @@ def _limits(key: str, kind: Schema) -> str:
 
 
 class Section(BaseModel):
-    """A section of a file, of which unknown keys are refused."""
+    """A section of a file; unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def validated(
-    model: type[_Model], document: Mapping[str, Any], place: Callable[..., str], kind: str
+    model: type[_Model], document: Mapping[str, Any], location_of: Callable[..., str], kind: str
 ) -> _Model:
     """A document as a model. kind: of the complete example that `run --print-example-<kind>` prints.
 
-    Nothing is taken for what it is not: no text for a number, no number for a switch. place: of what the keys that
-    are its arguments lead to. Raises `UserError` naming place, problem and remedy.
+    Types are strict: no text for a number, no number for a switch. location_of: gives the location of an entry by the
+    keys that lead to it. Raises `UserError` naming location, problem and remedy.
     """
     try:
         # as JSON, where a list is a tuple and a text a choice, however strict
@@ -142,10 +142,10 @@ def validated(
         first: Any = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
         if first["type"] == "extra_forbidden":
             *section, key = first["loc"]
-            allowed = Allowed.at(model, section)
-            raise unknown_key(place(*allowed.keys, key), key, allowed.names) from None
-        allowed = Allowed.at(model, first["loc"])
-        raise UserError(place(*allowed.keys), *_explanation(first, allowed, kind)) from None
+            allowed = EntrySchema.at(model, section)
+            raise unknown_key(location_of(*allowed.keys, key), key, allowed.names) from None
+        allowed = EntrySchema.at(model, first["loc"])
+        raise UserError(location_of(*allowed.keys), *_explanation(first, allowed, kind)) from None
 
 
 def place_in(path: Path) -> Callable[..., str]:
@@ -153,10 +153,10 @@ def place_in(path: Path) -> Callable[..., str]:
     return lambda *location: f"{path}: {'.'.join(map(str, location)) or 'file'}"
 
 
-def unknown_key(place: str, key: str, known: Iterable[str]) -> UserError:
-    """The error of a key that is none of the known ones."""
-    names = list(known)
-    return UserError(place, "unknown key", f"{did_you_mean(key, names)}known keys: {', '.join(names)}")
+def unknown_key(location: str, key: str, keys: Iterable[str]) -> UserError:
+    """The error for a key that is not among the known ones."""
+    names = list(keys)
+    return UserError(location, "unknown key", f"{did_you_mean(key, names)}known keys: {', '.join(names)}")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -177,17 +177,17 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
 
 
-def _explanation(error: Any, allowed: Allowed, kind: str) -> tuple[str, str]:
+def _explanation(error: Any, allowed: EntrySchema, kind: str) -> tuple[str, str]:
     """Problem and remedy for one pydantic error."""
     if error["type"] == "missing":
         example = f"`observer-rt run --print-example-{kind}` shows a complete file"
         return "is missing", f"add it, {allowed.in_words()}; {example}"
-    found = error.get("input")
-    shown = f"{found!r} " if isinstance(found, str | int | float | bool) else ""
+    value = error.get("input")
+    shown = f"{value!r} " if isinstance(value, str | int | float | bool) else ""
     if "[key]" in error["loc"]:  # pydantic's mark of a bad name
         return f"{shown}is not allowed as a name", "use letters, digits, '_', '-' and '.'"
     if error["type"] == "value_error":  # of ours, with a remedy
         problem, _, remedy = str(error["ctx"]["error"]).partition("; ")
         return f"{shown}is not allowed: {problem}", remedy or "correct it"
-    meant = did_you_mean(str(found), allowed.choices)
+    meant = did_you_mean(str(value), allowed.choices)
     return f"{shown}is not allowed", f"{meant}write {allowed.in_words()}"

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import Bench, BenchInjector, load_injector
-from observer_rt.config.channels import as_mended
+from observer_rt.config.channels import as_observed
 from observer_rt.daemon.persistence.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate_stream
 from observer_rt.files.evidence.evidence_file import KeptEvent
@@ -31,7 +31,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
     with file_errors(beside):
         beside.unlink(missing_ok=True)
     parameters, learning = load_injector(amended), bench.injector.config.learning.enabled
-    mended = bench.with_sections(signals=as_mended(bench.injector.config.signals))
+    mended = bench.with_sections(signals=as_observed(bench.injector.config.signals))
     try:
         events = [HeldSignals(event.recording) for event in _kept_with(bench.injector)]
         if not events:

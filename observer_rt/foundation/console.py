@@ -26,7 +26,7 @@ FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 @contextlib.contextmanager
 def progress_bar(console: Console, text: str, total: float | None) -> Iterator[Callable[[float], None]]:
-    """A bar that is given what is done so far, out of `total` (None: unknown); gone when done.
+    """A bar that takes the progress so far, out of `total` (None: unknown); it disappears at the end.
 
     Bars of several threads stand below each other.
     """
@@ -82,7 +82,9 @@ def say(console: Console, text: str) -> None:
 def results() -> Console:
     """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
     console = Console()
-    return console if console.is_terminal else Console(width=160, file=cast(TextIO, _Piped(sys.stdout)))
+    return (
+        console if console.is_terminal else Console(width=160, file=cast(TextIO, _TrimmedLines(sys.stdout)))
+    )
 
 
 def plain_table(
@@ -94,18 +96,18 @@ def plain_table(
 ) -> Table:
     """A table without lines. right: columns of numbers; folds: columns that a narrow terminal breaks, None: all."""
     table = Table(box=None, padding=(0, gap, 0, 0), pad_edge=False)
-    for place, heading in enumerate(headings):
-        justify: Literal["left", "right"] = "right" if place in right else "left"
-        whole = folds is not None and place not in folds
+    for column, heading in enumerate(headings):
+        justify: Literal["left", "right"] = "right" if column in right else "left"
+        is_fixed = folds is not None and column not in folds
         table.add_column(
-            Text(heading), justify=justify, no_wrap=whole, overflow="ellipsis" if whole else "fold"
+            Text(heading), justify=justify, no_wrap=is_fixed, overflow="ellipsis" if is_fixed else "fold"
         )
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
     return table
 
 
-class _Piped(io.TextIOBase):
+class _TrimmedLines(io.TextIOBase):
     """Lines without the blanks that fill up the last column of a table."""
 
     def __init__(self, out: TextIO) -> None:
@@ -122,11 +124,13 @@ class _Piped(io.TextIOBase):
         self._out.flush()
 
 
-def check_suffix(place: str, path: Path, suffixes: Collection[str]) -> None:
+def check_suffix(location: str, path: Path, suffixes: Collection[str]) -> None:
     """Raise `UserError` for a file whose suffix is not among those known."""
     suffix = path.suffix.lower()
     if suffix not in suffixes:
-        raise UserError(place, f"unknown kind of file '{suffix}'", f"known suffixes: {', '.join(suffixes)}")
+        raise UserError(
+            location, f"unknown kind of file '{suffix}'", f"known suffixes: {', '.join(suffixes)}"
+        )
 
 
 class SignalledEvent(threading.Event):
@@ -160,7 +164,7 @@ class StopRequest(SignalledEvent):
             self._parts.remove(part)
 
     def end(self, *_: object) -> None:
-        """Set it, and what is set with it."""
+        """Set it, and the parts that end with it."""
         self.set()
         for part in self._parts:
             part.set()

@@ -38,24 +38,24 @@ class UserError(ObserverError):
         super().__init__(f"{place}: {problem}" + (f"{REMEDY}{remedy}" if remedy else ""))
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
+def nearest(name: str, names: Iterable[str]) -> str | None:
     """The known name most like `name`, whatever its case; None when none is like it."""
 
     def likeness(other: str) -> tuple[float, float]:
         ignoring_case = SequenceMatcher(None, name.lower(), other.lower()).ratio()
         return ignoring_case, SequenceMatcher(None, name, other).ratio()
 
-    best = max(known, key=likeness, default=None)
+    best = max(names, key=likeness, default=None)
     return best if best is not None and likeness(best)[0] >= CUTOFF else None
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, names: Iterable[str]) -> str:
     """Beginning of a remedy: `did you mean 'X'? `, or nothing when no known name is near."""
-    best = nearest(name, known)
+    best = nearest(name, names)
     return "" if best is None else f"did you mean '{best}'? "
 
 
-def hint(name: str, known: Iterable[str]) -> str:
+def hint(name: str, names: Iterable[str]) -> str:
     """End of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
-    best = nearest(name, known)
+    best = nearest(name, names)
     return "" if best is None else f"; the nearest is '{best}'"

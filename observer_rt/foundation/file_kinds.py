@@ -65,9 +65,9 @@ def refuse_other_kind(option: str, path: Path, wanted: FileKind | None = None) -
         content = file.read(_LOOKED_AT)
     if not content.strip(b"\0") or wanted.beginning.search(content):
         return
-    found = next((kind.name for kind in _KNOWN if kind.beginning.search(content)), "something else")
+    actual = next((kind.name for kind in _KNOWN if kind.beginning.search(content)), "something else")
     raise UserError(
         f"{option} {path}",
-        f"holds {found}, not {wanted.name}, and stays as it is",
+        f"holds {actual}, not {wanted.name}, and stays as it is",
         "name another file, or move this one away",
     )

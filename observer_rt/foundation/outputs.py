@@ -49,31 +49,31 @@ def check_output(
 
 
 def check_own_file(option: str, path: Path, kind: FileKind | None = None) -> None:
-    """Check a file that a command goes on with: what is there is of this kind. Raises `UserError`."""
-    place = f"{option} {path}"
+    """Check a file that a command goes on with: an existing one is of this kind. Raises `UserError`."""
+    location = f"{option} {path}"
     if path.is_dir():
-        raise UserError(place, "is a folder", "name a file")
+        raise UserError(location, "is a folder", "name a file")
     if not path.exists():
         check_folder(option, path.parent)
     elif not path.is_file():
-        raise UserError(place, "is no file", "name a file")
+        raise UserError(location, "is no file", "name a file")
     elif not os.access(path, os.W_OK):
-        raise UserError(place, "must not be written", "check its rights, or name another file")
+        raise UserError(location, "must not be written", "check its rights, or name another file")
     else:
         refuse_other_kind(option, path, kind)
 
 
 def check_folder(option: str, folder: Path) -> None:
     """Check that files can be made in an existing folder. Raises `UserError` that names the option."""
-    place = f"{option}: {folder}"
+    location = f"{option}: {folder}"
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except FileNotFoundError:
-        raise UserError(place, "no such folder", "create it first, or correct the path") from None
+        raise UserError(location, "no such folder", "create it first, or correct the path") from None
     except OSError as error:
         raise UserError(
-            place, f"no file can be made there: {error.strerror}", "check the folder, or name another"
+            location, f"no file can be made there: {error.strerror}", "check the folder, or name another"
         ) from None
 
 

@@ -26,7 +26,7 @@ class MessageError(Exception):
 
 
 def write_message(stream: BinaryIO, value: Any) -> None:
-    """Write a value. Raises `TypeError` for what is not plain data, before anything is written."""
+    """Write a value. Raises `TypeError` for anything but plain data, before the first byte is written."""
     arrays: list[NDArray[Any]] = []
     text = json.dumps(_packed(value, arrays)).encode()
     if len(text) > LONGEST_TEXT:
@@ -102,10 +102,10 @@ def _read_array(
     if min(shape, default=0) < 0 or size > most_bytes:
         raise MessageError(f"announces an array of {shape}")
     data = np.empty(size, np.uint8)
-    place = 0
-    while place < size:
-        count = stream.readinto(data.data[place:])
+    position = 0
+    while position < size:
+        count = stream.readinto(data.data[position:])
         if not count:
             raise MessageError("ends within an array")
-        place += count
+        position += count
     return data.view(kind).reshape(shape)

@@ -15,19 +15,19 @@ def dtype_of(record: Record) -> np.dtype[np.void]:
     return _dtype(np.asarray(view).dtype, fields)
 
 
-def _dtype(found: np.dtype[Any], value: Any) -> np.dtype[Any]:
-    if found.kind == "c":  # how the core shows a struct of two doubles
+def _dtype(described: np.dtype[Any], value: Any) -> np.dtype[Any]:
+    if described.kind == "c":  # how the core shows a struct of two doubles
         return np.dtype([(name, np.float64) for name in value], align=True)
-    if found == np.uint8:
+    if described == np.uint8:
         return np.dtype(np.bool_)
-    if found.fields is None:
-        return found
-    fields = dict(found.fields)
+    if described.fields is None:
+        return described
+    fields = dict(described.fields)
     layout: Any = {
         "names": list(fields),
         "formats": [_dtype(field[0], value[name]) for name, field in fields.items()],
         "offsets": [field[1] for field in fields.values()],
-        "itemsize": found.itemsize,
+        "itemsize": described.itemsize,
     }
     made: np.dtype[Any] = np.dtype(layout, align=True)
     return made

@@ -159,7 +159,7 @@ _lock = threading.Lock()
 
 
 def _ask(request: _Request) -> int:
-    """Hand over a request, to a new server where there is none or it has died."""
+    """Hand over a request, to a new server if none is running."""
     global _server
     with _lock:
         if _server is not None:

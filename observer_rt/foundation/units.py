@@ -69,12 +69,12 @@ _SPELLINGS = {  # in small letters, of units above
 
 
 def spelled(unit: str, units: Mapping[str, float]) -> str:
-    """A unit as `units` have it, whatever its case and spelling; empty for one that is none of them."""
+    """A unit as `units` have it, whatever its case and spelling; empty if it is not among them."""
     if unit in units:
         return unit
     small = unit.strip().lower()
-    known = _SPELLINGS.get(small, small)
-    return next((each for each in units if known in (each, each.lower())), "")
+    spelling = _SPELLINGS.get(small, small)
+    return next((each for each in units if spelling in (each, each.lower())), "")
 
 
 def factor_of(text: str, units: Mapping[str, float]) -> float | None:
@@ -84,5 +84,5 @@ def factor_of(text: str, units: Mapping[str, float]) -> float | None:
         count = float(number) if number else 1.0
     except ValueError:
         return None
-    known = spelled(name, units)
-    return count * units[known] if math.isfinite(count) and count != 0.0 and known else None
+    unit = spelled(name, units)
+    return count * units[unit] if math.isfinite(count) and count != 0.0 and unit else None

@@ -65,7 +65,7 @@ class StatedAccuracy:
         return cls(0.01 * line_percent, 0.01 * rail_percent, measured=shares.pop("mass"), **shares)
 
     def of_event(self, controlled: float) -> "StatedAccuracy":
-        """That of an event in whose openings the control flow is so much of what is injected."""
+        """Accuracy of an event whose control flow is this share of the injected volume."""
         return replace(self, in_step=self.control_flow * controlled)
 
     @property

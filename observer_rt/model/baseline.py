@@ -70,9 +70,9 @@ class HealthyShape(_BaselineSection):
 class HealthyRemainder(_BaselineSection):
     """Innovations that a model leaves of the healthy injector: of the fit's predictor, or of the observer's x~.
 
-    variance, colour: what is left beyond the shape, as of `Baseline`, each recording by the shape of the others. For
-    `discover`, line_pressure_offset_MPa: mean offset of the line-pressure sensor against the rail's; appears: effects
-    by id. For the observer, overdispersion: factor by which events scatter beyond noise.
+    variance, colour: of the innovations beyond the shape, as of `Baseline`, each recording by the shape of the
+    others. For `discover`, line_pressure_offset_MPa: mean offset of the line-pressure sensor against the rail's;
+    appears: effects by id. For the observer, overdispersion: factor by which events scatter beyond noise.
     """
 
     line_pressure_offset_MPa: float = 0.0  # noqa: N815

@@ -125,7 +125,7 @@ def parameter(
     unit: str = "-",
     si: float = 1.0,
 ) -> EffectParameter:
-    """A parameter that is off at 0, its numbers in the printed unit, of which one is `si` in SI.
+    """A parameter that is off at 0, its numbers in the printed unit; one of that unit is `si` in SI.
 
     name, lowest, highest, dead_zone, starts: as of `EffectParameter`.
     """

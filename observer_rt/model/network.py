@@ -25,7 +25,7 @@ _HIDDEN_LAYER = np.array(
 
 
 class Network(NamedTuple):
-    """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,), and what is learned of the nozzle law.
+    """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,), and the learned part of the nozzle law.
 
     nozzle (NOZZLE_NUMBERS,): rise of p_C seen by it, in units of p_0: while the needle is open, and what comes on top
     in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded

@@ -64,12 +64,12 @@ def _value(injector: InjectorParameters, name: str) -> float:
     return float(getattr(getattr(injector, section), key))
 
 
-def wrong_entry(injector: InjectorParameters, found: Sequence[ImplausibleNumber]) -> str:
+def wrong_entry(injector: InjectorParameters, numbers: Sequence[ImplausibleNumber]) -> str:
     """The entry of the file that a fit probably made up for by what it found beyond physics; empty of others.
 
     Flows, 1/K_L and A_L/(rho_L L_L) scaled together leave the pressures as they are.
     """
-    names = {one.name for one in found}
+    names = {one.name for one in numbers}
     stiff, seat, nozzle = (math.log(_value(injector, name) / usual) for name, usual in _USUAL.items())
     passing = 0.5 * (seat + nozzle)
     if names & _USUAL.keys() and stiff * passing < 0.0 and min(abs(stiff), abs(passing)) > _TOGETHER:

@@ -9,7 +9,7 @@ LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of
 
 
 class Sensor(NamedTuple):
-    """The sensor of the model in force, as samples see it; what is learned of it comes on top.
+    """The sensor of the model in force, as samples see it, before the learned corrections.
 
     Sample k + late of the recorded line pressure belongs to the time `fraction` (0 to 1) of a sample before that of
     sample k of the inputs.

@@ -19,18 +19,18 @@ MAX_SUBSTEPS = 64  # beyond this a sample costs more than it is worth: the sampl
 
 
 def refuse_unstable_cells(
-    place: str, injector: InjectorParameters, coefficients: Coefficients, interval: float
+    file: str, injector: InjectorParameters, coefficients: Coefficients, interval: float
 ) -> None:
     """Raise `UserError` where steps of a sample interval [s] are too long for the cells.
 
-    place: name of the injector file; coefficients: of the injector, with its effects.
+    file: name of the injector file; coefficients: of the injector, with its effects.
     """
     line = coefficients.line
     strain = line.strain(interval)
     if strain >= STABLE:
         step = interval / steps_in(interval)
         raise UserError(
-            f"{place}: line.cells",
+            f"{file}: line.cells",
             f"{line.cells:.0f} cells are not stable: sound crosses {line.crossing * step:.3g} of a cell in a step of "
             f"{step / MICROSECOND:.3g} us and {2.0 * line.damping * step:.2g} is left of it to damping, together "
             f"{strain:.3g} (at most {STABLE:g})",

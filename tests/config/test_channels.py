@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.config.bench import BenchInjector, load_bench
 from observer_rt.config.channels import (
-    as_mended,
+    as_observed,
     as_sent,
     effects_after_alignment,
     effects_on_one_raster,
@@ -83,6 +83,6 @@ def test_evidence_leaves_only_the_line_pressure_to_be_mended(tmp_path: Path) -> 
         needle_lift="filter_delay_us = 12\nlag_us = 15.9",
         line_pressure="filter_delay_us = 5\nlag_us = 3",
     )
-    mended = as_mended(fitted.config.signals)
+    mended = as_observed(fitted.config.signals)
     assert undone_in_alignment(mended, Role.NEEDLE_LIFT) == 0.0
     assert sizes(effects_after_alignment(mended)) == {"channel_skew": 5.0, "line_pressure_sensor_lag": 3.0}

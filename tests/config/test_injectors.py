@@ -42,7 +42,7 @@ def test_where_one_is_asked_for_the_others_are_left_out(tmp_path: Path) -> None:
         _ = bench.injector
     assert refused.value.exit_code == 2
     assert bench.of("right").injector == bench.injectors[1]
-    assert [each.injector for each in bench.each] == list(bench.injectors)
+    assert [each.injector for each in bench.per_injector] == list(bench.injectors)
     assert bench.of(None) == bench
     with pytest.raises(UserError, match="did you mean 'right'"):
         bench.of("rihgt")

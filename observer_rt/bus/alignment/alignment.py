@@ -1,7 +1,7 @@
 """Alignment of blocks of samples to one gapless stream: complete samples, and their order.
 
 Messages of one time base are joined by their unwrapped sample index, those of others follow on the same grid
-(`mapping.timing.Following`). Up to two missing samples are interpolated, more are a loss. An index jump is legal
+(`mapping.timing.GridRelation`). Up to two missing samples are interpolated, more are a loss. An index jump is legal
 only with a contiguous E2E counter in every message on the grid and a closed needle before and after. Of a repeated
 block the first wins; an older one is dropped; an index that jumps back or to 0 is a restart of the device.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS
-from observer_rt.bus.mapping.timing import SLOTS, Following
+from observer_rt.bus.mapping.timing import SLOTS, GridRelation
 from observer_rt.core.frames.frames import PATIENCE, RECORDS
 from observer_rt.core.stream.stream import RECORDED_RING
 from observer_rt.core.stream.stream import RECORDS as OF_STREAM
@@ -48,7 +48,7 @@ def make_recorded() -> NDArray[np.void]:
 
 
 def make_alignment(
-    following: Sequence[Following | None], closed_lift: float, recorded: NDArray[np.void]
+    relations: Sequence[GridRelation | None], closed_lift: float, recorded: NDArray[np.void]
 ) -> Alignment:
     """Empty alignment of messages on the grid (None, or in part) and others that follow it.
 
@@ -62,12 +62,12 @@ def make_alignment(
         recorded,
     )
     memory = alignment.memory[0]
-    memory["stream_count"] = len(following)
-    for number, follows in enumerate(following):
-        alignment.streams[number]["on_grid"] = follows is None or follows.on_grid
-        if follows is not None:
+    memory["stream_count"] = len(relations)
+    for number, relation in enumerate(relations):
+        alignment.streams[number]["on_grid"] = relation is None or relation.on_grid
+        if relation is not None:
             for name in ("roles", "spacing", "reach", "holds", "early"):
-                alignment.followers[number][name] = getattr(follows, name)
+                alignment.followers[number][name] = getattr(relation, name)
     memory["closed_lift"] = closed_lift
     memory["next_break"] = int(Break.START)
     alignment.slots["index"] = -1

@@ -11,7 +11,7 @@ A device's clock is a straight line under the stamps of its frames. A frame is n
 the delays are positive, and the least of them are the same again and again: the line through the lowest stamps of
 many short windows (the lower convex hull, as used for one-way delays in packet networks: Moon, Skelly, Towsley,
 INFOCOM 1999) gives offset and drift of the clock, whatever jitter lies above it. How far these lowest stamps scatter
-about the line is what is not known of the clock.
+about the line is the uncertainty of the clock.
 
 `MessageTiming` holds the jitter of the messages and the uncertainty of the time of their samples.
 """
@@ -53,9 +53,9 @@ class Jitter(NamedTuple):
 
 
 def make_clock(interval: float, samples: int, shortest: float) -> NDArray[np.void]:
-    """A clock (1,) that has seen no stamp; `interval` [s] between samples, of which a frame has `samples`.
+    """A clock (1,) without a stamp; `interval` [s] between samples, `samples` in a frame.
 
-    shortest: time [s] from one frame to the next that a bus can do, 0 where there is none.
+    shortest: least time [s] from one frame to the next on the bus, 0 without a limit.
     """
     clock = np.zeros(1, CLOCK)
     clock["shortest"] = shortest * 1e9

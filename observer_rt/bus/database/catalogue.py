@@ -1,4 +1,4 @@
-"""The bus databases of a bench: which message of which file is meant, and which bus it is on.
+"""The bus databases of a bench: which file and which bus a message belongs to.
 
 Files are read here: what cantools refuses is refused with file, line and reason, or read leniently.
 """
@@ -82,16 +82,16 @@ def load_database(path: Path, lenient: bool = False) -> Database:
 
 
 def _loaded(path: Path, lenient: bool) -> tuple[Database, tuple[str, ...]]:
-    """A database, and what was set right in its text."""
-    found = path.stat()
-    return _load(path, lenient, found.st_mtime_ns, found.st_size)
+    """A database, and the faults that were corrected in its text."""
+    stat = path.stat()
+    return _load(path, lenient, stat.st_mtime_ns, stat.st_size)
 
 
 @lru_cache(maxsize=_KEPT)
 def _load(path: Path, lenient: bool, _changed_ns: int, _size: int) -> tuple[Database, tuple[str, ...]]:
     """Load a database, cached by the state of its file: to read one takes as long as seconds of a recording."""
     text = _BIT_TIMING.sub(r"\1", _text_of(path))
-    text, complaints = mended_dbc(text) if lenient else (text, ())
+    text, complaints = repaired_dbc(text) if lenient else (text, ())
     return cantools.database.load_string(text, "dbc", strict=not lenient), complaints
 
 
@@ -139,10 +139,10 @@ def _line_of(path: Path, reason: str) -> int | None:
     if (undefined := _UNDEFINED.match(reason)) is not None:
         use = f'BA_ "{undefined.group(1)}"'
         return next((number for number, line in enumerate(lines, 1) if line.startswith(use)), None)
-    if (found := _IN_MESSAGE.search(reason)) is not None:
-        signal, message = found.groups()
-    elif (found := _MESSAGE.search(reason)) is not None:
-        signal, message = None, found.group(1)
+    if (match := _IN_MESSAGE.search(reason)) is not None:
+        signal, message = match.groups()
+    elif (match := _MESSAGE.search(reason)) is not None:
+        signal, message = None, match.group(1)
     else:
         return None
     inside = False
@@ -176,10 +176,10 @@ class BenchDatabases:
             for path, entry in zip(bench.databases, bench.config.dbc, strict=True)
         ]
 
-    def find(self, place: str, name: str, link: str | None) -> BusMessage:
+    def find(self, location: str, name: str, link: str | None) -> BusMessage:
         """The first message of this name; `link` names its bus, of whose databases it is taken if one has it.
 
-        Raises `UserError` at `place`, a key of the bench file, with what the database has instead.
+        Raises `UserError` at `location`, a key of the bench file, with what the database has instead.
         """
         in_order = [(database, bus) for _, _, database, bus in self._databases]
         if link is not None:
@@ -189,7 +189,7 @@ class BenchDatabases:
         for database, bus in in_order:
             if any(message.name == name for message in database.messages):
                 return BusMessage(find_message(database, name), bus)
-        with named(place):
+        with named(location):
             return BusMessage(find_message(in_order[0][0], name), in_order[0][1])
 
     def __iter__(self) -> Iterator[tuple[Path, BusMessage]]:
@@ -211,22 +211,22 @@ class BenchDatabases:
 
 
 @contextmanager
-def named(place: str) -> Iterator[None]:
-    """Errors that name message and signal also name the place in the bench file."""
+def named(location: str) -> Iterator[None]:
+    """Let errors that name message and signal also name the location in the bench file."""
     try:
         yield
     except UserError as error:
-        raise UserError(place, f"{error.place} {error.problem}", error.remedy) from None
+        raise UserError(location, f"{error.place} {error.problem}", error.remedy) from None
 
 
-class MendedDbc(NamedTuple):
+class RepairedDbc(NamedTuple):
     """The text, and what was wrong with it."""
 
     text: str
     complaints: tuple[str, ...]
 
 
-def mended_dbc(text: str) -> MendedDbc:
+def repaired_dbc(text: str) -> RepairedDbc:
     """Take identifiers of more than 11 bits as extended; leave out impossible ones and values of absent signals.
 
     Words without quotes as defaults of attributes are put into them.
@@ -249,14 +249,14 @@ def mended_dbc(text: str) -> MendedDbc:
             text = text.replace(match[0], "")
     if extended:
         text = _IDENTIFIED.sub(lambda match: _as_extended(match, extended), text)
-    known = {
+    defined = {
         (match[1], signal) for match in _MESSAGE_LINES.finditer(text) for signal in _SIGNAL.findall(match[3])
     }
     for match in list(_SIGNAL_VALUES.finditer(text)):
-        if match.group(2, 3) not in known:
+        if match.group(2, 3) not in defined:
             complaints.append(f"{match[1]}: there is no such signal, it is left out")
             text = text.replace(match[0], "")
-    return MendedDbc(text, tuple(complaints))
+    return RepairedDbc(text, tuple(complaints))
 
 
 def _as_extended(match: re.Match[str], extended: set[int]) -> str:

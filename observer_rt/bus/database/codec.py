@@ -7,7 +7,7 @@ cantools is the reference: wherever it defines a result, `decode` gives the same
   becomes the nearest code that is neither.
 - So do codes that a database excludes: named by the value table in an unbroken row up to the field's largest (such as
   65534 "Fault"), beyond 0xFA.. in J1939, or outside the declared range by more than a hundredth of it: noise about
-  an end of the range is none of these. Of an index or a counter every code counts.
+  an end of the range is not excluded. Of an index or a counter every code counts.
 - A number outside the declared minimum and maximum, or outside what the field holds, is clamped (infinities
   included). A declared range in which no code of the field lies counts as none.
 - NaN encodes to "not available"; without that code to NaN in a float field, else to the number nearest zero.
@@ -54,18 +54,18 @@ def signal_table(message: Message, names: Sequence[str], counter: str | None = N
 
 
 def _compile(signal: Signal, row: np.void, message: Message) -> None:
-    place = f"message {message.name}, signal {signal.name}"
+    location = f"message {message.name}, signal {signal.name}"
     if signal.length > 64:
-        raise UserError(place, f"has {signal.length} bits, at most 64 are supported")
+        raise UserError(location, f"has {signal.length} bits, at most 64 are supported")
     if signal.scale == 0:
-        raise UserError(place, "has scale 0", "correct the scale in the bus database")
+        raise UserError(location, "has scale 0", "correct the scale in the bus database")
     if signal.conversion.is_float and signal.length not in _FLOAT_KIND:
-        raise UserError(place, f"is a float of {signal.length} bits, must be 16, 32 or 64")
+        raise UserError(location, f"is a float of {signal.length} bits, must be 16, 32 or 64")
     _set_position(signal, row)
     last_byte = row["first_byte"] + row["step"] * (row["byte_count"] - 1)
     if min(row["first_byte"], last_byte) < 0 or max(row["first_byte"], last_byte) >= message.length:
         raise UserError(
-            place, f"does not fit in the {message.length} bytes of the message", "correct the bus database"
+            location, f"does not fit in the {message.length} bytes of the message", "correct the bus database"
         )
     if signal.conversion.is_float:
         row["kind"] = _FLOAT_KIND[signal.length]
@@ -74,7 +74,7 @@ def _compile(signal: Signal, row: np.void, message: Message) -> None:
     row["scale"] = signal.scale
     row["offset"] = signal.offset
     _set_limits(signal, row, is_j1939=message.protocol == "j1939")
-    _set_reserved_codes(signal, row, place)
+    _set_reserved_codes(signal, row, location)
 
 
 def _set_position(signal: Signal, row: np.void) -> None:
@@ -146,18 +146,18 @@ def _largest_float_to(limit: int) -> float:
     return nearest if int(nearest) <= limit else math.nextafter(nearest, 0.0)
 
 
-def _set_reserved_codes(signal: Signal, row: np.void, place: str) -> None:
+def _set_reserved_codes(signal: Signal, row: np.void, location: str) -> None:
     not_available, error = reserved_codes(signal)
     reserved = [code for code in (not_available, error) if code is not None]
     if not_available is not None:
         row["has_not_available"], row["not_available"] = True, not_available
-        row["instead_of_not_available"] = _nearest_ordinary(not_available, reserved, row, place)
+        row["instead_of_not_available"] = _nearest_ordinary(not_available, reserved, row, location)
     if error is not None:
         row["has_error"], row["error"] = True, error
-        row["instead_of_error"] = _nearest_ordinary(error, reserved, row, place)
+        row["instead_of_error"] = _nearest_ordinary(error, reserved, row, location)
 
 
-def _nearest_ordinary(code: int, reserved: list[int], row: np.void, place: str) -> int:
+def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: str) -> int:
     """The code nearest to `code` whose value is within the limits and not reserved."""
     value = raw_value(code, row)
     if not row["lowest"] <= value <= row["highest"]:
@@ -170,4 +170,4 @@ def _nearest_ordinary(code: int, reserved: list[int], row: np.void, place: str) 
             wrapped_round = row["kind"] < FLOAT16 and abs(raw - value) > distance
             if candidate not in reserved and not wrapped_round and row["lowest"] <= raw <= row["highest"]:
                 return candidate
-    raise UserError(place, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
+    raise UserError(location, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")

@@ -31,8 +31,8 @@ def protection_of(profile: int | None, data_id: int | None) -> np.void:
     row = np.zeros(1, PROTECTION)
     row["profile"] = profile or UNPROTECTED
     row["data_id"] = data_id or 0
-    found: np.void = row[0]
-    return found
+    protection: np.void = row[0]
+    return protection
 
 
 class E2EState(IntEnum):

@@ -26,8 +26,8 @@ _DATA_ID = "E2EDataId"
 class MessageLayout:
     """Layout of a message besides its signals.
 
-    `length` is in bytes. Time between two samples, time between two frames and number of samples in one are None
-    where the database does not state them. `e2e_profile` is the AUTOSAR profile number, None without protection.
+    `length` is in bytes. Where the database does not state the time between two samples, the time between two frames
+    or the number of samples in one, it is None. `e2e_profile` is the AUTOSAR profile number, None without protection.
     """
 
     name: str
@@ -99,7 +99,7 @@ def database_hash(paths: Iterable[Path]) -> int:
 def find_message(database: Database, name: str) -> Message:
     """The message called `name`.
 
-    Raises `UserError`: there is none; names the nearest.
+    Raises `UserError` naming the nearest name.
     """
     names = [message.name for message in database.messages]
     if name not in names:
@@ -115,17 +115,17 @@ def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tupl
 
     Raises `UserError`: a signal is not in the message, or the pattern produces none or leaves out a number.
     """
-    known = [signal.name for signal in message.signals]
-    place = f"message {message.name}"
+    names = [signal.name for signal in message.signals]
+    location = f"message {message.name}"
     if not isinstance(pattern_or_list, str):
         wanted = tuple(pattern_or_list)
         if not wanted:
-            raise UserError(place, "the list of signals is empty", "name at least one signal")
+            raise UserError(location, "the list of signals is empty", "name at least one signal")
         if len(set(wanted)) != len(wanted):
             twice = next(name for name in wanted if wanted.count(name) > 1)
-            raise UserError(place, f"signal {twice} is listed twice", "list every signal once")
+            raise UserError(location, f"signal {twice} is listed twice", "list every signal once")
     elif "{" in pattern_or_list:
-        wanted = _expand(pattern_or_list, known, place)
+        wanted = _expand(pattern_or_list, names, location)
     else:
         wanted = (pattern_or_list,)
     for name in wanted:
@@ -136,11 +136,11 @@ def signal_names(message: Message, pattern_or_list: str | Sequence[str]) -> tupl
 def find_signal(message: Message, name: str) -> Signal:
     """The signal called `name`.
 
-    Raises `UserError`: there is none; names the nearest.
+    Raises `UserError` naming the nearest name.
     """
-    known = [signal.name for signal in message.signals]
-    if name not in known:
-        raise UserError(f"message {message.name}", f"has no signal {name}", _nearest(name, known))
+    names = [signal.name for signal in message.signals]
+    if name not in names:
+        raise UserError(f"message {message.name}", f"has no signal {name}", _nearest(name, names))
     return message.get_signal_by_name(name)
 
 
@@ -194,50 +194,52 @@ def _integer_attribute(owner: Message | Signal, name: str) -> int | None:
     return number
 
 
-def _expand(pattern: str, known: Sequence[str], place: str) -> tuple[str, ...]:
+def _expand(pattern: str, names: Sequence[str], location: str) -> tuple[str, ...]:
     try:
         # One number more than there are signals, because counting may start at 1.
-        produced = [pattern.format(number) for number in range(len(known) + 1)]
+        produced = [pattern.format(number) for number in range(len(names) + 1)]
     except (ValueError, IndexError, KeyError):
         raise UserError(
-            place,
+            location,
             f"{pattern!r} is not a pattern of signal names",
             'write it with one number field, as in "RailPressure_{:02d}"',
         ) from None
-    present = [number for number, name in enumerate(produced) if name in known]
+    present = [number for number, name in enumerate(produced) if name in names]
     if not present or present[0] > 1:
         raise UserError(
-            place, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], known)
+            location, f"has no signal {produced[0]} (from {pattern!r})", _nearest(produced[0], names)
         )
     missing = sorted(set(range(present[0], present[-1])) - set(present))
     if missing:
         raise UserError(
-            place,
+            location,
             f"{pattern!r} leaves out {produced[missing[0]]}, though {produced[present[-1]]} exists",
             "list the signals one by one, in sample order",
         )
     return tuple(produced[number] for number in present)
 
 
-def _nearest(name: str, known: Sequence[str]) -> str:
-    best = nearest(name, known)
+def _nearest(name: str, names: Sequence[str]) -> str:
+    best = nearest(name, names)
     if best is not None:
         return f"nearest name: {best}"
-    return f"there are: {', '.join(known)}" if known else "it has none at all: give another database"
+    return f"there are: {', '.join(names)}" if names else "it has none at all: give another database"
 
 
 def from_unit(
-    place: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
+    location: str, message: Message, signal: str, unit: str | None, units: Mapping[str, float]
 ) -> float:
     """Factor from a signal's unit to SI, by `unit` of the bench file, or else as the database states it.
 
-    Raises `UserError` naming `place` of the bench file for a unit that is none of `units`, nor a number of one.
+    Raises `UserError` naming `location` of the bench file for a unit that is neither in `units` nor a number of one.
     """
     stated = stated_unit(message, signal, unit)
     factor = factor_of(stated, units)
     if factor is None:
         name = next(iter(units))
-        raise unknown_unit(place, message, stated, unit, units, f', or a number of them ("98066.5 {name}")')
+        raise unknown_unit(
+            location, message, stated, unit, units, f', or a number of them ("98066.5 {name}")'
+        )
     return factor
 
 
@@ -247,16 +249,16 @@ def stated_unit(message: Message, signal: str, unit: str | None) -> str:
 
 
 def unknown_unit(
-    place: str, message: Message, stated: str, own: str | None, units: Iterable[str], others: str = ""
+    location: str, message: Message, stated: str, own: str | None, units: Iterable[str], others: str = ""
 ) -> UserError:
-    """The error for a unit that is none of `units`, whether of the database or the bench file's `own`.
+    """The error for a unit that is not one of `units`, from the database or the bench file (`own`).
 
     others: what else there could be.
     """
-    known = f"one of {', '.join(units)}{others}"
+    choices = f"one of {', '.join(units)}{others}"
     if own:
-        return UserError(f"{place}.unit", f"{own!r} is no unit of this quantity", f"write {known}")
+        return UserError(f"{location}.unit", f"{own!r} is no unit of this quantity", f"write {choices}")
     problem = (
         f"unit {stated!r} of {message.name} is not known" if stated else f"{message.name} states no unit"
     )
-    return UserError(place, problem, f'add unit = "..." with {known}')
+    return UserError(location, problem, f'add unit = "..." with {choices}')

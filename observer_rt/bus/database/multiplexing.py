@@ -85,10 +85,12 @@ def _field(signal: Signal) -> tuple[object, ...]:
     return (*bits, conversion.scale, conversion.offset, signal.multiplexer_signal)
 
 
-def are_exclusive(one: Conditions, other: Conditions) -> bool:
+def are_exclusive(first: Conditions, second: Conditions) -> bool:
     """Whether no frame meets both."""
     return any(
-        mine.selector == yours.selector and not mine.values & yours.values for mine in one for yours in other
+        mine.selector == yours.selector and not mine.values & yours.values
+        for mine in first
+        for yours in second
     )
 
 
@@ -100,13 +102,13 @@ def frame_kinds(conditions: Iterable[Conditions]) -> tuple[Mapping[str, int], ..
     wanted = list(dict.fromkeys(conditions))
     kinds: list[tuple[int, dict[str, int]]] = []
     # A frame for a nested signal also carries what its outer selector alone selects: those first.
-    for place, needed in sorted(enumerate(wanted), key=lambda item: -len(item[1])):
+    for position, needed in sorted(enumerate(wanted), key=lambda item: -len(item[1])):
         own = {condition.selector: min(condition.values) for condition in needed}
         shared = next((n for n, (_, kind) in enumerate(kinds) if meets(own | kind, needed)), len(kinds))
         if shared == len(kinds):
-            kinds.append((place, {}))
+            kinds.append((position, {}))
         first, kind = kinds[shared]
-        kinds[shared] = min(place, first), own | kind
+        kinds[shared] = min(position, first), own | kind
     return tuple(kind for _, kind in sorted(kinds, key=lambda item: item[0])) or ({},)
 
 

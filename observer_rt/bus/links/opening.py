@@ -12,16 +12,18 @@ LISTENING = 0.5  # s; a windowed source pauses for about a tenth
 _TURN = 0.02  # s, of one bus among several
 
 
-def require_interface(place: str, name: str) -> None:
-    """Raise `UserError` for an interface that is none; place: where the user states it."""
+def require_interface(location: str, name: str) -> None:
+    """Raise `UserError` for an unknown interface; location: where the user states it."""
     if name in _OURS:
         return
     import can  # only for those who use one of its drivers
 
-    known = sorted({"socketcan", *can.VALID_INTERFACES})
-    if name not in known:
+    interfaces = sorted({"socketcan", *can.VALID_INTERFACES})
+    if name not in interfaces:
         raise UserError(
-            place, f"unknown interface {name!r}", f"{did_you_mean(name, known)}use one of {', '.join(known)}"
+            location,
+            f"unknown interface {name!r}",
+            f"{did_you_mean(name, interfaces)}use one of {', '.join(interfaces)}",
         )
 
 

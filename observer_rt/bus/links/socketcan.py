@@ -183,11 +183,11 @@ class SocketCanLink(Link):
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
         except PermissionError:  # needs CAP_NET_ADMIN; else the most that net.core.rmem_max allows
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-        given = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)  # twice what was asked for
-        if given >= 2 * RECEIVE_BUFFER_BYTES:
+        granted = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)  # twice what was asked for
+        if granted >= 2 * RECEIVE_BUFFER_BYTES:
             return []
         return [
-            f"the kernel gives {self._channel} a receive buffer for some {given // FRAME_BYTES} frames only: more "
+            f"the kernel gives {self._channel} a receive buffer for some {granted // FRAME_BYTES} frames only: more "
             "are lost when this process has to wait\n"
             f"  remedy: sudo sysctl --write net.core.rmem_max={RECEIVE_BUFFER_BYTES}"
         ]
@@ -337,9 +337,9 @@ class SocketCanLink(Link):
         if error.errno in (errno.ENODEV, errno.ENXIO):
             types = sorted(Path("/sys/class/net").glob("*/type"))
             cans = [path.parent.name for path in types if path.read_text().strip() == str(ARPHRD_CAN)]
-            there = ", ".join(cans) or "none"
+            present = ", ".join(cans) or "none"
             return LinkDownError(
-                f"there is no interface {name} (CAN interfaces present: {there})\n"
+                f"there is no interface {name} (CAN interfaces present: {present})\n"
                 "  remedy: connect the device, or for a virtual bus: "
                 f"sudo ip link add dev {name} type vcan && sudo ip link set {name} mtu {FD_MTU} up"
             )

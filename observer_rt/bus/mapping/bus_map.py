@@ -38,7 +38,7 @@ from observer_rt.bus.mapping.output_messages import (
     rate_message,
 )
 from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
-from observer_rt.bus.mapping.timing import Following, following, map_timing, number_signal
+from observer_rt.bus.mapping.timing import GridRelation, grid_relations, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import decode_signals, encode_signals
@@ -63,7 +63,7 @@ class BusMap:
     input_layouts: tuple[MessageLayout, ...]
     slow: tuple[SlowMessage, ...]
     """Messages with optional inputs."""
-    following: tuple[Following | None, ...]  # how a stream that is not on the grid follows it
+    grid_relations: tuple[GridRelation | None, ...]  # of each stream, None where all of it is on the grid
     rate: RateMessage | None
     """Message of the injection rate; None: it is not published."""
     summary: OutputMessage
@@ -138,16 +138,16 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
     outputs = fitted.config.outputs
 
     def output(key: str, compile_message: Callable[[Message, int], Compiled]) -> Compiled:
-        place = fitted.place(f"outputs.{key}")
-        message, number = databases.find(place, getattr(outputs, key), outputs.link)
-        with named(place):
+        location = fitted.place(f"outputs.{key}")
+        message, number = databases.find(location, getattr(outputs, key), outputs.link)
+        with named(location):
             return compile_message(_moved(message, getattr(outputs, f"{key}_id")), number)
 
     return BusMap(
         inputs=inputs,
         input_layouts=layouts,
         slow=slow,
-        following=tuple(following(fitted, inputs.timing, inputs.streams["roles"].tolist())),
+        grid_relations=tuple(grid_relations(fitted, inputs.timing, inputs.streams["roles"].tolist())),
         rate=output("injection_rate", rate_message) if outputs.injection_rate else None,
         summary=output("injection_summary", partial(_output, SummaryValues)),
         status=output("status", partial(_output, StatusValues)),
@@ -176,21 +176,23 @@ def _map_inputs(
     by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
     for role in ROLES:
         config = fitted.config.signals.of(role)
-        found = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
-        by_message.setdefault((config.message, found.bus), (found, []))[1].append(role)
+        source = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
+        by_message.setdefault((config.message, source.bus), (source, []))[1].append(role)
     tables = InputTables()
     layouts = []
     streams: list[tuple[BusMessage, list[Role]]] = []
-    for found, roles in by_message.values():
+    for source, roles in by_message.values():
         with named(fitted.place(f"signals.{roles[0]}.message")):
-            layout = protected_layout(*found)
+            layout = protected_layout(*source)
         layouts.append(layout)
         row = frame_row(layout)
-        streams += [(found, together) for together in _map_message(fitted, found.message, roles, row, tables)]
+        streams += [
+            (source, together) for together in _map_message(fitted, source.message, roles, row, tables)
+        ]
     timing = map_timing(
         fitted,
-        [(found.message, roles) for found, roles in streams],
-        [databases.links[found.bus] for found, _ in streams],
+        [(source.message, roles) for source, roles in streams],
+        [databases.links[source.bus] for source, _ in streams],
         tables.stream_samples,
     )
     require_one_rate(fitted, streams, timing["steps"].tolist())
@@ -240,9 +242,9 @@ def _map_message(
             group_row = np.zeros((), INPUT_GROUP)
             names = [] if number is None else [number.name]
             for role in together:
-                place, config = ROLES.index(role), fitted.config.signals.of(role)
-                group_row["position"][place] = len(names)
-                group_row["factor"][place] = from_unit(
+                column, config = ROLES.index(role), fitted.config.signals.of(role)
+                group_row["position"][column] = len(names)
+                group_row["factor"][column] = from_unit(
                     fitted.place(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
                 )
                 names.extend(samples[role][group.offset : group.offset + group.count])
@@ -267,7 +269,7 @@ class BenchMap:
     """Messages and signals of all injectors of a bench file, compiled; `injectors` in its order."""
 
     injectors: tuple[BusMap, ...]
-    known: tuple[KnownMessage, ...]
+    database_messages: tuple[KnownMessage, ...]
     """All messages of all databases, used or not."""
     overlooked: tuple[str, ...]
     """Faults of databases that were read leniently."""

@@ -72,11 +72,11 @@ def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup
     for conditions, names in groupby(samples, lambda name: conditions_of(message, name)):
         offset = groups[-1].offset + groups[-1].count if groups else 0
         groups.append(SampleGroup(offset, len(list(names)), conditions))
-    for one, other in combinations(groups, 2):
-        if not are_exclusive(one.conditions, other.conditions):
+    for first, second in combinations(groups, 2):
+        if not are_exclusive(first.conditions, second.conditions):
             raise UserError(
                 f"message {message.name}",
-                f"one frame can carry {samples[one.offset]} and {samples[other.offset]}, between which others "
+                f"one frame can carry {samples[first.offset]} and {samples[second.offset]}, between which others "
                 "are listed or the multiplexing changes",
                 "list the samples in the order they are taken, those of one frame together",
             )
@@ -198,14 +198,14 @@ class InputTables:
     def add_optional(self, layout: MessageLayout, inputs: Sequence[OptionalInput]) -> None:
         """Add the optional inputs of a message."""
         own = frame_row(layout)
-        row = next((each for each in self._messages if each["key"] == own["key"]), own)
+        row = next((entry for entry in self._messages if entry["key"] == own["key"]), own)
         if row is own:
             row["first_group"] = len(self._groups)
             self._messages.append(row)
         row["first_optional"], row["optional_count"] = len(self._optional), len(inputs)
-        for each in inputs:
-            optional = each.row.copy()
-            self._add_signals(optional, each.table, each.selection)
+        for entry in inputs:
+            optional = entry.row.copy()
+            self._add_signals(optional, entry.table, entry.selection)
             self._optional.append(optional)
 
     def _add_signals(self, row: NDArray[np.void], signals: NDArray[np.void], selection: Selection) -> None:

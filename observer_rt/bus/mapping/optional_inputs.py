@@ -3,7 +3,7 @@
 The energizing of the injector on the bus: the signals that carry it, and its reading from a frame.
 
 Either a level, 0 while the injector is not energized, one or several samples a frame; or a duration, one value a
-frame, 0 where there is none.
+frame, 0 without energizing.
 """
 
 import math
@@ -153,21 +153,21 @@ def map_optional(
     """
     by_message: dict[tuple[str, int], tuple[BusMessage, list[tuple[OptionalRole, SlowSignalConfig]]]] = {}
     for role, config in fitted.config.signals.optional:
-        found = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
-        by_message.setdefault((config.message, found.bus), (found, []))[1].append((role, config))
+        source = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
+        by_message.setdefault((config.message, source.bus), (source, []))[1].append((role, config))
     pulses, carrier = fitted.config.signals.energizing, None
     if pulses is not None:
         carrier = databases.find(fitted.place("signals.energizing.message"), pulses.message, pulses.link)
         by_message.setdefault((pulses.message, carrier.bus), (carrier, []))
     leading = next(row for row in timing if row["joining"] == Joining.INDEX)
     slow = []
-    for found, roles in by_message.values():
-        layout = protected_layout(*found)
-        signals = tuple(_slow_signal(fitted, found.message, layout, role, config) for role, config in roles)
+    for source, roles in by_message.values():
+        layout = protected_layout(*source)
+        signals = tuple(_slow_signal(fitted, source.message, layout, role, config) for role, config in roles)
         energizing = None
-        if pulses is not None and found == carrier:
-            link = databases.links[found.bus]
-            energizing = _energizing(fitted, pulses, link, found.message, layout, leading)
+        if pulses is not None and source == carrier:
+            link = databases.links[source.bus]
+            energizing = _energizing(fitted, pulses, link, source.message, layout, leading)
         slow.append(SlowMessage(layout, signals, energizing))
         tables.add_optional(layout, slow[-1].inputs)
     return tuple(slow)
@@ -180,17 +180,17 @@ def _slow_signal(
     role: OptionalRole,
     config: SlowSignalConfig,
 ) -> SlowSignal:
-    place = fitted.place(f"signals.{role}")
-    with named(place):
+    location = fitted.place(f"signals.{role}")
+    with named(location):
         find_signal(message, config.signal)
     carried, own_unit = OPTIONAL_SIGNALS[role], getattr(config, "unit", None)
     unit, factor, timeout = stated_unit(message, config.signal, own_unit), 1.0, math.inf
     if carried.origins is not None and unit not in carried.origins:
-        raise unknown_unit(place, message, unit, own_unit, carried.origins)
+        raise unknown_unit(location, message, unit, own_unit, carried.origins)
     if carried.units is not None:
-        factor = from_unit(place, message, config.signal, own_unit, carried.units)
+        factor = from_unit(location, message, config.signal, own_unit, carried.units)
     origin = carried.to_si(unit)[1]
-    with named(place):
+    with named(location):
         selection = compile_conditions(message, conditions_of(message, config.signal))
         table = signal_table(message, [config.signal])
     default = (carried.usual(fitted.parameters) - origin) / factor
@@ -220,36 +220,38 @@ def _energizing(
     grid: np.void,
 ) -> EnergizingLayout:
     """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message."""
-    place = fitted.place("signals.energizing")
+    location = fitted.place("signals.energizing")
     roles = map(fitted.config.signals.of, Role)
-    beside = [mapping for mapping in roles if mapping.message == message.name]  # roles that it carries too
-    with named(place):
+    companions = [
+        mapping for mapping in roles if mapping.message == message.name
+    ]  # roles that it carries too
+    with named(location):
         names = signal_names(message, config.names)
         groups = sample_groups(message, names)
-    index = _index(fitted, config, message, beside, grid)
+    index = _index(fitted, config, message, companions, grid)
     if index is not None:
-        with named(place):
+        with named(location):
             require_carried(message, index, groups)
     if len(groups) > 1:
         problem = f"comes in {len(groups)} kinds of frame of {message.name} that take turns"
-        raise UserError(place, problem, "name samples that one frame carries")
+        raise UserError(location, problem, "name samples that one frame carries")
     unit = stated_unit(message, names[0], config.unit)
     factor = None if unit in NO_UNITS else factor_of(unit, TIME_UNITS)
     if factor is None and unit not in NO_UNITS:
         raise UserError(
-            place,
+            location,
             f"unit {unit!r} of {message.name} is neither a time nor that of a level",
             f'add unit = "..." with one of {", ".join(TIME_UNITS)} for a duration, or "-" for a level',
         )
     if factor is not None and len(names) > 1:
         problem = f"names {len(names)} durations a frame of {message.name}"
-        raise UserError(place, problem, "name one; only levels may come as several samples")
-    expected = len(signal_names(message, beside[0].names)) if beside else len(names)
+        raise UserError(location, problem, "name one; only levels may come as several samples")
+    expected = len(signal_names(message, companions[0].names)) if companions else len(names)
     if len(names) not in (1, expected):
         problem = f"names {len(names)} levels a frame, {message.name} has {expected} samples of other signals"
-        raise UserError(place, problem, "name as many, or one")
+        raise UserError(location, problem, "name as many, or one")
     cycle = layout.cycle_time_ns / NANOSECONDS if layout.cycle_time_ns else None
-    if beside or len(names) > 1:
+    if companions or len(names) > 1:
         cycle = expected / fitted.config.sampling.rate_hz
     row = np.zeros((), OPTIONAL_INPUT)
     row["role"], row["is_placed"], row["factor"] = ENERGIZING, index is not None, factor or 1.0
@@ -272,24 +274,24 @@ def _index(
     fitted: BenchInjector,
     config: EnergizingConfig,
     message: Message,
-    beside: Sequence[SignalConfig],
+    companions: Sequence[SignalConfig],
     grid: np.void,
 ) -> str | None:
     """The signal that places the frames on the grid, None where their stamps must."""
     line = fitted.config.signals.of(Role.LINE_PRESSURE)
     on_grid = config.time_base == line.time_base and grid["numbering"] == Numbering.INDEX
-    on_grid = on_grid and all(other.rate_hz in (None, fitted.config.sampling.rate_hz) for other in beside)
+    on_grid = on_grid and all(other.rate_hz in (None, fitted.config.sampling.rate_hz) for other in companions)
     name = config.index
     if name is None and on_grid:
         usual = USUAL_INDEX if any(signal.name == USUAL_INDEX for signal in message.signals) else None
-        name = next((other.index for other in beside if other.index is not None), usual)
+        name = next((other.index for other in companions if other.index is not None), usual)
     if not name:
         return None
-    place = fitted.place("signals.energizing.index")
+    location = fitted.place("signals.energizing.index")
     if not on_grid:
         problem = f"{name} of {message.name} is not the index that the line pressure is numbered by"
-        raise UserError(place, problem, 'set index = "", so that its stamps place it')
-    index_signal(place, message, name)
+        raise UserError(location, problem, 'set index = "", so that its stamps place it')
+    index_signal(location, message, name)
     return name
 
 
@@ -301,7 +303,7 @@ def say_nothing(inputs: Inputs, slow: Sequence[SlowMessage]) -> None:
         for row in inputs.messages[inputs.messages["key"] == key]:
             first = int(row["first_kind"])
             for blank in inputs.kinds["blank"][first : first + int(row["kind_count"])]:
-                for each in message.inputs:
-                    if carries(blank, each.selection, 0, len(each.selection.conditions)):
-                        count = len(each.names)
-                        encode_signals(np.full(count, each.default), each.table[-count:], blank)
+                for entry in message.inputs:
+                    if carries(blank, entry.selection, 0, len(entry.selection.conditions)):
+                        count = len(entry.names)
+                        encode_signals(np.full(count, entry.default), entry.table[-count:], blank)

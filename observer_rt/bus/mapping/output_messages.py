@@ -76,19 +76,19 @@ class RateMessage:
     samples: int
 
 
-def output_message(message: Message, known: Sequence[str], bus: int = 0) -> OutputMessage:
-    """The message, sent on the bus of this number, with those of the `known` signals that it has.
+def output_message(message: Message, signals: Sequence[str], bus: int = 0) -> OutputMessage:
+    """The message, sent on the bus of this number, with those of the `signals` signals that it has.
 
     Raises `UserError`: its protection is not supported, or a signal cannot be encoded.
     """
     present = {signal.name for signal in message.signals}
-    conditions = {name: conditions_of(message, name) for name in known if name in present}
+    conditions = {name: conditions_of(message, name) for name in signals if name in present}
     kinds = frame_kinds(conditions.values())
     pages = []
     for kind in kinds:
         names = tuple(name for name, needed in conditions.items() if meets(kind, needed))
         held = frozenset(Condition(selector, frozenset({value})) for selector, value in kind.items())
-        places = np.array([known.index(name) for name in names], np.int64)
+        places = np.array([signals.index(name) for name in names], np.int64)
         selection = compile_conditions(message, held)
         pages.append(
             OutputPage(names, signal_table(message, names), blank_frame(message, kind), places, selection)

@@ -57,7 +57,7 @@ class OutputSignal:
     remedy: str = "nothing"
 
     def sent(self, value: Any) -> Any:
-        """A value (SI; None: there is none) as it is sent, in the database's unit."""
+        """A value (SI; None: no value) as it is sent, in the database's unit."""
         if self.quantity is not None:
             return math.nan if value is None else value / self.quantity.si
         return (value or 0) & ((1 << self.bits) - 1) if self.wraps else value or 0

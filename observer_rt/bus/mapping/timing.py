@@ -56,17 +56,15 @@ class Numbering(IntEnum):
     STAMPS = 3  # nothing but when they are received
 
 
-class Following(NamedTuple):
-    """Relation of a message to the grid: the roles (bits) that follow it, samples of the grid between two of its own,
-    distance of two of them [samples of the grid] that is bridged, whether its last one is held as long; by how many
-    samples of the grid its values are earlier than its samples, and whether these are on the grid."""
+class GridRelation(NamedTuple):
+    """Relation of a message's samples to the grid; distances in samples of the grid."""
 
-    roles: int
-    spacing: float
-    reach: float
-    holds: bool
-    early: float = 0.0
-    on_grid: bool = False
+    roles: int  # bits of those that are joined by it
+    spacing: float  # from one sample of the message to the next
+    reach: float  # longest distance of two of its samples that is bridged
+    holds: bool  # whether its last sample is held as long
+    early: float = 0.0  # by how much its values are earlier than its samples
+    on_grid: bool = False  # whether its samples are those of the grid
 
 
 def map_timing(
@@ -102,17 +100,17 @@ def map_timing(
     return rows
 
 
-def following(
+def grid_relations(
     fitted: BenchInjector, timing: NDArray[np.void], roles: Sequence[int]
-) -> list[Following | None]:
+) -> list[GridRelation | None]:
     """Relation of each message to the grid, None where all of it is on it; `roles` (bits) of each.
 
-    What is a mean lies half a sample period before its sample, what a filter delays by the stated time; the line
-    pressure stays: the model's is averaged and delayed.
+    The value of a mean is that of half a sample period earlier, a filtered value that of the stated delay earlier.
+    The line pressure stays where it is: the model's is averaged and delayed instead.
     """
     config = fitted.config
     is_mean = config.sampling.meaning is Meaning.MEAN
-    result: list[Following | None] = []
+    result: list[GridRelation | None] = []
     for row, bits in zip(timing, roles, strict=True):
         spacing = float(row["steps"])
         delays = (  # of its roles, as stated of their message
@@ -126,12 +124,12 @@ def following(
         if row["joining"] in (Joining.INDEX, Joining.NEAREST):
             others = int(bits) & ~(1 << ROLES.index(Role.LINE_PRESSURE))
             follows = early != 0.0 and others != 0
-            result.append(Following(others, spacing, reach, False, early, True) if follows else None)
+            result.append(GridRelation(others, spacing, reach, False, early, True) if follows else None)
             continue
         is_slow = bool(row["steps"] > 1)
         if is_slow:
             reach = float(row["hold"]) * config.sampling.rate_hz
-        result.append(Following(int(bits), spacing, reach, is_slow, early))
+        result.append(GridRelation(int(bits), spacing, reach, is_slow, early))
     return result
 
 
@@ -142,28 +140,28 @@ def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]
     """
     index = _agreed(fitted, message, roles, "index")
     counter = _agreed(fitted, message, roles, "counter")
-    known = {signal.name for signal in message.signals}
-    if index is None and counter is None and USUAL_INDEX in known:
+    names = {signal.name for signal in message.signals}
+    if index is None and counter is None and USUAL_INDEX in names:
         index = USUAL_INDEX
     if index:
         if counter is not None:
             raise UserError(
-                _place(fitted, roles, "counter"),
+                _location(fitted, roles, "counter"),
                 f"message {message.name} has an index, {index}, which distinguishes its frames already",
                 "leave out 'counter', or set index = \"\"",
             )
-        return index_signal(_place(fitted, roles, "index"), message, index)
+        return index_signal(_location(fitted, roles, "index"), message, index)
     if not counter:
         return None
-    place = _place(fitted, roles, "counter")
-    if counter not in known:
+    location = _location(fitted, roles, "counter")
+    if counter not in names:
         raise UserError(
-            place, f"message {message.name} has no signal {counter!r}", "name the one that counts"
+            location, f"message {message.name} has no signal {counter!r}", "name the one that counts"
         )
     signal = find_signal(message, counter)
     if (signal.is_signed, signal.scale, signal.offset) != (False, 1, 0) or signal.length > LONGEST_COUNTER:
         raise UserError(
-            place,
+            location,
             f"{counter} of message {message.name} is no unsigned number of at most {LONGEST_COUNTER} bits in steps "
             "of 1",
             "name such a signal, which counts all its codes through",
@@ -171,14 +169,14 @@ def number_signal(fitted: BenchInjector, message: Message, roles: Sequence[Role]
     return signal
 
 
-def index_signal(place: str, message: Message, name: str) -> Signal:
+def index_signal(location: str, message: Message, name: str) -> Signal:
     """The signal `name` that is to be the sample index of a message.
 
-    Raises `UserError` at `place`, a key of the bench file, when there is none, or one that cannot serve.
+    Raises `UserError` at `location`, a key of the bench file, if it is missing or cannot serve as an index.
     """
     if not any(signal.name == name for signal in message.signals):
         raise UserError(
-            place,
+            location,
             f"message {message.name} has no signal {name!r} that carries its sample index",
             'name the signal with the index of the frame\'s first sample, or set index = "" for a message '
             "without one: its frames are then counted",
@@ -186,7 +184,7 @@ def index_signal(place: str, message: Message, name: str) -> Signal:
     signal = find_signal(message, name)
     if (signal.length, signal.is_signed, signal.scale, signal.offset) != (INDEX_BITS, False, 1, 0):
         raise UserError(
-            place,
+            location,
             f"{name} of message {message.name} is no unsigned number of {INDEX_BITS} bits in steps of 1",
             "name such a signal; one that wraps earlier can be named as 'counter' when it counts frames",
         )
@@ -234,19 +232,19 @@ def _steps(fitted: BenchInjector, message: Message, roles: Sequence[Role]) -> in
     """Samples of the grid from one sample of the message to its next."""
     rate = fitted.config.sampling.rate_hz
     stated: float | None = _agreed(fitted, message, roles, "rate_hz")
-    place = _place(fitted, roles, "rate_hz")
+    location = _location(fitted, roles, "rate_hz")
     if stated is None:
         return 1
     ratio = rate / stated
     if ratio < 1.0 - RATIO_TOLERANCE or abs(ratio - round(ratio)) > RATIO_TOLERANCE * ratio:
         raise UserError(
-            place,
+            location,
             f"{stated:g} Hz is no whole fraction of sampling.rate_hz = {rate:g}",
             f"use {rate / max(1, round(ratio)):g}",
         )
     if round(ratio) > 1 and tuple(roles) != (Role.RAIL_PRESSURE,):
         raise UserError(
-            place,
+            location,
             f"only a message with nothing but the rail pressure can be slower, {message.name} carries "
             f"{', '.join(roles)}",
             "needle lift and line pressure must be sampled at sampling.rate_hz",
@@ -259,23 +257,23 @@ def _set_hold(
 ) -> None:
     stated = _agreed(fitted, message, roles, "max_hold_ms")
     cycle = samples * float(row["interval"])
-    place = _place(fitted, roles, "max_hold_ms")
+    location = _location(fitted, roles, "max_hold_ms")
     if row["steps"] == 1:
         if stated is not None:
             problem = "is only for a signal slower than the others"
-            raise UserError(place, problem, "leave it out, or state its rate_hz")
+            raise UserError(location, problem, "leave it out, or state its rate_hz")
         return
     hold = HELD_CYCLES * cycle if stated is None else stated * MILLISECOND
     longest = SLOTS // 2 / fitted.config.sampling.rate_hz
     if not cycle <= hold:
         raise UserError(
-            place,
+            location,
             f"is shorter than the {cycle / MILLISECOND:g} ms from frame to frame",
             "make it longer than that",
         )
     if hold > longest:
         raise UserError(
-            place if stated is not None else _place(fitted, roles, "rate_hz"),
+            location if stated is not None else _location(fitted, roles, "rate_hz"),
             f"samples would have to wait {hold / MILLISECOND:g} ms for it, at most {longest / MILLISECOND:.3g} are "
             f"possible at {fitted.config.sampling.rate_hz:g} Hz",
             "state a shorter max_hold_ms"
@@ -285,7 +283,7 @@ def _set_hold(
     row["hold"] = hold
 
 
-def _place(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:
+def _location(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:
     """Place in the bench file of a key of the roles of a message, of the first where none of them states it."""
     stating = (role for role in roles if getattr(fitted.config.signals.of(role), key) is not None)
     return fitted.place(f"signals.{next(stating, roles[0])}.{key}")

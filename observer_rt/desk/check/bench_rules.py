@@ -52,7 +52,9 @@ def bench_findings(
     try:
         mapped = map_bench(bench)
         maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
-        findings += _each(bench, lambda fitted: mapping_findings(fitted, maps[fitted.name], mapped.known))
+        findings += _each(
+            bench, lambda fitted: mapping_findings(fitted, maps[fitted.name], mapped.database_messages)
+        )
         findings += buses_findings(bench, mapped)
         findings += _each(bench, lambda fitted: time_findings(maps[fitted.name]))
     except UserError as error:
@@ -66,7 +68,7 @@ def of_each(bench: Bench, found: Callable[[Bench], list[Finding]]) -> list[Findi
     """Findings about every injector, with its name where there are several."""
     return [
         replace(finding, text=f"{alone.injector.name}: {finding.text}") if alone.injector.name else finding
-        for alone in bench.each
+        for alone in bench.per_injector
         for finding in found(alone)
     ]
 

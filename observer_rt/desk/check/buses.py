@@ -99,7 +99,7 @@ def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
     used = {(layout.name, layout.bus) for layout in mapped.layouts}
     others = [
         message
-        for message in mapped.known
+        for message in mapped.database_messages
         if message.key in owners and (message.name, message.bus) not in used
     ]
     for message in others:
@@ -134,7 +134,7 @@ def _place_of(bench: Bench, mapped: BenchMap, layouts: Sequence[MessageLayout]) 
 def _databases(mapped: BenchMap) -> Iterator[Said]:
     """Names that several databases define, and what is wrong with those read leniently."""
     for layout in mapped.layouts:
-        named = [message for message in mapped.known if message.name == layout.name]
+        named = [message for message in mapped.database_messages if message.name == layout.name]
         of_bus = [message for message in named if message.bus == layout.bus]
         files = [str(message.path) for message in of_bus or named]
         if len(files) > 1:

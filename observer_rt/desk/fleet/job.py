@@ -74,7 +74,7 @@ def hashed(path: Path) -> str | FailedFile:
 def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
     """The file's injections as rows of `SCHEMA`, of every injector of the bench."""
     try:
-        rows = (row for alone in task.bench.each for row in _rows(task, path, sha256, alone))
+        rows = (row for alone in task.bench.per_injector for row in _rows(task, path, sha256, alone))
         return _table(rows)
     except ObserverError as error:
         return FailedFile(path, sha256, str(error))

@@ -151,7 +151,7 @@ class Watching:
     """All daemons of a bench."""
 
     def __init__(self, bench: Bench) -> None:
-        self.readers = [DaemonReader(alone) for alone in bench.each]
+        self.readers = [DaemonReader(alone) for alone in bench.per_injector]
         self._full_since: dict[str, int] = {}
 
     def close(self) -> None:

@@ -118,7 +118,7 @@ class Core:
                 make_timekeeping(
                     bus.inputs.timing, bus.inputs.streams["samples"], stream_of(bus, Role.LINE_PRESSURE)
                 ),
-                make_alignment(bus.following, dead_band(noise.needle_lift)[0], observer.recorded),
+                make_alignment(bus.grid_relations, dead_band(noise.needle_lift)[0], observer.recorded),
                 observer,
                 make_publisher(bus.rate, may_learn),
             )

@@ -34,7 +34,7 @@ def sized(effect_id: str, **values: float) -> SizedEffect:
 
 
 def sized_in_force(effect: EffectInForce) -> SizedEffect:
-    """An effect of the injector file, its values in SI. Raises KeyError for what is not in the vocabulary."""
+    """An effect of the injector file, its values in SI. Raises KeyError for an id that is not in the vocabulary."""
     by_name = {p.name: p for p in VOCABULARY[effect.id].parameters}
     values = {name: printed.value * by_name[name].si for name, printed in effect.parameters.items()}
     return sized(effect.id, **values)
@@ -43,7 +43,7 @@ def sized_in_force(effect: EffectInForce) -> SizedEffect:
 def effective_model(parameters: InjectorParameters, effects: Sequence[SizedEffect] = ()) -> EffectiveModel:
     """The model of an injector with the effects and terms in force in its file, and with `effects` besides.
 
-    An effect that is in both acts twice: what is added is relative to the model in force.
+    An effect that is in both acts twice: additions are relative to the model in force.
     """
     terms = tuple(stated.term for stated in parameters.terms)
     model = EffectiveModel(parameters.model_copy(update={"effects": (), "terms": ()}), terms=terms)

@@ -11,7 +11,7 @@ Friction at the wall depends on how the flow changed before (Zielke 1968): a bou
 part in the flow, as inertance of some percent. For times far shorter than R^2/nu_w it pulls with sqrt(nu_w)/R times
 the flow's changes weighted by 2/sqrt(pi time), here a sum of exponentials, and of the mean flow of the line.
 
-x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_k: what is remembered of the flow].
+x = [p_n, q_n, p_S, p_1 .. p_(n-1), q_1 .. q_(n-1), p_n a step before, w_1 .. w_k: the memory of the flow].
 """
 
 import math
@@ -181,8 +181,8 @@ class WaveLine(_WaveCoefficients):
     def substeps(self, of_sac: int, interval: float) -> int:
         """Implicit ones: a few in each step of the line while they resolve the sac, one where it is too fast."""
         steps = steps_in(interval)
-        each = math.ceil(of_sac / steps)
-        return steps * (each if each <= MOST_OF_A_STEP else 1)
+        substeps = math.ceil(of_sac / steps)
+        return steps * (substeps if substeps <= MOST_OF_A_STEP else 1)
 
     def strain(self, interval: float) -> float:
         """See `interface.Line`."""
@@ -283,11 +283,11 @@ class MeanWaveLine(WaveLine):
         """Transition by the steps themselves, without friction, of an integral that begins anew."""
         steps = steps_in(interval)
         step = interval / steps
-        one = self.one_step(step)
-        size = len(one)
+        one_step = self.one_step(step)
+        size = len(one_step)
         with_mean = np.zeros((size + 1, size + 1))  # the integral comes last, after the rail pressure
-        with_mean[:size, :size] = one
-        with_mean[size, :size] = 0.5 * step * (one[0] + np.eye(size)[0])
+        with_mean[:size, :size] = one_step
+        with_mean[size, :size] = 0.5 * step * (one_step[0] + np.eye(size)[0])
         with_mean[size, size] = 1.0
         moved = np.linalg.matrix_power(with_mean, steps)
         order = [*range(size - 1), size]

@@ -1,7 +1,7 @@
 """Terms are tried over all an injector may meet, so that none makes the model unstable or a flow run backwards.
 
-At run time a term is held within its equation's bounds. What is far beyond them somewhere, or undefined, is refused.
-Of what feeds back on itself little is allowed: with the line of the nominal injector each limit lets a disturbance
+At run time a term is held within its equation's bounds. One that is far beyond them somewhere, or undefined, is
+refused. Feedback of a term on itself is limited: with the line of the nominal injector each limit lets a disturbance
 grow by a factor of e in 11 ms, where nothing else damps it.
 """
 

@@ -44,8 +44,8 @@ class _Check:
         """The unit of a law; refuses what does not fit in it."""
         match law:
             case Number(_, name):
-                found = unit_named(name)
-                return None if found is None else found[1]
+                factor_and_unit = unit_named(name)
+                return None if factor_and_unit is None else factor_and_unit[1]
             case Coefficient():
                 return self.coefficient or Unit(c=1.0)
             case Quantity(variable):
@@ -53,9 +53,11 @@ class _Check:
             case Lagged(argument) | Ringing(argument):
                 return self.unit_of(argument)
             case Tabulated(argument, points, values):
-                place = self.unit_of(argument)
+                point_unit = self.unit_of(argument)
                 for point in points:
-                    self.alike(place, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}")
+                    self.alike(
+                        point_unit, self.unit_of(point), f"in '{law}', '{argument}'", f"the point {point}"
+                    )
                 unit = self.unit_of(values[0])
                 for value in values[1:]:
                     unit = self.alike(unit, self.unit_of(value), f"in '{law}', {values[0]}", f"{value}")
@@ -64,23 +66,23 @@ class _Check:
                 return self._of_operation(law, operation, arguments)
         raise TypeError(f"no law: {law!r}")
 
-    def alike(self, one: Unit | None, other: Unit | None, first: str, second: str) -> Unit | None:
-        """The unit that both have; refuses those that differ. first, second: what has them."""
-        if one is None or other is None:
-            return one or other
-        if one.c != other.c and self.coefficient is None:
-            rest = other._replace(c=0.0).times(one._replace(c=0.0), -1.0)
-            self.coefficient = rest.to(1.0 / (one.c - other.c))
-        one, other = self._known(one), self._known(other)
-        if one != other:
+    def alike(self, left: Unit | None, right: Unit | None, first: str, second: str) -> Unit | None:
+        """The unit of two operands; refuses units that differ. first, second: the operands as text."""
+        if left is None or right is None:
+            return left or right
+        if left.c != right.c and self.coefficient is None:
+            remaining = right._replace(c=0.0).times(left._replace(c=0.0), -1.0)
+            self.coefficient = remaining.to(1.0 / (left.c - right.c))
+        left, right = self._resolved(left), self._resolved(right)
+        if left != right:
             raise UserError(
                 "units",
-                f"{first} is in {one}, {second} is in {other}",
+                f"{first} is in {left}, {second} is in {right}",
                 "give a number the missing unit, such as 100[MPa], or correct the law",
             )
-        return one
+        return left
 
-    def _known(self, unit: Unit) -> Unit:
+    def _resolved(self, unit: Unit) -> Unit:
         """The unit with that of `c` put in."""
         if self.coefficient is None:
             return unit

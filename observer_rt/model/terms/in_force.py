@@ -59,9 +59,9 @@ class TermInForce(BaseModel):
             from observer_rt.model.terms.dimensions import coefficient_unit  # optional: [[terms]]
 
             low, high = term.interval or (None, None)
-            known = coefficient_unit(term.equation, term.law)
+            own_unit = coefficient_unit(term.equation, term.law)
             stated = TermCoefficient(
-                value=term.coefficient, unit=str(known or unit or PURE), low=low, high=high
+                value=term.coefficient, unit=str(own_unit or unit or PURE), low=low, high=high
             )
         ranges = {one.word: seen[one] for one in sorted(term.law.variables & set(seen))}
         return cls(equation=term.equation, law=str(term.law), coefficient=stated, seen=ranges, **why)
@@ -101,20 +101,20 @@ class TermInForce(BaseModel):
 
     @property
     def range_seen(self) -> SeenRange:
-        """The range of every variable. Raises `UserError` for what is none."""
+        """The range of every variable. Raises `UserError` for an entry that is no range."""
         for name, (low, high) in self.seen.items():
             if name not in VARIABLES or not low < high:
-                known = did_you_mean(name, VARIABLES) if name not in VARIABLES else ""
-                raise UserError(f"seen.{name}", "is no range of a variable", f"{known}give [lowest, highest]")
+                meant = did_you_mean(name, VARIABLES) if name not in VARIABLES else ""
+                raise UserError(f"seen.{name}", "is no range of a variable", f"{meant}give [lowest, highest]")
         return {VARIABLES[name]: ends for name, ends in self.seen.items()}
 
     def _sized(self, stated: TermCoefficient, needed: object) -> tuple[float, tuple[float, float] | None]:
         """Value and interval of `c` in the units of laws."""
-        found = unit_named(stated.unit)
-        if found is None:
-            known = f"{did_you_mean(stated.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}"
-            raise UserError("coefficient.unit", f"unknown unit '{stated.unit}'", known)
-        scale, unit = found
+        factor_and_unit = unit_named(stated.unit)
+        if factor_and_unit is None:
+            remedy = f"{did_you_mean(stated.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}"
+            raise UserError("coefficient.unit", f"unknown unit '{stated.unit}'", remedy)
+        scale, unit = factor_and_unit
         if needed is not None and unit != needed:
             raise UserError("coefficient.unit", f"is '{stated.unit}'", f"give it in '{needed}'")
         between = (

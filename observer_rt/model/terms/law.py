@@ -145,8 +145,8 @@ class Number(Law):
     @property
     def reckoned(self) -> float:
         """Value in the units of `variable`."""
-        found = unit_named(self.unit)
-        return self.value if found is None else self.value * found[0]
+        factor_and_unit = unit_named(self.unit)
+        return self.value if factor_and_unit is None else self.value * factor_and_unit[0]
 
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         return np.float64(self.reckoned)
@@ -256,8 +256,8 @@ class Tabulated(Law):
         return Tabulated(self.argument.settled(), self.points, self.values)
 
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        knots, found = ([one.reckoned for one in each] for each in (self.points, self.values))
-        return np.interp(self.argument._at(values, c, memory), knots, found)
+        points, heights = ([number.reckoned for number in row] for row in (self.points, self.values))
+        return np.interp(self.argument._at(values, c, memory), points, heights)
 
 
 ZERO, ONE = Number(0.0), Number(1.0)

@@ -1,4 +1,4 @@
-"""The language of laws, from text to tree; what is wrong is reported with its column, and what was expected there.
+"""The language of laws, from text to tree; errors are reported with their column, and with what was expected there.
 
 comparison = sum [(">" | "<") sum]
 sum        = product {("+" | "-") product}
@@ -52,7 +52,7 @@ class _Token(NamedTuple):
 
 
 def parse(text: str) -> Law:
-    """The law a text states. Raises `UserError` naming the column, what is wrong there and what was expected."""
+    """The law a text states. Raises `UserError` naming the column, the error and what was expected."""
     if len(text) > LONGEST:
         raise UserError(
             f"column {LONGEST}", f"the law is longer than {LONGEST} characters", "make it shorter"
@@ -66,13 +66,13 @@ def parse(text: str) -> Law:
 
 class _Parser:
     def __init__(self, text: str) -> None:
-        self._text, self._place, self._depth = text, 0, 0
+        self._text, self._position, self._depth = text, 0, 0
         self.token = self._next()
 
     def refuse(self, expected: str) -> NoReturn:
         """Raise `UserError` for the token at hand."""
-        found = "the law ends" if self.token.kind == "end" else f"found '{self.token.text}'"
-        raise UserError(f"column {self.token.column}", f"{found}, expected {expected}", "correct the law")
+        actual = "the law ends" if self.token.kind == "end" else f"found '{self.token.text}'"
+        raise UserError(f"column {self.token.column}", f"{actual}, expected {expected}", "correct the law")
 
     def comparison(self) -> Law:
         """Parse a comparison and all that binds tighter. Raises `UserError` for one nested too deep or no law."""
@@ -204,12 +204,12 @@ class _Parser:
         numbers: list[Number] = []
         while self._taken(","):
             sign = -1.0 if self._taken("-") else 1.0
-            one = self._number("a point or a value of the table, a number")
-            numbers.append(Number(sign * one.value, one.unit))
+            number = self._number("a point or a value of the table, a number")
+            numbers.append(Number(sign * number.value, number.unit))
         points, values = tuple(numbers[::2]), tuple(numbers[1::2])
         if len(values) < 2 or len(points) != len(values):
             self.refuse("a point and a value of it, two times or more")
-        if any(one.reckoned >= other.reckoned for one, other in pairwise(points)):
+        if any(number.reckoned >= other.reckoned for number, other in pairwise(points)):
             raise UserError(
                 f"column {self.token.column}", "the points of the table do not rise", "put them in order"
             )
@@ -217,19 +217,19 @@ class _Parser:
 
     def _taken(self, *signs: str) -> str:
         """The sign at hand, where it is one of these; then it is behind us."""
-        found = self.token.text
-        if self.token.kind != "sign" or found not in signs:
+        sign = self.token.text
+        if self.token.kind != "sign" or sign not in signs:
             return ""
         self.token = self._next()
-        return found
+        return sign
 
     def _demand(self, sign: str) -> None:
         if not self._taken(sign):
             self.refuse(f"'{sign}'")
 
     def _next(self) -> _Token:
-        found = _TOKEN.match(self._text, self._place)
-        assert found is not None  # the last alternatives take anything
-        kind = "number" if found["number"] else str(found.lastgroup)
-        self._place = found.end()
-        return _Token(kind, found[kind], found.start(kind) + 1, (found["unit"] or "").strip())
+        match = _TOKEN.match(self._text, self._position)
+        assert match is not None  # the last alternatives take anything
+        kind = "number" if match["number"] else str(match.lastgroup)
+        self._position = match.end()
+        return _Token(kind, match[kind], match.start(kind) + 1, (match["unit"] or "").strip())

@@ -1,6 +1,6 @@
 """Terms as one program that compiled code runs, without compiling anything anew for another law.
 
-A program is postfix: rows (operation, operand), the end of a term adds what is on the stack to its equation's total.
+A program is postfix: rows (operation, operand), the end of a term adds the top of the stack to its equation's total.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,37 +32,37 @@ _RINGING = _NUMBER + 3  # behind two numbers, frequency in kHz and damping
 _END = _NUMBER + 4  # of a term of this equation
 
 
-def program_of(terms: Sequence[Term], known: Mapping[Variable, float] = MappingProxyType({})) -> Numbers:
+def program_of(terms: Sequence[Term], fixed: Mapping[Variable, float] = MappingProxyType({})) -> Numbers:
     """The program (n, 2) of these terms, the sensor's last; no rows for no terms.
 
-    known: variables that stay as they are.
+    fixed: variables that stay as they are.
     """
     rows: list[tuple[float, float]] = []
     for term in sorted(terms, key=lambda term: term.equation is TermEquation.LINE_PRESSURE_SENSOR):
-        rows.extend(_rows(term.law, term.coefficient, known))
+        rows.extend(_rows(term.law, term.coefficient, fixed))
         rows.append((_END, term.equation.number))
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
-def _rows(law: Law, c: float, known: Mapping[Variable, float]) -> Iterator[tuple[float, float]]:
+def _rows(law: Law, c: float, fixed: Mapping[Variable, float]) -> Iterator[tuple[float, float]]:
     match law:
         case Number():
             yield _NUMBER, law.reckoned
         case Coefficient():
             yield _NUMBER, c
         case Quantity(variable):
-            yield (_NUMBER, known[variable]) if variable in known else (_VARIABLE, variable)
+            yield (_NUMBER, fixed[variable]) if variable in fixed else (_VARIABLE, variable)
         case Lagged(argument, milliseconds):
-            yield from _rows(argument, c, known)
+            yield from _rows(argument, c, fixed)
             yield _LAG, milliseconds
         case Ringing(argument, kilohertz, damping):
-            yield from _rows(argument, c, known)
+            yield from _rows(argument, c, fixed)
             yield _NUMBER, kilohertz
             yield _NUMBER, damping
             yield _RINGING, 0.0
         case Tabulated():
-            yield from _rows(law.spelled, c, known)
+            yield from _rows(law.spelled, c, fixed)
         case Applied(operation, arguments):
             for argument in arguments:
-                yield from _rows(argument, c, known)
+                yield from _rows(argument, c, fixed)
             yield operation, 0.0

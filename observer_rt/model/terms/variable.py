@@ -13,7 +13,7 @@ _FACTOR = re.compile(r"([*/]?)(-|1|[A-Za-z]+[23]?)(?:\^(-?\d+(?:\.\d+)?))?")
 class Unit(NamedTuple):
     """Powers of the units laws are reckoned in, and of the unit of the coefficient `c`.
 
-    Seconds are not milliseconds: nothing is converted, so that what is in s and what is in ms cannot be added.
+    Seconds are not milliseconds: nothing is converted, so that s and ms cannot be added.
     """
 
     mm: float = 0.0
@@ -64,16 +64,16 @@ UNIT_NAMES = tuple(_KNOWN)
 
 
 def unit_named(text: str) -> tuple[float, Unit] | None:
-    """Factor and unit of `text`, such as `mm3/ms/MPa^0.5`, in the units of laws; None if it is none."""
-    scale, unit, place, text = 1.0, PURE, 0, text.replace(" ", "")
-    while place < len(text):
-        found = _FACTOR.match(text, place)
-        if found is None or found[2] not in _KNOWN or (place == 0) == bool(found[1]):
+    """Factor and unit of `text`, such as `mm3/ms/MPa^0.5`, in the units of laws; None if it is no unit."""
+    scale, unit, position, text = 1.0, PURE, 0, text.replace(" ", "")
+    while position < len(text):
+        match = _FACTOR.match(text, position)
+        if match is None or match[2] not in _KNOWN or (position == 0) == bool(match[1]):
             return None
-        power = float(found[3] or 1.0) * (-1.0 if found[1] == "/" else 1.0)
-        size, one = _KNOWN[found[2]]
-        scale, unit, place = scale * size**power, unit.times(one, power), found.end()
-    return (scale, unit) if place else None
+        power = float(match[3] or 1.0) * (-1.0 if match[1] == "/" else 1.0)
+        size, base = _KNOWN[match[2]]
+        scale, unit, position = scale * size**power, unit.times(base, power), match.end()
+    return (scale, unit) if position else None
 
 
 PRESSURE, FLOW, LIFT, DURATION = Unit(MPa=1.0), Unit(mm=3.0, ms=-1.0), Unit(mm=1.0), Unit(ms=1.0)

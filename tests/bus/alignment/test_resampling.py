@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from observer_rt.bus.alignment.alignment import is_stale, make_alignment, make_recorded
 from observer_rt.bus.mapping.input_tables import MAX_INPUTS, ROLES
-from observer_rt.bus.mapping.timing import SLOTS, Following
+from observer_rt.bus.mapping.timing import SLOTS, GridRelation
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import decide_samples, follow_grid, place_samples, store_value
 from observer_rt.foundation.continuity import Break
@@ -20,9 +20,9 @@ from tests.bus.alignment.alignment_driver import CLOSED_LIFT, LIFT, Row, take_ro
 
 RAIL = ROLES.index(Role.RAIL_PRESSURE)
 GRID, FOLLOWER = 0, 1
-FULL_RATE = Following(1 << RAIL, 1.0, 3.0, False)
-LIFT_ALONE = Following(1 << LIFT, 1.0, 3.0, False)
-SLOW = Following(1 << RAIL, 20.0, 50.0, True)
+FULL_RATE = GridRelation(1 << RAIL, 1.0, 3.0, False)
+LIFT_ALONE = GridRelation(1 << LIFT, 1.0, 3.0, False)
+SLOW = GridRelation(1 << RAIL, 20.0, 50.0, True)
 
 
 def line(position: float) -> float:
@@ -33,9 +33,9 @@ def line(position: float) -> float:
 class Joined:
     """Line pressure and lift on the grid, the rail pressure beside it."""
 
-    def __init__(self, following: Following) -> None:
-        self._alignment = make_alignment([None, following], CLOSED_LIFT, make_recorded())
-        self._roles = following.roles
+    def __init__(self, relation: GridRelation) -> None:
+        self._alignment = make_alignment([None, relation], CLOSED_LIFT, make_recorded())
+        self._roles = relation.roles
         self.rows: list[Row] = []
 
     def is_stale(self) -> bool:
@@ -215,7 +215,7 @@ def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
 def test_means_on_the_grid_count_half_a_sample_before() -> None:
     """Rail pressure and lift of one message with the line pressure, whose samples are means."""
     alignment = make_alignment(
-        [Following(1 << RAIL | 1 << LIFT, 1.0, 3.0, False, 0.5, True)], CLOSED_LIFT, make_recorded()
+        [GridRelation(1 << RAIL | 1 << LIFT, 1.0, 3.0, False, 0.5, True)], CLOSED_LIFT, make_recorded()
     )
     values = np.zeros(MAX_INPUTS)
     for start in range(0, 60, 5):

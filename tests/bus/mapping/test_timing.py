@@ -46,7 +46,7 @@ def test_how_the_rail_pressure_is_joined(
     row = bus.inputs.timing[stream_of(bus, Role.RAIL_PRESSURE)]
     assert (row["joining"], row["numbering"]) == (joining, numbering)
     assert bus.inputs.timing[stream_of(bus, Role.LINE_PRESSURE)]["joining"] == Joining.INDEX
-    follows = bus.following[stream_of(bus, Role.RAIL_PRESSURE)]
+    follows = bus.grid_relations[stream_of(bus, Role.RAIL_PRESSURE)]
     assert (follows is None) == (joining in (Joining.INDEX, Joining.NEAREST))
 
 
@@ -63,7 +63,7 @@ def test_slower_signal_is_held_for_two_and_a_half_frames_unless_stated(tmp_path:
     rail = 'message = "Rail"\ntime_base = "ecu"\nrate_hz = 1e3\n'
     for lines, reach in ((rail, 50.0), (rail + "max_hold_ms = 4", 80.0)):
         bus = timed(tmp_path, lines)
-        follows = bus.following[stream_of(bus, Role.RAIL_PRESSURE)]
+        follows = bus.grid_relations[stream_of(bus, Role.RAIL_PRESSURE)]
         assert follows is not None
         assert follows.reach == pytest.approx(reach)
 
@@ -100,7 +100,7 @@ def test_refusals_of_the_rail_pressure(
 def test_a_stated_delay_moves_the_samples(tmp_path: Path, rail: str, moved: float) -> None:
     """At 20 kHz; the line pressure, which is the grid, stays."""
     bus = timed(tmp_path, rail, line=LINE_LIFT, lift=f"{LINE_LIFT}\nfilter_delay_us = 30")
-    follows, beside = (bus.following[stream_of(bus, r)] for r in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT))
+    follows, beside = (bus.grid_relations[stream_of(bus, r)] for r in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT))
     assert follows is not None
     assert follows.early == pytest.approx(moved)
     assert beside is not None

@@ -35,7 +35,7 @@ def daemons_of(path: Path, frames: Sequence[TimedFrame], slower: float = 0.0) ->
     """A daemon for each injector of a bench, all on one bus, that may be asked as a page does."""
     with ExitStack() as stack:
         daemons = []
-        for alone in load_bench(path).each:
+        for alone in load_bench(path).per_injector:
             daemons.append(daemon := HeardDaemon(alone, PacedLink(frames, slower)))
             place = socket_places(alone.injector)[0]
             stack.enter_context(control_socket(place, {SNAPSHOT: daemon.snapshots.answer}))

@@ -24,7 +24,7 @@ def watching(path: Path, answers: Answers | None = None) -> Iterator[Watching]:
     """The page's view of a bench, whose daemons answer like this, by their injectors."""
     bench = load_bench(path)
     with ExitStack() as stack:
-        for alone in bench.each:
+        for alone in bench.per_injector:
             if (answer := (answers or {}).get(alone.injector.name)) is not None:
                 stack.enter_context(control_socket(socket_places(alone.injector)[0], {SNAPSHOT: answer}))
         view = Watching(bench)

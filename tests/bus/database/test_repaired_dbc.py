@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.bus.database.catalogue import load_database, mended_dbc, overlooked
+from observer_rt.bus.database.catalogue import load_database, overlooked, repaired_dbc
 from observer_rt.foundation.errors import UserError
 from tests.bus.database.random_databases import RandomMessage, multiplexed_messages, plain_messages
 
@@ -105,9 +105,9 @@ def test_the_reason_why_leniency_does_not_help_is_said_too(tmp_path: Path) -> No
 @given(message=plain_messages() | multiplexed_messages(), ends=st.sampled_from(("\n", "\r\n")))
 def test_a_correct_database_stays_as_it_is(message: RandomMessage, ends: str) -> None:
     text = message.text().replace("\n", ends)
-    assert mended_dbc(text) == (text, ())
+    assert repaired_dbc(text) == (text, ())
 
 
 @given(st.text(alphabet='BOSGVAL_ 0123456789:|@+"\\;\nab', max_size=300))
 def test_any_text_is_answered(text: str) -> None:
-    mended_dbc(f'BO_ 5000 A: 8 X\n SG_ B : 0|8@1+ (1,0) [0|0] "" X\n{text}')
+    repaired_dbc(f'BO_ 5000 A: 8 X\n SG_ B : 0|8@1+ (1,0) [0|0] "" X\n{text}')

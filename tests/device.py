@@ -227,9 +227,9 @@ class Result:
     @property
     def summaries(self) -> list[dict[str, float]]:
         """`InjectionSummary` frames, decoded, their protection checked."""
-        found = [frame for frame in self.frames if frame.frame_id == SUMMARY.frame_id]
-        assert all(e2e.p05.e2e_p05_check(f.payload, SUMMARY.frame_id, length=48) for f in found)
-        return [SUMMARY.decode(frame.payload, decode_choices=False) for frame in found]
+        frames = [frame for frame in self.frames if frame.frame_id == SUMMARY.frame_id]
+        assert all(e2e.p05.e2e_p05_check(f.payload, SUMMARY.frame_id, length=48) for f in frames)
+        return [SUMMARY.decode(frame.payload, decode_choices=False) for frame in frames]
 
 
 def core_of(bench: Path | Bench, **options: Any) -> Core:

@@ -14,7 +14,7 @@ def differences(function: Callable[[Array], Array | float], at: Array, step: flo
     return np.stack([np.subtract(function(at + d), function(at - d)) for d in moved], axis=-1) / (2.0 * step)
 
 
-def assert_columns_agree(found: Array, expected: Array, share: float) -> None:
+def assert_columns_agree(actual: Array, expected: Array, share: float) -> None:
     """Every column (n,) within a share of its largest entry."""
-    error, largest = np.abs(found - expected).max(axis=0), np.abs(expected).max(axis=0)
+    error, largest = np.abs(actual - expected).max(axis=0), np.abs(expected).max(axis=0)
     assert (error <= share * largest).all(), np.flatnonzero(error > share * largest)

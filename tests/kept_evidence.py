@@ -14,11 +14,11 @@ from tests.device import core_of, frames_of, hand
 
 
 @contextmanager
-def keeping(bench: Bench, told: list[str]) -> Iterator[EvidenceKeeper]:
+def keeping(bench: Bench, messages: list[str]) -> Iterator[EvidenceKeeper]:
     """Keeper of a bench's evidence, with its process."""
     folder = bench.injector.evidence
     assert folder is not None
-    with evidence_keeper(bench.injector, folder, told.append) as keeper, keeper.keeping():
+    with evidence_keeper(bench.injector, folder, messages.append) as keeper, keeper.keeping():
         yield keeper
 
 
@@ -35,10 +35,10 @@ def keep(bench: Bench, *hidden: SizedEffect, injections: int = 12) -> None:
     schedule = make_schedule([60e6, 100e6, 140e6], injections, 0.05, [0.9e-3, 1.9e-3])
     rate = bench.injector.config.sampling.rate_hz
     measured = simulate(bench.injector.parameters, schedule, rate, hidden, SimulatedNoise(), seed=4)
-    told: list[str] = []
-    with keeping(bench, told) as keeper:
+    messages: list[str] = []
+    with keeping(bench, messages) as keeper:
         observe(keeper, bench, measured.recording)
         until(
             lambda: keeper.kept + keeper.lost >= injections - 1
         )  # of which the last is handed on at the end
-    assert (keeper.kept, told) == (injections, [])
+    assert (keeper.kept, messages) == (injections, [])

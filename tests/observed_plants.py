@@ -38,15 +38,15 @@ class Observed:
     @property
     def inside(self) -> list[bool]:
         """Of the valid masses, whether they lie in their intervals."""
-        found = zip(self.reports, self.true, strict=True)
-        return [r.mass_ci95[0] <= true <= r.mass_ci95[1] for r, true in found if r.valid and r.mass_ci95]
+        pairs = zip(self.reports, self.true, strict=True)
+        return [r.mass_ci95[0] <= true <= r.mass_ci95[1] for r, true in pairs if r.valid and r.mass_ci95]
 
 
 def observed(bench: plant.Bench, observer: Bench | None = None) -> Observed:
     """What the observer of a bench, by default the example's, says of the injections of a plant."""
     outcome = record(bench)
-    known = observer or bench_at(bench.sample_rate)
-    reports = evaluate(known, [recording_of(outcome)]).evaluations[0].reports
+    observer_bench = observer or bench_at(bench.sample_rate)
+    reports = evaluate(observer_bench, [recording_of(outcome)]).evaluations[0].reports
     windows = windows_of(outcome, bench.sample_rate)
     return Observed(reports, windows.masses(outcome.truth.injection_rate, bench.injector.density))
 

@@ -29,15 +29,15 @@ class Page:
     @property
     def commands(self) -> list[str]:
         """Command lines of blocks, and of code in tables, each once, in order, without comments and `$`."""
-        found: list[str] = []
+        lines: list[str] = []
         for match in sorted([*_BLOCK.finditer(self.text), *_CELL.finditer(self.text)], key=re.Match.start):
-            found += _in_row(match[0]) if match.re is _CELL else _in_block(match)
-        return list(dict.fromkeys(found))
+            lines += _in_row(match[0]) if match.re is _CELL else _in_block(match)
+        return list(dict.fromkeys(lines))
 
     def shown(self, command: str) -> list[str]:
         """The lines that stand below `$ command`, as they are."""
-        _, found, after = self.text.partition(f"    $ {command}\n")
-        assert found, command
+        _, heading, after = self.text.partition(f"    $ {command}\n")
+        assert heading, command
         shown = re.match(r"(?:    .*\n)*", after)
         assert shown is not None
         return shown[0].splitlines()
@@ -70,8 +70,8 @@ def words_of(command: str) -> tuple[list[str], Path | None]:
     """Arguments of an `observer-rt` command line, and the file its output goes to."""
     words = shlex.split(command.removeprefix("observer-rt "))
     if ">" in words:
-        place = words.index(">")
-        return words[:place], Path(words[place + 1])
+        position = words.index(">")
+        return words[:position], Path(words[position + 1])
     return words, None
 
 

@@ -48,8 +48,8 @@ def merge_logs(folder: Path) -> None:
 
 def on_one_bus(folder: Path) -> str:
     """The bench file with the page's sections for one bus; writes the database."""
-    whole, part = PAGE.fenced("toml")
-    text = re.sub(r"\[links\.\w+\]\nchannel.*\n|^link = .*\n", "", whole, flags=re.MULTILINE)
+    bench, part = PAGE.fenced("toml")
+    text = re.sub(r"\[links\.\w+\]\nchannel.*\n|^link = .*\n", "", bench, flags=re.MULTILINE)
     lift, outputs = part.split("[outputs]\n")
     text = re.sub(r"\[signals.needle_lift\]\n(?:\w.*\n)+", lift, text)
     text = text.replace("[outputs]\n", f"[outputs]\n{outputs}").replace("observer_fd.dbc", "engine.dbc")

@@ -178,38 +178,38 @@ def _with_edits(folder: Path, edits: Sequence[tuple[str, str, str]]) -> Path:
 
 
 def test_a_row_of_fields_reaches_journal_tables_and_json() -> None:
-    found = _followed(VALUE)
-    assert found == {
+    output = _followed(VALUE)
+    assert output == {
         "journal": "float",
         "parquet": "double",
         "heading": "volume\nmm3",
         "text": "50.0",
-        "json": found["json"],
+        "json": output["json"],
     }
-    assert abs(found["json"] - 50.0) < 1e-9
+    assert abs(output["json"] - 50.0) < 1e-9
 
 
 def test_a_registered_line_is_a_model_of_injector_files(tmp_path: Path) -> None:
-    found = _followed(LINE.format(path=str(tmp_path / "rigid.toml")))
-    assert found["type"] == "RigidLine"
-    assert abs(found["stiffness"] - 2.0) < 1e-12
-    assert abs(found["mode"] - 2.0**0.5) < 1e-12
+    output = _followed(LINE.format(path=str(tmp_path / "rigid.toml")))
+    assert output["type"] == "RigidLine"
+    assert abs(output["stiffness"] - 2.0) < 1e-12
+    assert abs(output["mode"] - 2.0**0.5) < 1e-12
 
 
 def test_a_row_of_scalars_is_learned_and_shown(tmp_path: Path) -> None:
     followed = _followed(SCALAR, _with_edits(tmp_path, SCALAR_EDITS))
     assert followed["name"] == "inertance"
     heavy, healthy, light = followed["found"]
-    for found, inertance in ((heavy, -0.15), (light, 0.15)):
-        assert found["learned"] == found["shown"] == pytest.approx(inertance, abs=0.02)
-        assert found["carried"] == pytest.approx(found["learned"], rel=1e-9)
-        assert 0.0 < found["sigma"] < 0.02
+    for learned, inertance in ((heavy, -0.15), (light, 0.15)):
+        assert learned["learned"] == learned["shown"] == pytest.approx(inertance, abs=0.02)
+        assert learned["carried"] == pytest.approx(learned["learned"], rel=1e-9)
+        assert 0.0 < learned["sigma"] < 0.02
     assert healthy["learned"] == healthy["carried"] == 0.0  # it does not pay
 
 
 def test_a_reason_with_its_words_and_rule_reaches_page_and_databases(tmp_path: Path) -> None:
-    found = _followed(REASON, _with_edits(tmp_path, REASON_EDITS))
-    assert found == {"named": "FUEL_HOT: the fuel is too hot", "page": True, "databases": [2, 2]}
+    output = _followed(REASON, _with_edits(tmp_path, REASON_EDITS))
+    assert output == {"named": "FUEL_HOT: the fuel is too hot", "page": True, "databases": [2, 2]}
 
 
 def test_the_page_lists_the_columns_of_the_journal() -> None:

@@ -17,15 +17,15 @@ def payloads_by_cantools(name: str, roles: list[str], recording: Recording) -> l
     """Of a message with so many samples of some roles as it has room for; other signals are 0 in its raw codes."""
     message = DATABASE.get_message_by_name(name)
     size = sum(signal.name.startswith(PATTERNS[roles[0]]) for signal in message.signals)
-    found: list[bytes] = []
+    payloads: list[bytes] = []
     for first in range(0, recording.samples - size + 1, size):
         values = {signal.name: float(signal.minimum or 0.0) for signal in message.signals}
         values["SampleIndex"] = START + first
         for role in roles:
             samples = getattr(recording, role)[first : first + size] / UNITS[role]
             values |= {f"{PATTERNS[role]}_{k:02d}": float(value) for k, value in enumerate(samples)}
-        found.append(protected(encoded(message, values), message.frame_id, len(found)).payload)
-    return found
+        payloads.append(protected(encoded(message, values), message.frame_id, len(payloads)).payload)
+    return payloads
 
 
 @pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES], ids=["one message", "three messages"])

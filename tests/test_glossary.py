@@ -19,10 +19,10 @@ def places(page: str) -> Iterator[tuple[str, str]]:
 
 @pytest.mark.parametrize("page", ["glossary.md", "tour.md"])
 def test_places_are_there(page: str) -> None:
-    found = list(places(page))
-    assert len(found) > 20
-    assert [path for path, _ in found if not any(PACKAGE.rglob(path))] == []
-    named = [(PACKAGE / path, name) for path, name in found if name]
+    entries = list(places(page))
+    assert len(entries) > 20
+    assert [path for path, _ in entries if not any(PACKAGE.rglob(path))] == []
+    named = [(PACKAGE / path, name) for path, name in entries if name]
     assert [
         f"{path}: {name}" for path, name in named if not re.search(rf"\b{name}\b", path.read_text())
     ] == []

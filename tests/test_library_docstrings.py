@@ -25,15 +25,15 @@ CALLS = (
 @pytest.mark.parametrize("name", [*CALLS, "read", "to_frame", "in_si", "simulate"])
 def test_a_call_of_the_library_has_its_sections(name: str) -> None:
     """Parameters, results and errors as numpydoc has them, for notebooks and the site."""
-    found = validate(f"observer_rt.{name}")["errors"]
-    assert [error for error in found if error[0] not in OPTIONAL] == []
+    errors = validate(f"observer_rt.{name}")["errors"]
+    assert [error for error in errors if error[0] not in OPTIONAL] == []
 
 
 @pytest.mark.parametrize(("module", "name"), LISTED)
 def test_a_public_name_has_a_docstring(module: str, name: str) -> None:
-    found = getattr(importlib.import_module(module), name)
-    if inspect.isclass(found) or inspect.isfunction(found):
-        assert (found.__doc__ or "").strip()
+    attribute = getattr(importlib.import_module(module), name)
+    if inspect.isclass(attribute) or inspect.isfunction(attribute):
+        assert (attribute.__doc__ or "").strip()
 
 
 def test_every_row_of_the_table_is_read() -> None:

@@ -56,11 +56,11 @@ def test_the_commands_of_every_page_are_run() -> None:
 
 
 def test_every_block_is_looked_after() -> None:
-    there: dict[tuple[str, str], int] = {}
+    counts: dict[tuple[str, str], int] = {}
     for page in PAGES:
         for language in re.findall(r"^ *```(\w+)$", page.text, re.MULTILINE):
-            there[page.path, language] = there.get((page.path, language), 0) + 1
-    assert there == {key: count for key, (count, _) in LOOKED_AFTER.items()}
+            counts[page.path, language] = counts.get((page.path, language), 0) + 1
+    assert counts == {key: count for key, (count, _) in LOOKED_AFTER.items()}
 
 
 @pytest.mark.parametrize("page", ["docs/operating.md", "docs/time.md"])

@@ -49,9 +49,9 @@ class Three:
 
     def results_alone(self, number: int) -> dict[int, list[bytes]]:
         """Payloads with the results of one of them by itself, by their identifiers."""
-        found = evaluate(load_bench(self.alone[number]), [self.recordings[number]]).frames
+        frames = evaluate(load_bench(self.alone[number]), [self.recordings[number]]).frames
         results = {
-            identifier: [frame.payload for frame in found if frame.frame_id == identifier]
+            identifier: [frame.payload for frame in frames if frame.frame_id == identifier]
             for identifier in (RATE_ID + number * STEP, SUMMARY_ID + number * STEP)
         }
         assert all(len(payloads) >= INJECTIONS for payloads in results.values())
@@ -124,10 +124,10 @@ def _database() -> str:
     out = []
     for block in blocks:
         out.append(block)
-        if not (found := own.match(block)):
+        if not (match := own.match(block)):
             continue
         for number, name in enumerate(NAMES):
-            identifier = int(found[2]) + STEP * (number + 1)
-            message = f"{found[3]}_{name}" if found[3] else ""
-            out.append(f"{found[1]}{identifier}{message}{block[found.end() :]}")
+            identifier = int(match[2]) + STEP * (number + 1)
+            message = f"{match[3]}_{name}" if match[3] else ""
+            out.append(f"{match[1]}{identifier}{message}{block[match.end() :]}")
     return "".join(out)

@@ -147,7 +147,7 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "place", "said"),
+    ("old", "new", "location", "said"),
     [
         ("volume = 0.9e-6 ", "volume = -0.9e-6 ", "line.volume", "not allowed"),
         ("sac_volume = 0.075e-6", "sac_volume = 0.0", "nozzle.sac_volume", "not allowed"),
@@ -167,10 +167,10 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_in_an_injector_file_are_named(
-    tmp_path: Path, old: str, new: str, place: str, said: str
+    tmp_path: Path, old: str, new: str, location: str, said: str
 ) -> None:
     error = injector_refusal(tmp_path, old, new)
-    assert error.place.endswith(f": {place}")
+    assert error.place.endswith(f": {location}")
     assert said in f"{error.problem} {error.remedy}"
 
 

@@ -55,11 +55,11 @@ def test_damaged_bytes(
 ) -> None:
     path = tmp_path_factory.getbasetemp() / source.name
     content = bytearray(source.read_bytes())
-    place = data.draw(st.integers(0, len(content) - 1))
+    position = data.draw(st.integers(0, len(content) - 1))
     if data.draw(st.booleans(), label="truncate"):
-        del content[place:]
+        del content[position:]
     else:
-        content[place : place + 1] = data.draw(st.binary(max_size=20))
+        content[position : position + 1] = data.draw(st.binary(max_size=20))
     path.write_bytes(content)
     refused = place_of_refusal(load, path)
     assert refused is None or str(path.parent) in refused

@@ -51,10 +51,10 @@ def test_effects_are_read_and_in_force(tmp_path: Path) -> None:
     assert eroded.parameters["v_H"].ci95 == (0.29, 0.31)
     assert (late.origin, late.date, switch.parameters) == ("", "", {})
     expected = [sized("orifice_area", v_H=0.3), sized("channel_skew", d=12.5e-6), sized("seat_outflow")]
-    found = effective_model(injector)
+    model = effective_model(injector)
     by_hand = effective_model(load_injector(), expected)
-    assert found.coefficients == by_hand.coefficients
-    assert found.sensor == pytest.approx(by_hand.sensor)
+    assert model.coefficients == by_hand.coefficients
+    assert model.sensor == pytest.approx(by_hand.sensor)
 
 
 def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
@@ -118,15 +118,15 @@ def test_every_effect_in_its_printed_unit(
         for p, value in zip(effect.parameters, values, strict=True)
     )
     text = f'\n[[effects]]\nid = "{effect.id}"\nparameters = {{ {printed} }}\n'
-    found = effective_model(load_injector(injector_file(tmp_path_factory.mktemp("effects"), text)))
+    model = effective_model(load_injector(injector_file(tmp_path_factory.mktemp("effects"), text)))
     sizes = {p.name: value for p, value in zip(effect.parameters, values, strict=True)}
     by_hand = effective_model(load_injector(), [sized(effect.id, **sizes)])
-    for one, other in (
-        *zip(found.coefficients, by_hand.coefficients, strict=True),  # of an element, or a number
-        (found.inputs, by_hand.inputs),
-        (found.sensor, by_hand.sensor),
+    for actual, expected in (
+        *zip(model.coefficients, by_hand.coefficients, strict=True),  # of an element, or a number
+        (model.inputs, by_hand.inputs),
+        (model.sensor, by_hand.sensor),
     ):
-        assert one == pytest.approx(other, rel=1e-9)
+        assert actual == pytest.approx(expected, rel=1e-9)
 
 
 def test_model_hash_covers_what_effects_do(tmp_path: Path) -> None:

@@ -88,12 +88,12 @@ WRONG = {
 def test_mistakes_are_named_where_they_are(tmp_path: Path, wrong: str) -> None:
     """wrong: the place, with the value there or, without one, as a section."""
     old, said = WRONG[wrong]
-    place, _, value = wrong.partition(" = ")
-    key = place.rpartition(".")[2]
-    new = f"{key} = {value}" if value else "[" + place.replace("a b", "'a b'") + "]"
+    location, _, value = wrong.partition(" = ")
+    key = location.rpartition(".")[2]
+    new = f"{key} = {value}" if value else "[" + location.replace("a b", "'a b'") + "]"
     assert old in BOTH
     error = bench_refusal(tmp_path, BOTH.replace(old, new))
-    assert error.place.endswith(f"bench.toml: {place}")
+    assert error.place.endswith(f"bench.toml: {location}")
     assert said in str(error)
 
 

@@ -33,7 +33,7 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "place", "said"),
+    ("old", "new", "location", "said"),
     [
         ('link = "lift"', 'link = "lfit"', "signals.needle_lift.link", "did you mean 'lift'?"),
         ('link = "results"', 'link = "result"', "outputs.link", "did you mean 'results'?"),
@@ -50,10 +50,10 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
         ),
     ],
 )
-def test_mistakes_are_named(tmp_path: Path, old: str, new: str, place: str, said: str) -> None:
+def test_mistakes_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:
     assert old in THREE
     error = bench_refusal(tmp_path, THREE.replace(old, new))
-    assert error.place.endswith(f"bench.toml: {place}")
+    assert error.place.endswith(f"bench.toml: {location}")
     assert said in str(error)
 
 

@@ -57,7 +57,7 @@ def test_what_is_small_and_always_there(name: str) -> None:
 def test_what_was_due_is_on_disk_after(how: Strike, tmp_path: Path) -> None:
     found = strike(how, tmp_path / "struck", 1)
     assert (found["lost"], found["what"]) == (0, [])
-    assert found["told"] > 0
+    assert found["said"] > 0
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ ARRAYS = (
 )
 
 
-class Named(NamedTuple):
+class NamedValue(NamedTuple):
     """Comes as a list."""
 
     number: int
@@ -38,7 +38,7 @@ class Named(NamedTuple):
 
 
 def plain(path: Path) -> Iterator[Any]:
-    yield str(path), True, None, float("nan"), {"type": (1, Named(2, "a")), "fields": {}}, *ARRAYS
+    yield str(path), True, None, float("nan"), {"type": (1, NamedValue(2, "a")), "fields": {}}, *ARRAYS
 
 
 def an_object(path: Path) -> Iterator[Any]:

@@ -20,9 +20,9 @@ def test_a_bore_known_to_a_percent_makes_four() -> None:
 def test_the_gain_that_sensors_share_is_what_their_difference_leaves() -> None:
     """Of both gains by their difference: variances of a Gaussian conditioned on it."""
     line, rail = 0.004, 0.009
-    found = StatedAccuracy(line, rail)
-    assert found.common**2 == pytest.approx(rail**2 - rail**4 / (line**2 + rail**2))
-    assert found.level(0.01) == pytest.approx(1.0 + 0.01 * rail**2 / (line**2 + rail**2))
+    stated = StatedAccuracy(line, rail)
+    assert stated.common**2 == pytest.approx(rail**2 - rail**4 / (line**2 + rail**2))
+    assert stated.level(0.01) == pytest.approx(1.0 + 0.01 * rail**2 / (line**2 + rail**2))
     assert StatedAccuracy(line, 0.0).level(0.01) == 1.0
 
 

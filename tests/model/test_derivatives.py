@@ -71,8 +71,8 @@ def difference(law: Callable[[float], Sequence[float] | float], at: float = 0.0)
     return np.asarray((8.0 * near - far) / (12.0 * STEP))
 
 
-def beside(values: Sequence[float], place: int, step: float) -> tuple[float, ...]:
-    return tuple(v + step if i == place else v for i, v in enumerate(values))
+def shifted(values: Sequence[float], position: int, step: float) -> tuple[float, ...]:
+    return tuple(v + step if i == position else v for i, v in enumerate(values))
 
 
 def away_from_kinks(x: State, u: tuple[float, float], c: Coefficients, learned: float = 0.0) -> None:
@@ -91,14 +91,16 @@ def test_nozzle(c: Coefficients, x: State, u_2: float, learned: list[float]) -> 
     numbers = x[2], u_2, *learned
     away_from_kinks(x, (0.0, u_2), c, learned[0] + learned[1] * u_2)
 
-    def law(place: int, step: float) -> float:
-        x_3, area, *others = beside(numbers, place, step)
+    def law(position: int, step: float) -> float:
+        x_3, area, *others = shifted(numbers, position, step)
         return nozzle_law(x_3, area, np.array(others), c.nozzle)
 
     slopes = nozzle_law_slopes(x[2], u_2, np.array(learned), c.nozzle)
-    for place in range(len(numbers)):
-        if place != 1 or u_2 > STEP:  # the chamber pressure rises while the needle is open
-            assert slopes[place] == pytest.approx(float(difference(partial(law, place))), rel=1e-6, abs=1e-7)
+    for position in range(len(numbers)):
+        if position != 1 or u_2 > STEP:  # the chamber pressure rises while the needle is open
+            assert slopes[position] == pytest.approx(
+                float(difference(partial(law, position))), rel=1e-6, abs=1e-7
+            )
 
 
 @given(models(), PRESSURE, PRESSURE, AREA)
@@ -133,8 +135,8 @@ def test_lump_by_coefficients(
     tangent = tangent_of(c, network, by_theta(theta, c), PARAMETERS)
     rates_of_change(np.array(x), u, c, network, tangent)
 
-    def by_coefficient(place: int, d: float) -> Sequence[float]:
-        changed = c._replace(line=LumpLine(*beside(c.line, place, d)))
+    def by_coefficient(position: int, d: float) -> Sequence[float]:
+        changed = c._replace(line=LumpLine(*shifted(c.line, position, d)))
         return rates_of_change(np.array(x), u, changed, network)[:2]
 
     bending = {"air"} if c.line.air == 0.0 else set()  # one-sided: air cannot be negative
@@ -152,17 +154,17 @@ def test_flows_by_state_and_area(
 ) -> None:
     network = learned_of(theta, c).network
     away_from_kinks(x, u, c, float(network.nozzle @ (1.0, u[1])))
-    found = slopes_of_flows(np.array(x), u, c, network, np.zeros(5))
+    slopes = slopes_of_flows(np.array(x), u, c, network, np.zeros(5))
 
-    def by_state(place: int, d: float) -> Sequence[float]:
-        return flows_with_changes(np.array(beside(x, place, d)), u, c, network)
+    def by_state(position: int, d: float) -> Sequence[float]:
+        return flows_with_changes(np.array(shifted(x, position, d)), u, c, network)
 
     for i in range(3):
         numeric = difference(partial(by_state, i))
-        np.testing.assert_allclose((found["h_x"][i], found["s_x"][i]), numeric, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose((slopes["h_x"][i], slopes["s_x"][i]), numeric, rtol=1e-6, atol=1e-6)
     if u[1] > 0.0:  # a seat opens to one side only
         numeric = difference(lambda d: flows_with_changes(np.array(x), (u[0], u[1] + d), c, network))
-        np.testing.assert_allclose((found["h_area"], found["s_area"]), numeric, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose((slopes["h_area"], slopes["s_area"]), numeric, rtol=1e-6, atol=1e-6)
 
 
 @given(models(), STATES, INPUTS, thetas())
@@ -179,11 +181,11 @@ def test_right_hand_side_by_state_and_theta(
     by_state, by_number = tangent.by_state[0], tangent.by_number[0]
     assert value == rates_of_change(np.array(x), u, changed, network)
 
-    def of_state(place: int, d: float) -> Sequence[float]:
-        return rates_of_change(np.array(beside(x, place, d)), u, changed, network)
+    def of_state(position: int, d: float) -> Sequence[float]:
+        return rates_of_change(np.array(shifted(x, position, d)), u, changed, network)
 
-    def of_theta(place: int, d: float) -> Sequence[float]:
-        other = learned_of(theta + d * np.eye(PARAMETERS)[place], c)
+    def of_theta(position: int, d: float) -> Sequence[float]:
+        other = learned_of(theta + d * np.eye(PARAMETERS)[position], c)
         return rates_of_change(np.array(x), u, other.coefficients, other.network)
 
     for i in range(3):

@@ -80,10 +80,10 @@ def test_texts_for_the_report(effect: Effect) -> None:
 def test_relations_name_effects_once_and_hold_both_ways() -> None:
     stated = [(e.id, other) for e in VOCABULARY.values() for r in e.relations for other in r.others]
     assert len({frozenset(pair) for pair in stated}) == len(stated)
-    for one, other in stated:
-        relation = VOCABULARY[one].relation_to(VOCABULARY[other])
+    for effect, other in stated:
+        relation = VOCABULARY[effect].relation_to(VOCABULARY[other])
         assert relation is not None
-        assert relation is VOCABULARY[other].relation_to(VOCABULARY[one])
+        assert relation is VOCABULARY[other].relation_to(VOCABULARY[effect])
         assert relation.decided_by
     assert VOCABULARY["bulk_modulus"].is_like(VOCABULARY["line_volume"], Likeness.SAME)
 
@@ -114,9 +114,9 @@ def test_nominal_model_is_that_of_the_paper() -> None:
     st.sampled_from(list(combinations(VOCABULARY.values(), 2))), st.floats(0.05, 0.95), st.floats(0.05, 0.95)
 )
 def test_order_does_not_matter(pair: tuple[Effect, Effect], share: float, other_share: float) -> None:
-    one, other = at(pair[0], share), at(pair[1], other_share)
-    assert numbers(effective_model(NOMINAL, [one, other])) == pytest.approx(
-        numbers(effective_model(NOMINAL, [other, one])), rel=1e-12
+    first, second = at(pair[0], share), at(pair[1], other_share)
+    assert numbers(effective_model(NOMINAL, [first, second])) == pytest.approx(
+        numbers(effective_model(NOMINAL, [second, first])), rel=1e-12
     )
 
 

@@ -95,17 +95,17 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
             fine = advanced(
                 fine, Interval((0.95, before), (0.95, after), interval / 4000, 1), C, zero_network()
             )
-        whole = Interval(u_start, u_end, interval, substeps)
-        bent = advanced_over(x, whole, (share, knot), C, zero_network())
-        straight = advanced(x, whole, C, zero_network())
+        interval_of_sample = Interval(u_start, u_end, interval, substeps)
+        bent = advanced_over(x, interval_of_sample, (share, knot), C, zero_network())
+        straight = advanced(x, interval_of_sample, C, zero_network())
         assert bent == pytest.approx(fine, abs=1e-4)
         assert np.abs(np.subtract(straight, fine)).max() > 4e-3
 
 
 def test_no_bend_changes_nothing() -> None:
     ends = (0.95, 0.2), (0.94, 0.5)
-    whole = Interval(*ends, 5e-5, 21)
-    plain = advanced((0.8, 0.6, 0.5), whole, C, zero_network())
-    assert advanced_over((0.8, 0.6, 0.5), whole, (0.0, 0.7), C, zero_network()) == plain
-    on_the_line = advanced_over((0.8, 0.6, 0.5), whole, (0.5, 0.35), C, zero_network())
+    interval_of_sample = Interval(*ends, 5e-5, 21)
+    plain = advanced((0.8, 0.6, 0.5), interval_of_sample, C, zero_network())
+    assert advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.0, 0.7), C, zero_network()) == plain
+    on_the_line = advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.5, 0.35), C, zero_network())
     assert on_the_line == pytest.approx(plain, abs=1e-4)

@@ -93,13 +93,13 @@ def test_the_worst_group_is_named(frame: pd.DataFrame) -> None:
 
 
 def test_a_table_has_a_row_a_group_and_one_for_all(frame: pd.DataFrame) -> None:
-    found = table(
+    summary = table(
         frame, "kind", {"n": ("label", "count"), "right": ("right", "of"), "spread": ("errors", "spread")}
     )
-    assert found.index.tolist() == ["a", "b", "all"]
-    assert found["n"].tolist() == [2, 1, 3]
-    assert found["right"].tolist() == ["1/2", "1/1", "2/3"]
-    assert found["spread"].tolist() == ["2 / 2.9 / 3", "-", "2 / 2.9 / 3"]
+    assert summary.index.tolist() == ["a", "b", "all"]
+    assert summary["n"].tolist() == [2, 1, 3]
+    assert summary["right"].tolist() == ["1/2", "1/1", "2/3"]
+    assert summary["spread"].tolist() == ["2 / 2.9 / 3", "-", "2 / 2.9 / 3"]
 
 
 @pytest.mark.parametrize(("held", "is_likely"), [(95, True), (100, True), (90, True), (80, False)])
@@ -119,12 +119,12 @@ def test_the_exit_code_and_json_tell_what_is_missed(
     bars = [Bar("largest", "errors", "max", most=most), Bar("lost", "wide", "max")]
     try:
         conclude(frame_of(rows), bars, {}, tmp_path, as_json=True)
-        found = 0
+        exit_code = 0
     except typer.Exit as end:
-        found = end.exit_code
-    told = json.loads(capsys.readouterr().out)
-    assert found == code
-    assert told["figures"] == {"cases": len(rows), "largest": 2.0, "lost": None}
-    assert told["details"]["missed"] == (["largest"] if most < 2.0 else [])
-    assert told["details"]["failed"] == (["b 1: ValueError: no"] if len(rows) > 3 else [])
+        exit_code = end.exit_code
+    output = json.loads(capsys.readouterr().out)
+    assert exit_code == code
+    assert output["figures"] == {"cases": len(rows), "largest": 2.0, "lost": None}
+    assert output["details"]["missed"] == (["largest"] if most < 2.0 else [])
+    assert output["details"]["failed"] == (["b 1: ValueError: no"] if len(rows) > 3 else [])
     assert len(pd.read_csv(tmp_path / "rows.csv")) == len(rows)

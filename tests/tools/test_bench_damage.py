@@ -9,8 +9,8 @@ from tools.benchmarks.damage import Became, convert_damaged, kinds
 
 @pytest.mark.slow
 def test_a_share_of_the_campaign_has_no_fault() -> None:
-    known = kinds()
-    rows = [convert_damaged(known[number % len(known)], 7, number) for number in range(60)]
+    names = kinds()
+    rows = [convert_damaged(names[number % len(names)], 7, number) for number in range(60)]
     assert [row for row in rows if row["became"] is Became.FAULT] == []
     assert {Became.REFUSED, Became.TOLD, Became.SAME} <= {row["became"] for row in rows}
 

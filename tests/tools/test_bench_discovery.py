@@ -17,7 +17,7 @@ from tests.plants.plant import record
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery import nominal, real_line
 from tools.benchmarks.discovery.answers import Answer, Grade
-from tools.benchmarks.discovery.cases import Asked, HiddenCase, nominal_benches, nominal_cases, real_case
+from tools.benchmarks.discovery.cases import HiddenCase, Query, nominal_benches, nominal_cases, real_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.nominal import calibration_error, detection_limit
 from tools.benchmarks.discovery.real_line import is_larger
@@ -46,7 +46,7 @@ def answer(
 
 def hidden(name: str, size: float = 0.1) -> HiddenCase:
     parts: Parts = ((name, (size,)),) if name else ()
-    return HiddenCase("0", Asked.SINGLE if name else Asked.HEALTHY, parts, False, None, 1)
+    return HiddenCase("0", Query.SINGLE if name else Query.HEALTHY, parts, False, None, 1)
 
 
 @pytest.mark.parametrize(
@@ -90,8 +90,8 @@ def test_answers_of_tier_a_are_graded(name: str, said: Answer, rival: float, gra
 
 
 def test_detection_limit_parts_found_from_not_found() -> None:
-    def limit(*found: float) -> float:
-        return detection_limit(pd.Series(found))
+    def limit(*sizes: float) -> float:
+        return detection_limit(pd.Series(sizes))
 
     assert limit(0.8, -0.01, -0.02, 0.04, 0.1, 0.2) == pytest.approx(math.sqrt(0.02 * 0.04))
     assert limit(0.8, -0.01, 0.02, -0.04, 0.1, 0.2) == pytest.approx(math.sqrt(0.01 * 0.02))
@@ -143,8 +143,8 @@ def answering(monkeypatch: pytest.MonkeyPatch, module: Any, parts: Parts) -> Non
     """Have a campaign ask one who names these effects, and look at what that one is told."""
 
     def ask(recordings: Sequence[Path], folder: Path, model: Path, choose: bool) -> Answer:
-        told = " ".join(map(str, (*recordings, folder, model)))
-        assert not any(name in told for name in (*HIDDEN, *EFFECTS, *Discrepancy, *Asked))
+        request = " ".join(map(str, (*recordings, folder, model)))
+        assert not any(name in request for name in (*HIDDEN, *EFFECTS, *Discrepancy, *Query))
         assert len(recordings) == len(GIVEN)
         return Answer("named", tuple(findings_of(parts)), (), amended_model_of(parts), 1.0, 1.0)
 
@@ -160,19 +160,19 @@ def test_the_true_effect_in_force_closes_the_gap(
 ) -> None:
     case = nominal_cases([effect], number + 1, [False], 1)[number]
     answering(monkeypatch, nominal, case.parts)
-    found: list[tuple[list[float], ...]] = []
+    noted_gaps: list[tuple[list[float], ...]] = []
 
-    def noted(*given: Any) -> tuple[list[float], ...]:
-        found.append(gaps(*given))
-        return found[-1]
+    def noted(*arguments: Any) -> tuple[list[float], ...]:
+        noted_gaps.append(gaps(*arguments))
+        return noted_gaps[-1]
 
     monkeypatch.setattr(nominal, "gaps", noted)
     row = nominal.score_nominal(case, NOMINAL_INJECTOR)
     assert row["grade"] is Grade.RIGHT
     assert row["held"] == [True] * len(case.parts[0][1])
-    for _, after, oracle in found[0]:
+    for _, after, oracle in noted_gaps[0]:
         assert after < oracle + 0.01  # MPa, mg: steps and holds of two integrators
-    assert max(before for before, _, _ in found[0]) > 0.3
+    assert max(before for before, _, _ in noted_gaps[0]) > 0.3
 
 
 def test_a_wrong_effect_leaves_the_gap(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,9 +188,11 @@ def test_terms_of_an_amended_model_are_in_force() -> None:
     recording, nominal_file = recording_of(record(bench)), NOMINAL_INJECTOR.read_text()
     term = injector_of(f'{nominal_file}\n[[terms]]\nequation = "nozzle_flow"\nlaw = "0.1"\n')
     effect = injector_of(amended_model_of((("orifice_area", (0.1,)),)))
-    (line, mass), (there, same) = (open_loop(injector, recording) for injector in (term, effect))
-    np.testing.assert_allclose(line, there, atol=1e3)
-    np.testing.assert_allclose(mass, same, atol=1e-5)
+    (line, mass), (expected_line, expected_mass) = (
+        open_loop(injector, recording) for injector in (term, effect)
+    )
+    np.testing.assert_allclose(line, expected_line, atol=1e3)
+    np.testing.assert_allclose(mass, expected_mass, atol=1e-5)
     assert np.sum(mass) > 1.05 * np.sum(open_loop(injector_of(nominal_file), recording)[1])
 
 
@@ -236,7 +238,7 @@ def test_answers_of_tier_b_are_graded(names: list[str], said: Answer, grade: Gra
 
 def test_three_times_the_smallest_visible_must_be_named() -> None:
     for size, counted in ((0.059, False), (-0.059, False), (-0.061, True)):
-        case = HiddenCase("0", Asked.SINGLE, (("seat_area", (size,)),), False, RIG, 1)
+        case = HiddenCase("0", Query.SINGLE, (("seat_area", (size,)),), False, RIG, 1)
         assert real_line.facts_of(case, answer("none", smallest=SMALLEST))["counted"] is counted
 
 

@@ -28,12 +28,12 @@ NOTHING_TO_SEE = {"rail_pressure_skew"}  # where the rail is at rest
 def test_every_effect_of_the_vocabulary_is_hidden_within_its_bounds() -> None:
     assert set(HIDDEN) == set(VOCABULARY) - NOTHING_TO_SEE
     for name, effect in HIDDEN.items():
-        known = VOCABULARY[name].parameters
-        assert [p.name for p in effect.parameters] == [p.name for p in known]
-        for drawn, bounds in zip(effect.parameters, known, strict=True):
-            assert drawn.highest <= bounds.highest
-            assert bounds.lowest <= (drawn.most_negative or drawn.lowest)
-            assert (drawn.most_negative < 0.0) == (bounds.lowest < 0.0)
+        bounds = VOCABULARY[name].parameters
+        assert [p.name for p in effect.parameters] == [p.name for p in bounds]
+        for drawn, parameter in zip(effect.parameters, bounds, strict=True):
+            assert drawn.highest <= parameter.highest
+            assert parameter.lowest <= (drawn.most_negative or drawn.lowest)
+            assert (drawn.most_negative < 0.0) == (parameter.lowest < 0.0)
 
 
 @pytest.mark.parametrize("name", [name for name, effect in HIDDEN.items() if effect.parameters])

@@ -17,9 +17,9 @@ from tests.plants.plant import SIGNALS, Bench, Event, Needle, Outcome, Shot, rec
 from tools.benchmarks.campaign import Row, frame_of, judged, table
 from tools.benchmarks.faults import frames as frame_faults
 from tools.benchmarks.faults.command import BARS, COLUMNS
-from tools.benchmarks.faults.fault import Placed, Sent, Where
+from tools.benchmarks.faults.fault import PlacedFault, Sent, Where
 from tools.benchmarks.faults.frames import with_frame_fault
-from tools.benchmarks.faults.player import Published, Summary
+from tools.benchmarks.faults.player import Results, Summary
 from tools.benchmarks.faults.scenario import Scenario, Task, drawn, entries, tasks
 from tools.benchmarks.faults.score import facts_of
 from tools.benchmarks.faults.table import TABLE
@@ -35,8 +35,8 @@ def outcome() -> Outcome:
     return record(BENCH)
 
 
-def placed(name: str) -> Placed:
-    return Placed(TABLE[name], TABLE[name].sizes[-1], BEGIN, END, seed=7)
+def placed(name: str) -> PlacedFault:
+    return PlacedFault(TABLE[name], TABLE[name].sizes[-1], BEGIN, END, seed=7)
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -53,26 +53,28 @@ def test_frames_change_from_the_fault_on_and_bear_right_check_sums(outcome: Outc
     bus = map_bus(load_bench())
     recording = recording_of(outcome)
     frames = [Sent(f.time, f.time, 0, f.payload) for f in Framer(bus).frames(recording, whole(recording))]
-    found = with_frame_fault(frames, placed(name), bus)
-    assert [f for f in found if f.time < BEGIN] == [f for f in frames if f.time < BEGIN]
-    assert found != frames
+    changed = with_frame_fault(frames, placed(name), bus)
+    assert [f for f in changed if f.time < BEGIN] == [f for f in frames if f.time < BEGIN]
+    assert changed != frames
     layout = bus.input_layouts[0]
-    payloads = [np.frombuffer(f.payload, np.uint8) for f in found]
+    payloads = [np.frombuffer(f.payload, np.uint8) for f in changed]
     wrong = [p for p in payloads if not check_frame(p, layout.length, layout.protection)]
     assert bool(wrong) == (name == "wrong_crc")
 
 
 def test_scenarios_are_the_same_by_their_seed() -> None:
     names = entries(TABLE)
-    found = tasks(TABLE, names, len(names), 5)
-    assert found == tasks(TABLE, names, len(names), 5)
-    assert found != tasks(TABLE, names, len(names), 6)
-    assert {each.class_name.split(" ")[0] for each in found} == set(TABLE)
-    for task in found:
+    drawn_tasks = tasks(TABLE, names, len(names), 5)
+    assert drawn_tasks == tasks(TABLE, names, len(names), 5)
+    assert drawn_tasks != tasks(TABLE, names, len(names), 6)
+    assert {placement.class_name.split(" ")[0] for placement in drawn_tasks} == set(TABLE)
+    for task in drawn_tasks:
         scenario = drawn(task, TABLE, is_rich=False)
         assert scenario.placed == drawn(task, TABLE, is_rich=False).placed
-        for each in scenario.placed:
-            assert {key for keys in each.stated.values() for key in keys} <= set(SignalConfig.model_fields)
+        for placement in scenario.placed:
+            assert {key for keys in placement.stated.values() for key in keys} <= set(
+                SignalConfig.model_fields
+            )
 
 
 def test_every_reason_that_may_be_true_is_one_of_the_observer() -> None:
@@ -83,10 +85,10 @@ def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: float =
     """Of a publisher that is `factor` times right from the fault on."""
     time, truth = outcome.measured.time, outcome.truth.injection_rate
     rate = np.where(time >= BEGIN, factor, 1.0) * truth
-    published = Published(rate, np.where(time >= BEGIN, is_valid, True))
+    published = Results(rate, np.where(time >= BEGIN, is_valid, True))
     fault = replace(TABLE["drift_line"], late=late)
     task = Task("drift_line 4", 1, 0)
-    scenario = Scenario(task, BENCH, (Placed(fault, 4.0, BEGIN, END, 1),), True, False)
+    scenario = Scenario(task, BENCH, (PlacedFault(fault, 4.0, BEGIN, END, 1),), True, False)
     for opening in outcome.openings:
         window = slice(opening[0], opening[1] + 50)
         mass = float(np.trapezoid(rate[window])) * 1e-5 * Injector().density
@@ -95,9 +97,9 @@ def scored(outcome: Outcome, factor: float, is_valid: bool = True, late: float =
 
 
 def test_right_is_right(outcome: Outcome) -> None:
-    found = scored(outcome, 1.01)
-    assert (found["is_wrong"], found["found_ms"], found["recovered_after"]) == (False, None, 1)
-    assert all(found["free_valid"])
+    row = scored(outcome, 1.01)
+    assert (row["is_wrong"], row["found_ms"], row["recovered_after"]) == (False, None, 1)
+    assert all(row["free_valid"])
 
 
 def test_wrong_while_valid_is_found_but_for_the_stated_time(outcome: Outcome) -> None:

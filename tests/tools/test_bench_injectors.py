@@ -26,8 +26,8 @@ def test_pauses_have_their_time_and_are_not_sent(folder: Path, traffic: Traffic)
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         link, descriptor = f"fd:{theirs.fileno()}", theirs.fileno()
-        with ThreadPoolExecutor(1) as beside:
-            sending = beside.submit(
+        with ThreadPoolExecutor(1) as executor:
+            sending = executor.submit(
                 lambda: Pacer(folder, windowed, link, Ids(), [descriptor], first).send(count, 20e-6)
             )
             raw = b"".join(ours.recv(100) for _ in numbers)
@@ -42,17 +42,17 @@ def test_what_injectors_lost_is_counted_window_by_window(traffic: Traffic) -> No
     is_sent = np.zeros(40, np.bool_)
     is_sent[10:20] = True  # of 40 frames, a window of 90 samples
     ends = np.array([0, 28, 56, 84])
-    told = np.concatenate([window * 360 + 90 + ends for window in range(3)])
+    indices = np.concatenate([window * 360 + 90 + ends for window in range(3)])
 
     def passages(index: NDArray[np.int64]) -> list[Passage]:
         sent, stamps = np.ones(60, np.int64), np.zeros(index.size, np.int64)
         return [Passage(0, 0, sent, index[:5], stamps[:5]), Passage(60, 0, sent, index[5:], stamps[5:])]
 
-    assert lost(passages(told), is_sent) == 0
-    assert lost(passages(told[:-2]), is_sent) == 0  # of the last window
-    assert lost(passages(np.delete(told, 1)), is_sent) == RATES
-    assert lost(passages(np.delete(told, 3)), is_sent) == 90 - 84
-    assert lost(passages(np.delete(told, range(4, 12))), is_sent) == 90
+    assert lost(passages(indices), is_sent) == 0
+    assert lost(passages(indices[:-2]), is_sent) == 0  # of the last window
+    assert lost(passages(np.delete(indices, 1)), is_sent) == RATES
+    assert lost(passages(np.delete(indices, 3)), is_sent) == 90 - 84
+    assert lost(passages(np.delete(indices, range(4, 12))), is_sent) == 90
 
 
 @pytest.mark.slow

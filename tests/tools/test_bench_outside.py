@@ -16,20 +16,20 @@ from observer_rt.identification.discovery.search.search import representatives
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
 from tools.benchmarks.campaign import Row, frame_of, judged
-from tools.benchmarks.discovery.cases import Asked, HiddenCase, outside_benches, outside_cases
+from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches, outside_cases
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.outside import bars, facts_of, score_outside
 from tools.benchmarks.discovery.outside_answers import (
     Misfit,
     OutsideAnswer,
-    Proposed,
+    ProposedTerms,
     misfit,
     taken,
     vocabulary_without,
 )
 from tools.benchmarks.discovery.rigs import FURTHER, write_all
 
-GOOD = Proposed(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2), "after")
+GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2), "after")
 SEAT = replace(GOOD, equations=("needle_lift",))
 ANSWER = OutsideAnswer(
     "unknown",
@@ -47,19 +47,19 @@ ANSWER = OutsideAnswer(
 
 
 def facts(
-    *proposals: Proposed,
-    asked: Asked = Asked.OUTSIDE,
+    *proposals: ProposedTerms,
+    asked: Query = Query.OUTSIDE,
     name: str = "root_leakage",
     with_rate: bool = True,
     **changes: Any,
 ) -> Row:
     """Of a case, right unless told otherwise, with an answer."""
-    parts = () if asked is Asked.HEALTHY else ((name, (0.1,)),)
+    parts = () if asked is Query.HEALTHY else ((name, (0.1,)),)
     case = HiddenCase("0", asked, parts, with_rate, None, 1)
     return facts_of(case, replace(ANSWER, proposals=proposals, **changes))
 
 
-def named(*names: str, asked: Asked = Asked.SINGLE, name: str = "seat_area", **changes: Any) -> Row:
+def named(*names: str, asked: Query = Query.SINGLE, name: str = "seat_area", **changes: Any) -> Row:
     """Of a case whose answer is a name."""
     proposals = changes.pop("proposals", ())
     said = {"verdict": "named", "claims": names, "by_vocabulary": names, "named": Misfit(0.1, 0.1), **changes}
@@ -125,9 +125,9 @@ def test_gaps_are_halved_or_not_and_only_where_they_matter(
     [
         (named("seat_area"), False),
         (named("lift_gain"), False),  # a near tie
-        (named("guide_leakage", asked=Asked.OUTSIDE, name="root_leakage"), True),
-        (named("guide_leakage", asked=Asked.OUTSIDE, name="root_leakage", confidence=0.89), False),
-        (named("seat_area", asked=Asked.HEALTHY), True),
+        (named("guide_leakage", asked=Query.OUTSIDE, name="root_leakage"), True),
+        (named("guide_leakage", asked=Query.OUTSIDE, name="root_leakage", confidence=0.89), False),
+        (named("seat_area", asked=Query.HEALTHY), True),
         (named("line_friction", verdict="ambiguous"), False),
     ],
 )
@@ -138,12 +138,12 @@ def test_names_are_wrong_when_sure_of_what_is_not_there(row: Row, wrong: bool) -
 @pytest.mark.parametrize(
     ("row", "good"),
     [
-        (facts(SEAT, asked=Asked.LEFT_OUT, name="seat_area"), True),
-        (facts(GOOD, asked=Asked.LEFT_OUT, name="seat_area"), False),
-        (facts(replace(SEAT, misfit=Misfit(0.6, 0.1)), asked=Asked.LEFT_OUT, name="seat_area"), False),
-        (named("lift_gain", asked=Asked.LEFT_OUT), True),
-        (named("guide_leakage", asked=Asked.LEFT_OUT), False),
-        (facts(asked=Asked.LEFT_OUT, name="seat_area"), False),
+        (facts(SEAT, asked=Query.LEFT_OUT, name="seat_area"), True),
+        (facts(GOOD, asked=Query.LEFT_OUT, name="seat_area"), False),
+        (facts(replace(SEAT, misfit=Misfit(0.6, 0.1)), asked=Query.LEFT_OUT, name="seat_area"), False),
+        (named("lift_gain", asked=Query.LEFT_OUT), True),
+        (named("guide_leakage", asked=Query.LEFT_OUT), False),
+        (facts(asked=Query.LEFT_OUT, name="seat_area"), False),
     ],
 )
 def test_what_has_lost_its_name_is_found_by_a_term_or_a_near_tie(row: Row, good: bool) -> None:
@@ -155,17 +155,17 @@ def test_every_figure_has_a_bar_that_can_be_missed() -> None:
         facts(GOOD),
         facts(GOOD, name="relief_leakage"),
         named("seat_area"),
-        named(asked=Asked.HEALTHY, verdict="none"),
+        named(asked=Query.HEALTHY, verdict="none"),
     ]
-    good.append(facts(SEAT, asked=Asked.LEFT_OUT, name="seat_area"))
+    good.append(facts(SEAT, asked=Query.LEFT_OUT, name="seat_area"))
     wrong = replace(GOOD, equations=("stiffness",), misfit=Misfit(2.0, 3.0))
-    bad = [facts(wrong), facts(wrong, name="relief_leakage"), facts(GOOD, asked=Asked.HEALTHY)]
+    bad = [facts(wrong), facts(wrong, name="relief_leakage"), facts(GOOD, asked=Query.HEALTHY)]
     bad.append(named("seat_area", proposals=(GOOD,)))
-    bad.append(facts(asked=Asked.LEFT_OUT, name="seat_area"))
-    bad.append(named("guide_leakage", asked=Asked.OUTSIDE, name="root_leakage", core_seconds=1e3))
+    bad.append(facts(asked=Query.LEFT_OUT, name="seat_area"))
+    bad.append(named("guide_leakage", asked=Query.OUTSIDE, name="root_leakage", core_seconds=1e3))
     assert judged(frame_of(good), bars("A"))["met"].isin([True, None]).all()
-    found = judged(frame_of([*good, *bad]), bars("A"))
-    assert not found["met"].any()
+    verdict = judged(frame_of([*good, *bad]), bars("A"))
+    assert not verdict["met"].any()
     assert [bool(row["marks"]) for row in (*good, *bad)] == [False] * len(good) + [True] * len(bad)
 
 
@@ -178,12 +178,12 @@ def test_a_vocabulary_without_a_name_has_it_again_afterwards() -> None:
 
 
 def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_path: Path) -> None:
-    case = HiddenCase("0", Asked.SINGLE, (("orifice_area", (0.1,)),), False, None, 1)
+    case = HiddenCase("0", Query.SINGLE, (("orifice_area", (0.1,)),), False, None, 1)
     files = write_all(outside_benches(case, FURTHER, 0.0)[:1], True, tmp_path)
     further = measurements([read_recording(path) for path in files])
     nominal = effective_model(load_injector())
 
-    class Offered:
+    class OneTermProposal:
         terms = (SimpleNamespace(equation="nozzle_flow", law="1", coefficient=0.1),)
         may_enter = True
         effects = ("line_friction",)
@@ -192,7 +192,7 @@ def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_p
         def model(self, nominal: object) -> object:
             return effective_model(load_injector(), (sized("orifice_area", v_H=0.1),))
 
-    (proposed,) = taken([cast(Proposal, Offered())], nominal, further)
+    (proposed,) = taken([cast(Proposal, OneTermProposal())], nominal, further)
     assert (proposed.equations, proposed.effects, proposed.phase) == (
         ("nozzle_flow",),
         ("line_friction",),

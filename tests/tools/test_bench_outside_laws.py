@@ -13,7 +13,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.plants.parameters import Injector
-from tools.benchmarks.discovery.cases import Asked, HiddenCase, outside_benches
+from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches
 from tools.benchmarks.discovery.laws import KINDS, WAVE_OF_SENSOR, WEAK_BELOW
 from tools.benchmarks.discovery.outside_answers import misfit
 from tools.benchmarks.discovery.rigs import FURTHER, write_all
@@ -94,7 +94,7 @@ def test_every_kind_a_law_can_state_has_one() -> None:
 def test_the_true_law_closes_the_gap(name: str, tmp_path: Path) -> None:
     kind = KINDS[name]
     values = tuple(p.most_negative or p.highest for p in kind.parameters)
-    case = HiddenCase("0", Asked.OUTSIDE, ((name, values),), False, None, 5)
+    case = HiddenCase("0", Query.OUTSIDE, ((name, values),), False, None, 5)
     files = write_all(outside_benches(case, FURTHER, 0.0)[1::2], True, tmp_path)
     further = measurements([read_recording(path) for path in files])
     nominal = amended = effective_model(load_injector())

@@ -46,10 +46,10 @@ def recorded(plant: str, kind: HiddenKind, values: tuple[float, ...]) -> Outcome
     return record(Bench(part, Needle(), events, noise=0.0, line=line, around=around, laws=laws))
 
 
-def excess(one: Outcome, other: Outcome) -> float:
+def excess(first: Outcome, second: Outcome) -> float:
     """Chi2 by which signals differ."""
-    line = (one.measured.line_pressure - other.measured.line_pressure) / LINE_NOISE
-    rail = (one.measured.rail_pressure - other.measured.rail_pressure) / RAIL_NOISE
+    line = (first.measured.line_pressure - second.measured.line_pressure) / LINE_NOISE
+    rail = (first.measured.rail_pressure - second.measured.rail_pressure) / RAIL_NOISE
     return float(np.sum(line**2) + np.sum(rail**2))
 
 
@@ -61,9 +61,9 @@ def test_every_kind_is_seen_at_all_its_sizes_and_off_at_none(kind: HiddenKind, p
     healthy = recorded(plant, replace(kind, step=None, supply=None), (0.0, *others))
     assert excess(off, healthy) < 1e-6
     for values in ((first, *others), tuple(p.highest for p in kind.parameters)):
-        there = recorded(plant, kind, values)
-        assert all(np.isfinite(signal).all() for signal in vars(there.measured).values())
-        assert excess(there, healthy) > SEEN
+        outcome = recorded(plant, kind, values)
+        assert all(np.isfinite(signal).all() for signal in vars(outcome.measured).values())
+        assert excess(outcome, healthy) > SEEN
 
 
 def test_all_laws_are_used_and_nothing_else_is() -> None:

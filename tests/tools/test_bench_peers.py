@@ -12,7 +12,7 @@ from tools.benchmarks.joint_ukf import (
     Stream,
     advance,
     lump_model,
-    rest,
+    set_at_rest,
     start_of,
     stream_of,
     ukf_rate,
@@ -50,7 +50,7 @@ def test_joint_ukf_is_filterpys() -> None:
         ukf.predict()
         ukf.update(stream.output[sample + 1 : sample + 2])
         if stream.resting[sample + 1]:
-            rest(ukf.x, ukf.P)
+            set_at_rest(ukf.x, ukf.P)
         expected.append(ukf.x.copy())
     states = np.full((stream.output.size, 4), np.nan)
     assert unscented(stream, model, start, UNSCENTED_SHAPE, states)
@@ -61,7 +61,7 @@ def test_joint_ukf_is_filterpys() -> None:
 def test_the_filter_finds_nozzle_wear() -> None:
     outcome = recorded(Faults(orifice_area=0.3), 4)
     last = slice(*outcome.openings[-1])
-    true, found = (
+    true, estimated = (
         float(np.sum(rate[last])) for rate in (outcome.truth.injection_rate, ukf_rate(outcome.measured))
     )
-    assert found == pytest.approx(true, rel=0.02)
+    assert estimated == pytest.approx(true, rel=0.02)

@@ -97,9 +97,9 @@ def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:
     assert len(OUTSIDE) >= 5
     assert {name for pair in PAIRS for name in pair} <= set(EFFECTS)
     for name, effect in EFFECTS.items():
-        known = VOCABULARY[name].parameters
-        assert [p.name for p in effect.parameters] == [p.name for p in known]
-        for drawn, bounds in zip(effect.parameters, known, strict=True):
+        vocabulary = VOCABULARY[name].parameters
+        assert [p.name for p in effect.parameters] == [p.name for p in vocabulary]
+        for drawn, bounds in zip(effect.parameters, vocabulary, strict=True):
             assert drawn.highest <= bounds.highest
             assert bounds.lowest <= (drawn.most_negative or drawn.lowest)
             assert drawn.most_negative == 0.0 or bounds.lowest < 0.0
@@ -108,14 +108,14 @@ def test_effects_are_those_of_the_vocabulary_within_its_bounds() -> None:
 def test_given_and_further_recordings_share_plant_and_faults_and_nothing_else() -> None:
     rig = Rig(Discrepancy.TAPER, False, 1)
     case = real_case(("seat_area",), rig, 0)
-    given, further, healthy = (
+    shown, further, healthy = (
         real_benches(case, GIVEN),
         real_benches(case, FURTHER, 0.0),
         [*healthy_benches(rig)],
     )
-    assert {b.events[0].faults for b in given + further} == {EFFECTS["seat_area"].faults(case.parts[0][1])}
+    assert {b.events[0].faults for b in shown + further} == {EFFECTS["seat_area"].faults(case.parts[0][1])}
     assert {b.events[0].faults for b in healthy} == {Faults()}
-    assert len({(b.injector, b.needle, b.line) for b in given + further + healthy}) == 1
-    assert len({b.seed for b in given + further + healthy}) == len(given + further + healthy)
-    assert not {b.events[0].rail_pressure for b in given} & {b.events[0].rail_pressure for b in further}
+    assert len({(b.injector, b.needle, b.line) for b in shown + further + healthy}) == 1
+    assert len({b.seed for b in shown + further + healthy}) == len(shown + further + healthy)
+    assert not {b.events[0].rail_pressure for b in shown} & {b.events[0].rail_pressure for b in further}
     assert {b.noise for b in further} == {0.0}

@@ -44,11 +44,11 @@ def test_sender_goes_on_with_index_counter_and_crc(folder: Path, traffic: Traffi
     assert set(frames["id"].tolist()) == {0x123}
     assert frames["data"][:20].tobytes() == loop["data"][-20:].tobytes()  # as the framer wrote them
     protection = map_bus(bench_at(SAMPLE_RATE)).input_layouts[0].protection
-    for place, payload in enumerate(frames["data"]):
+    for number, payload in enumerate(frames["data"]):
         assert check_frame(payload, 64, protection)
-        assert payload[2] == (first + place) % 256
-        assert index_of(payload.tobytes()) == (first + place) * SAMPLES
-        assert payload[8:].tobytes() == loop["data"][(first + place) % traffic.frames][8:].tobytes()
+        assert payload[2] == (first + number) % 256
+        assert index_of(payload.tobytes()) == (first + number) * SAMPLES
+        assert payload[8:].tobytes() == loop["data"][(first + number) % traffic.frames][8:].tobytes()
 
 
 def test_echo_answers_when_the_observer_would(folder: Path, traffic: Traffic) -> None:

@@ -73,14 +73,14 @@ def environment() -> dict[str, str]:
 )
 def test_a_stub_states_all_that_python_sees(source: Path) -> None:
     module = importlib.import_module(".".join(source.relative_to(REPOSITORY).with_suffix("").parts))
-    there = {
+    names = {
         name
         for name, value in vars(module).items()
         if getattr(value, "__module__", None) == module.__name__
         or isinstance(value, int | float | tuple | dict)
     }
     stated = re.findall(r"^(?:def |class |)(\w+)[:(]", source.with_suffix(".pyi").read_text(), re.MULTILINE)
-    assert set(stated) == {name for name in there if not name.startswith("_")}
+    assert set(stated) == {name for name in names if not name.startswith("_")}
 
 
 def test_importing_builds_what_was_edited_and_nothing_else(package: Path) -> None:

@@ -22,12 +22,12 @@ CONTAINER = ROOT / "tools" / "container" / "Containerfile"
 def instructions() -> dict[str, list[str]]:
     """Arguments of each instruction of the container file, by its name, in their order."""
     text = CONTAINER.read_text().replace("\\\n", "")
-    found: dict[str, list[str]] = {}
+    arguments_of: dict[str, list[str]] = {}
     for line in text.splitlines():
         if line and not line.startswith("#"):
             name, arguments = line.split(maxsplit=1)
-            found.setdefault(name, []).append(arguments)
-    return found
+            arguments_of.setdefault(name, []).append(arguments)
+    return arguments_of
 
 
 def test_one_version_everywhere() -> None:
@@ -45,18 +45,18 @@ def test_the_citation_has_what_the_format_asks_for() -> None:
 
 
 def test_the_container_starts_what_was_installed_with_options_that_there_are() -> None:
-    found = instructions()
-    (program,), (name, *arguments) = (yaml.safe_load(found[key][0]) for key in ("ENTRYPOINT", "CMD"))
+    arguments_of = instructions()
+    (program,), (name, *arguments) = (yaml.safe_load(arguments_of[key][0]) for key in ("ENTRYPOINT", "CMD"))
     commands = typer.main.get_command(app_of()).commands  # type: ignore[attr-defined]
-    known = {option for parameter in commands[name].params for option in parameter.opts}
-    assert {argument for argument in arguments if argument.startswith("--")} <= known
-    made = " ".join(found["RUN"])
+    options = {option for parameter in commands[name].params for option in parameter.opts}
+    assert {argument for argument in arguments if argument.startswith("--")} <= options
+    made = " ".join(arguments_of["RUN"])
     assert f"venv {Path(program).parents[1]}" in made
     bench = arguments[arguments.index("--bench") + 1]
     assert f"{program} run --print-example-bench >{bench}" in made
     folders = shlex.split(made.split("mkdir -p ")[1])[:2]
     assert {str(Path(argument).parent) for argument in arguments if argument.startswith("/")} == set(folders)
-    assert set(yaml.safe_load(found["VOLUME"][0])) == set(folders)
+    assert set(yaml.safe_load(arguments_of["VOLUME"][0])) == set(folders)
 
 
 def test_the_page_keeps_both_folders_of_the_container_beyond_it() -> None:

@@ -34,8 +34,8 @@ def test_it_starts_a_command_with_options_that_there_are() -> None:
     program, name, *arguments = shlex.split(unit()["Service"]["ExecStart"])
     assert Path(program).name == "observer-rt"
     commands = typer.main.get_command(app_of()).commands  # type: ignore[attr-defined]
-    known = {option for parameter in commands[name].params for option in parameter.opts}
-    assert {each.partition("=")[0] for each in arguments if each.startswith("--")} <= known
+    options = {option for parameter in commands[name].params for option in parameter.opts}
+    assert {each.partition("=")[0] for each in arguments if each.startswith("--")} <= options
 
 
 def test_it_waits_for_ready_watches_and_restarts_but_not_for_a_wrong_bench_file() -> None:

@@ -34,13 +34,13 @@ def leftovers(folder: Path) -> list[str]:
 
 def processes_that_mention(word: str) -> list[str]:
     """Command lines of living processes; a process may end while it is looked at."""
-    found = []
+    lines = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
             if word in line:
-                found.append(line)
-    return found
+                lines.append(line)
+    return lines
 
 
 def test_output_exit_code_environment_and_folder_pass_through(tmp_path: Path) -> None:

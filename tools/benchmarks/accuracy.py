@@ -105,7 +105,7 @@ def score_case(class_name: str, seed: int, number: int, with_peer: bool) -> Row:
 
 
 def with_magnitudes(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows with what bars ask for: magnitudes of errors, and what is worse than a peer."""
+    """The rows with what bars ask for: magnitudes of errors, and how much worse than a peer."""
 
     def magnitudes(cell: Any) -> Any:
         return [abs(each) for each in cell] if isinstance(cell, list) else abs(cell)
@@ -117,10 +117,10 @@ def with_magnitudes(frame: pd.DataFrame) -> pd.DataFrame:
     theirs = f"{UKF}_errors_pct"
     if theirs in frame:
         for _, rows in frame[frame[theirs].notna()].groupby("class_name"):
-            ours, beside = (
+            ours, peer = (
                 pd.Series(rows[each].explode().dropna().abs(), dtype=float) for each in (ERRORS, theirs)
             )
-            worse = max(ours.median() / beside.median(), ours.max() / beside.max()) if len(ours) else None
+            worse = max(ours.median() / peer.median(), ours.max() / peer.max()) if len(ours) else None
             frame.loc[rows.index, "ukf_ratio"] = worse
     return frame
 

@@ -43,7 +43,7 @@ BARS = (
 
 def write_files(folder: Path, files: int, repeats: int) -> Path:
     """A folder below another with Parquet files, each with a content of its own."""
-    place = Path(tempfile.mkdtemp(dir=folder))
+    target = Path(tempfile.mkdtemp(dir=folder))
     events = tuple(
         Event((n + 0.5) * PERIOD, (60e6, 100e6, 140e6)[n * 3 // INJECTIONS], (Shot(1.2 * MILLISECOND),))
         for n in range(INJECTIONS)
@@ -52,8 +52,8 @@ def write_files(folder: Path, files: int, repeats: int) -> Path:
     rail, lift, line = (np.tile(values, repeats) for values in once.signals.values())
     for number in range(files):
         recording = Recording(np.arange(rail.size) / SAMPLE_RATE, rail + number * STEP, lift, line)
-        write_whole(place / f"{number}.parquet", recording)
-    return place
+        write_whole(target / f"{number}.parquet", recording)
+    return target
 
 
 def run(work: str, sources: Path, files: int, injections: int, bench: Path, *options: str) -> Row:
@@ -70,10 +70,11 @@ def run(work: str, sources: Path, files: int, injections: int, bench: Path, *opt
         clock = time.perf_counter() - begin
     if done.returncode != 0:
         raise RunError(f"batch ended with {done.returncode}: {done.stderr}")
-    found, (processor, kibibytes) = json.loads(done.stdout), map(float, done.stderr.splitlines()[-1].split())
+    summary = json.loads(done.stdout)
+    processor, kibibytes = map(float, done.stderr.splitlines()[-1].split())
     # the first and the last may be cut off by the ends of a recording
-    if found["done"] != files or found["injections"] < injections - 2 * files:
-        raise RunError(f"batch found {found}, not {injections} injections of {files} files")
+    if summary["done"] != files or summary["injections"] < injections - 2 * files:
+        raise RunError(f"batch found {summary}, not {injections} injections of {files} files")
     values = (work, work, files, injections, clock, processor, kibibytes / 1024.0)
     return dict(zip(("label", *COLUMNS), values, strict=True))
 

@@ -1,6 +1,6 @@
 """A campaign: cases worked through on a few processes, a row of facts each; figures of the rows beside their bars.
 
-A row is a dict: facts as columns, of which one may be a list (of single injections, say). Rows are kept as they come,
+A row is a dict: facts as columns, one of them may be a list (of single injections, say). Rows are kept as they come,
 so that an interrupted run goes on, and stand at the end in one table beside the figures.
 """
 
@@ -146,22 +146,21 @@ def chance_of_95(flags: pd.Series) -> float:
 
 def judged(frame: pd.DataFrame, bars: Sequence[Bar]) -> pd.DataFrame:
     """Figures by name: value, bar, met or not (None: nothing to judge), of how many values, where it is worst."""
-    found = []
+    verdicts = []
     for bar in bars:
         rows = _counted(frame[frame["failed"].isna()], bar)
         groups = dict(iter(rows.groupby(bar.by, sort=False))) if bar.by and len(rows) else {"": rows}
-        values = {str(place): values_of(group, bar.column) for place, group in groups.items()}
-        figures = {place: float(summed_up(each, bar.how)) for place, each in values.items()}
-        known = {place: figure for place, figure in figures.items() if not math.isnan(figure)}
+        values = {str(name): values_of(group, bar.column) for name, group in groups.items()}
+        figures = {name: float(summed_up(numbers, bar.how)) for name, numbers in values.items()}
+        measured = {name: figure for name, figure in figures.items() if not math.isnan(figure)}
         is_most = math.isfinite(bar.most)
-        place = (max if is_most else min)(known, key=lambda each: known[each]) if known else ""
-        value, is_judged = known.get(place, math.nan), is_most or math.isfinite(bar.least)
-        is_judged = is_judged and bool(known) and len(values[place]) >= bar.from_values
+        worst = (max if is_most else min)(measured, key=lambda name: measured[name]) if measured else ""
+        value, is_judged = measured.get(worst, math.nan), is_most or math.isfinite(bar.least)
+        is_judged = is_judged and bool(measured) and len(values[worst]) >= bar.from_values
         met = bool(bar.least <= value <= bar.most) if is_judged else None
-        found.append((bar.name, value, bar.limits, met, len(values.get(place, ())), place))
-    return pd.DataFrame(found, columns=["figure", "value", "bar", "met", "values", "worst"]).set_index(
-        "figure"
-    )
+        verdicts.append((bar.name, value, bar.limits, met, len(values.get(worst, ())), worst))
+    columns = ["figure", "value", "bar", "met", "values", "worst"]
+    return pd.DataFrame(verdicts, columns=columns).set_index("figure")
 
 
 def table(frame: pd.DataFrame, by: str, columns: Mapping[str, tuple[str, How]]) -> pd.DataFrame:
@@ -199,15 +198,15 @@ def conclude(
         figures = {"cases": len(frame), **json.loads(verdict["value"].to_json(double_precision=15))}
         details: Row = {"missed": missed, "failed": failures, "lines": [*lines]}
         details |= {
-            title: json.loads(each.to_json(orient="index", double_precision=15))
-            for title, each in tables.items()
+            title: json.loads(columns.to_json(orient="index", double_precision=15))
+            for title, columns in tables.items()
         }
         print(json.dumps({"figures": figures, "details": details}, indent=2))
     else:
         shown = verdict.assign(met=verdict["met"].map({True: "met", False: "MISSED", None: ""}))
-        for title, each in {**tables, f"figures of {len(frame)} cases": shown}.items():
-            print(f"\n{title}\n{each.to_string(na_rep=NOTHING, float_format='{:.4g}'.format)}")
-        print("", *lines, *(f"failed: {each}" for each in failures), f"rows: {out / 'rows.csv'}", sep="\n")
+        for title, columns in {**tables, f"figures of {len(frame)} cases": shown}.items():
+            print(f"\n{title}\n{columns.to_string(na_rep=NOTHING, float_format='{:.4g}'.format)}")
+        print("", *lines, *(f"failed: {line}" for line in failures), f"rows: {out / 'rows.csv'}", sep="\n")
     if missed or failures:
         raise typer.Exit(1)
 

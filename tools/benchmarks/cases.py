@@ -23,7 +23,7 @@ VARYING_SHARE = 0.5  # of the cases: a new operating point every event
 
 
 class Group(StrEnum):
-    """What is asked of a class (the bars differ)."""
+    """The demand on a class: the bars differ."""
 
     MAIN = "main"  # estimated well
     MIXED = "mixed"  # estimated, or not valid
@@ -207,8 +207,8 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
         for i, event in enumerate(schedule)
     )
     for _ in range(fault_class.missing):
-        place = int(rng.integers(1, 10))
-        events = (*events[:place], replace(events[place], shots=()), *events[place:])
+        position = int(rng.integers(1, 10))
+        events = (*events[:position], replace(events[position], shots=()), *events[position:])
     injector = wave_injector(rng.uniform(2e-9, 4e-9)) if fault_class.waves else Injector()
     bench = Bench(injector, needle, events, fault_class.sample_rate, noise, seed, fault_class.averaged)
     return Case(class_name, master_seed, number, bench, change_event)

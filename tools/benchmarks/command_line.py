@@ -33,10 +33,10 @@ TierOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 
-def chosen_names(text: str, option: str, known: Collection[str], default: Collection[str]) -> tuple[str, ...]:
-    """Names by commas, else the default. Raises `UserError` for one that is not known."""
-    names = tuple(name.strip() for name in text.split(",") if name.strip()) or tuple(default)
-    for name in names:
-        if name not in known:
-            raise UserError(option, f"unknown name '{name}'", f"known: {', '.join(known)}")
-    return names
+def chosen_names(text: str, option: str, names: Collection[str], default: Collection[str]) -> tuple[str, ...]:
+    """Those of the names that a text has, by commas, else the default. Raises `UserError` for an unknown one."""
+    chosen = tuple(name.strip() for name in text.split(",") if name.strip()) or tuple(default)
+    for name in chosen:
+        if name not in names:
+            raise UserError(option, f"unknown name '{name}'", f"known: {', '.join(names)}")
+    return chosen

@@ -72,10 +72,10 @@ def write_whole(path: Path) -> None:
 
 def damaged(data: bytes, chance: random.Random) -> bytes:
     """Some of a file's bytes changed, missing, repeated, or its end cut off."""
-    place = chance.randrange(len(data))
-    end = min(place + chance.choice((1, 2, 8, 64, 500)), len(data))
-    old = data[place:end]
-    new, rest = {
+    start = chance.randrange(len(data))
+    end = min(start + chance.choice((1, 2, 8, 64, 500)), len(data))
+    old = data[start:end]
+    new, remainder = {
         "bit": (bytes([old[0] ^ 1 << chance.randrange(8)]) + old[1:], data[end:]),
         "noise": (chance.randbytes(len(old)), data[end:]),
         "zero": (bytes(len(old)), data[end:]),
@@ -83,7 +83,7 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
         "twice": (old * 2, data[end:]),
         "cut": (b"", b""),
     }[chance.choice(("bit", "bit", "noise", "zero", "gone", "twice", "cut"))]
-    return data[:place] + new + rest
+    return data[:start] + new + remainder
 
 
 def convert_damaged(kind: str, seed: int, number: int) -> Row:
@@ -160,8 +160,8 @@ def damage(
     as_json: cli.JsonOption = False,
 ) -> None:
     """What becomes of damaged files of every format, kind by kind in turn."""
-    known, out = kinds(), out or Path("build/damage")
-    chosen = [(known[number % len(known)], seed, number) for number in range(cases)]
+    names, out = kinds(), out or Path("build/damage")
+    chosen = [(names[number % len(names)], seed, number) for number in range(cases)]
     frame = run_cases(
         "damage", convert_damaged, {" ".join(map(str, each)): each for each in chosen}, jobs, out
     )

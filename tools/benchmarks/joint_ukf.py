@@ -105,7 +105,7 @@ def advance(
 
 
 @njit(cache=True, nogil=True)
-def rest(x: Array, covariance: Array) -> None:
+def set_at_rest(x: Array, covariance: Array) -> None:
     """The sac is known to be at chamber pressure."""
     x[2] = 0.0
     covariance[2, :] = 0.0
@@ -148,7 +148,7 @@ def unscented(
         x += cross / variance * (stream.output[k + 1] - predicted)
         covariance -= np.outer(cross, cross) / variance
         if stream.resting[k + 1]:
-            rest(x, covariance)
+            set_at_rest(x, covariance)
         states[k + 1] = x
     return True
 

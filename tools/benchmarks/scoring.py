@@ -87,7 +87,7 @@ class Score:
 
     @property
     def scored(self) -> list[Injection]:
-        """The valid injections from the fifth event on, of which errors are stated."""
+        """The valid injections from the fifth event on: errors are stated of these."""
         return [each for each in self.injections if each.valid and each.event >= FROM]
 
     def event_masses(self, masses: Array) -> Array:
@@ -291,7 +291,7 @@ def _covered_samples(
 
 def _injections(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
     """The openings of every event by the report that covers them; one without a report stands alone, not valid."""
-    found = []
+    injections = []
     for event, openings in enumerate(windows.of_event):
         reports = {i: _report_of(evaluation, windows.ranges[i]) for i in openings}
         numbers = {i: -i - 1 if report is None else report.number for i, report in reports.items()}
@@ -300,8 +300,8 @@ def _injections(evaluation: Scored, windows: Windows) -> tuple[Injection, ...]:
             report = reports[together[0]]
             rates = [evaluation.trace.injection_rate[windows.ranges[i]] for i in together]
             missing = bool(np.isnan(np.concatenate(rates)).any())
-            found.append(Injection(event, together, report is not None and report.valid and not missing))
-    return tuple(found)
+            injections.append(Injection(event, together, report is not None and report.valid and not missing))
+    return tuple(injections)
 
 
 def _judged(
@@ -327,9 +327,9 @@ def _judged(
 
 def reports_of(evaluation: Scored, windows: Windows, event: int) -> tuple[InjectionReport, ...]:
     """The reports of an event's openings, each once; empty when an opening has none."""
-    found = [_report_of(evaluation, windows.ranges[i]) for i in windows.of_event[event]]
-    reports = {report.number: report for report in found if report is not None}
-    return () if None in found else tuple(reports.values())
+    covering = [_report_of(evaluation, windows.ranges[i]) for i in windows.of_event[event]]
+    reports = {report.number: report for report in covering if report is not None}
+    return () if None in covering else tuple(reports.values())
 
 
 def _report_of(evaluation: Scored, window: slice) -> InjectionReport | None:

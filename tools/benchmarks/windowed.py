@@ -15,7 +15,7 @@ from observer_rt.files.signals.recording import Recording
 
 @dataclass(frozen=True)
 class WindowedEvaluation:
-    """What is scored of an evaluation, on the samples of the whole recording."""
+    """The scored part of an evaluation, on the samples of the whole recording."""
 
     trace: Trace
     reports: tuple[InjectionReport, ...]
@@ -23,7 +23,7 @@ class WindowedEvaluation:
 
 
 def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
-    """The observer on a recording of which a windowed source sends only what lies round the injections.
+    """The observer on a recording, from which a windowed source sends only the samples around injections.
 
     To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
     E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.

@@ -65,7 +65,7 @@ def build_in_place(modules: Sequence[str] = ()) -> None:
         if not modules and _is_current(_sources_state()):  # another process was first
             return
         for name, built in build(_kind(), modules).items():
-            _place(built, CORE / name)
+            _install(built, CORE / name)
         if not modules:
             for ending in (SUFFIX, STUB):
                 for orphan in set(CORE.rglob(f"*{ending}")) - {
@@ -90,7 +90,7 @@ def build(kind: Kind, modules: Sequence[str] = ()) -> dict[str, Path]:
 
 
 def compiler() -> str:
-    """The C compiler's command, as `$CC` or as found; that of ziglang where there is none."""
+    """The C compiler's command, as `$CC` or as found, else that of ziglang."""
     named = os.environ.get("CC")
     return named or next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), ZIG)
 
@@ -106,13 +106,13 @@ def _is_current(state: str) -> bool:
 def _sources_state() -> str:
     """What the modules beside the sources are made of: a line a file, each module among them."""
     times = [f"{path} {path.stat().st_mtime_ns}" for path in _sources()]
-    there = [
+    existing = [
         name + ending
         for name in _module_names()
         for ending in (SUFFIX, STUB)
         if (CORE / (name + ending)).exists()
     ]
-    return "\n".join([_kind().folder, *times, *there])
+    return "\n".join([_kind().folder, *times, *existing])
 
 
 def _sources() -> list[Path]:
@@ -125,7 +125,7 @@ def _module_names() -> list[str]:
     return ["views", *(path.relative_to(CORE).with_suffix("").as_posix() for path in sources)]
 
 
-def _place(built: Path, target: Path) -> None:
+def _install(built: Path, target: Path) -> None:
     """By rename: processes that run keep the module that they have loaded."""
     if not target.exists() or target.stat().st_mtime_ns != built.stat().st_mtime_ns:
         temporary = target.with_suffix(".new")

@@ -43,15 +43,15 @@ def stub_of(source: Path) -> str:
     lines = _constants(text, source.parent)
     lines += [RECORDS] if "\nRECORDS = {" in text else []
     is_public = True
-    for found in CALLED.finditer(text):
-        if found["name"]:
-            is_public = not found["name"].startswith("_")
+    for match in CALLED.finditer(text):
+        if match["name"]:
+            is_public = not match["name"].startswith("_")
             if is_public:
-                lines.append(f'class {found["name"]}{found["base"] or ""}:\n    """Compiled."""')
-        elif is_public or not found["indent"]:
-            stated = re.split(r",\s+(?=[A-Za-z])", found["parameters"].strip(" \n,"))
+                lines.append(f'class {match["name"]}{match["base"] or ""}:\n    """Compiled."""')
+        elif is_public or not match["indent"]:
+            stated = re.split(r",\s+(?=[A-Za-z])", match["parameters"].strip(" \n,"))
             parameters = ", ".join(map(_parameter, stated))
-            lines.append(f"{found['indent']}def {found['function']}({parameters}) -> {found['result']}: ...")
+            lines.append(f"{match['indent']}def {match['function']}({parameters}) -> {match['result']}: ...")
     header = source.with_suffix(".pxd")
     classes = {
         f"from {module} import {name}"
@@ -66,15 +66,15 @@ def _constants(text: str, folder: Path) -> list[str]:
     """What a module gives Python by `globals().update`: a `double`, an array of them, or else a whole number."""
     sources = "".join(path.read_text() for path in folder.glob("*.p*"))
     kinds = {name: "tuple[float, ...]" if array else "float" for array, name in DOUBLE.findall(sources)}
-    given = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", "".join(GIVEN.findall(text)))
-    return [f"{name}: {kinds.get(value, 'int')}" for name, value in given]
+    arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", "".join(GIVEN.findall(text)))
+    return [f"{name}: {kinds.get(value, 'int')}" for name, value in arguments]
 
 
 def _parameter(stated: str) -> str:
     """As Python states a parameter."""
-    found = PARAMETER.fullmatch(stated)
-    assert found, stated
-    kind, array, name, default = found.groups()
+    match = PARAMETER.fullmatch(stated)
+    assert match, stated
+    kind, array, name, default = match.groups()
     if name == "self":
         return name
     kind = f"NDArray[{ELEMENTS.get(kind, 'np.void')}]" if array else NUMBERS.get(kind or "", kind)

@@ -6,7 +6,7 @@ import sys
 
 
 def say(message: str) -> None:
-    """Tell the user on stderr what is being done."""
+    """Print progress for the user on stderr."""
     print(f"vcan: {message}", file=sys.stderr, flush=True)
 
 

@@ -37,7 +37,7 @@ def free_memory_mib() -> int:
 
 
 def memory_size_mib() -> int:
-    """Size of the guest's memory: 3 GiB, or two thirds of what is free where that is less."""
+    """Size of the guest's memory: 3 GiB, or two thirds of the free memory where that is less."""
     size = min(WANTED_MIB, free_memory_mib() * 2 // 3)
     if size < LEAST_MIB:
         raise UnableError(
@@ -166,7 +166,7 @@ def write_job(folder: Path, kernel: Kernel, command: list[str]) -> None:
 def pump(source: BinaryIO, sink: int, deliver: Callable[[int], None]) -> None:
     """Copy a pipe to our descriptor `sink` until its last writer has closed it.
 
-    When the reader of `sink` goes away the command is told by `deliver`, as a plain pipe would tell it.
+    When the reader of `sink` goes away, `deliver` signals the command, as a plain pipe would.
     """
     broken = False
     while chunk := source.read(65536):

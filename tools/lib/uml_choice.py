@@ -49,7 +49,7 @@ def obtain_kernel(system: Path = Path("/")) -> Kernel:
 
 
 def cache_folder() -> Path:
-    """Where kernels are unpacked, and what is known of them is kept; raises UnableError."""
+    """Folder for unpacked kernels and notes on them; raises UnableError."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(base) / "observer_rt_tools" / PACKAGE
     try:

@@ -33,10 +33,10 @@ def kernel_below(root: Path) -> Kernel | None:
         return None
     for modules in (root / "usr/lib/uml/modules", root / "lib/uml/modules"):
         for version in sorted(modules.glob("*"), reverse=True):
-            found = {path.name.split(".")[0]: path for path in version.rglob("*.ko*")}
-            if all(name in found for name in MODULES):
-                there = tuple(found[name] for name in (*MODULES, *OPTIONAL_MODULES) if name in found)
-                return Kernel(program, there, libraries if libraries.is_dir() else None)
+            files = {path.name.split(".")[0]: path for path in version.rglob("*.ko*")}
+            if all(name in files for name in MODULES):
+                present = tuple(files[name] for name in (*MODULES, *OPTIONAL_MODULES) if name in files)
+                return Kernel(program, present, libraries if libraries.is_dir() else None)
     return None
 
 

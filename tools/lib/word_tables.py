@@ -37,10 +37,10 @@ def page_with_words(text: str) -> str:
     for heading, rows in tables.items():
         lines = "".join(f"| `{name}` | {' | '.join(cells)} |\n" for name, *cells in rows)
         below = rf"(\n## {heading}\n(?:(?!\n## ).)*?\n\|-[-|]*\n)(?:\|[^\n]*\n)*"
-        found = re.search(below, text, re.DOTALL)
-        if found is None:
+        match = re.search(below, text, re.DOTALL)
+        if match is None:
             raise ValueError(f"no table below the heading {heading!r}")
-        text = text[: found.start()] + found[1] + lines + text[found.end() :]
+        text = text[: match.start()] + match[1] + lines + text[match.end() :]
     return text
 
 
@@ -97,13 +97,13 @@ def _with_lines(text: str, kind: str, said: Mapping[str, str]) -> str:
     left = dict(said)
     lines = re.compile(rf"^{kind} (\w+) .*\n", re.MULTILINE)
 
-    def line(found: re.Match[str]) -> str:
-        if found[1] in BY_HAND:
-            return found[0]
-        return f"{kind} {found[1]} {left.pop(found[1])};\n" if found[1] in left else ""
+    def line(match: re.Match[str]) -> str:
+        if match[1] in BY_HAND:
+            return match[0]
+        return f"{kind} {match[1]} {left.pop(match[1])};\n" if match[1] in left else ""
 
     text = lines.sub(line, text)
-    end = max((found.end() for found in lines.finditer(text)), default=len(text))
+    end = max((match.end() for match in lines.finditer(text)), default=len(text))
     return text[:end] + "".join(f"{kind} {name} {words};\n" for name, words in left.items()) + text[end:]
 
 

@@ -7,7 +7,7 @@ from observer_rt.foundation.continuity import Break
 from tests.bus.alignment.alignment_driver import ONE, THREE, Aligner, Block, Placing, value
 
 
-def one(*starts: int, count: int = 9) -> list[Block]:
+def single(*starts: int, count: int = 9) -> list[Block]:
     return [Block(0, start, count) for start in starts]
 
 
@@ -20,7 +20,7 @@ def three(*starts: int, count: int = 4) -> list[Block]:
 def test_value_that_means_nothing_is_missing(role: int, bad: float) -> None:
     aligner = Aligner(ONE)
     aligner.bad = {(role, 4): bad}
-    aligner.take_all(one(0, 9))
+    aligner.take_all(single(0, 9))
     assert aligner.indices == list(range(18))
     assert [row.index for row in aligner.rows if row.interpolated] == [4]
     assert aligner.rows[4].values == pytest.approx([value(r, 4) for r in range(3)], rel=1e-12)
@@ -60,15 +60,15 @@ def test_index_back_to_zero_is_a_restart(roles: list[list[int]], uptime: int) ->
 
 
 def test_restart_whose_first_blocks_are_lost_is_seen_by_the_third() -> None:
-    aligner = Aligner(ONE).take_all(one(900, 909))
-    placings = [aligner.take(block) for block in one(18, 27, 36, 45)]
+    aligner = Aligner(ONE).take_all(single(900, 909))
+    placings = [aligner.take(block) for block in single(18, 27, 36, 45)]
     assert placings == [Placing.OLD, Placing.OLD, Placing.RESTARTED, Placing.ACCEPTED]
     assert aligner.indices == [*range(900, 918), *range(36, 54)]
     assert aligner.breaks[36] is Break.RESTART
 
 
 def test_scattered_old_blocks_are_no_restart() -> None:
-    aligner = Aligner(ONE).take_all(one(900, 909))
+    aligner = Aligner(ONE).take_all(single(900, 909))
     for start in (100, 300, 200, 400):
         assert aligner.take(Block(0, start, 9)) is Placing.OLD
     assert aligner.count("restarts") == 0

@@ -13,7 +13,7 @@ from tests.bus.alignment.alignment_driver import LIFT, ONE, THREE, WRAP, Aligner
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExpectedOutput:
     rows: list[Row]
     lost: int
     repeated: int
@@ -21,7 +21,7 @@ class Expected:
     jumps: int
 
 
-def reference(roles: Sequence[Sequence[int]], blocks: Sequence[Block]) -> Expected:
+def reference(roles: Sequence[Sequence[int]], blocks: Sequence[Block]) -> ExpectedOutput:
     """What must come out, from sets and sorting alone, when the device does not restart."""
     accepted: list[list[Block]] = [[] for _ in roles]
     repeated = old = 0
@@ -34,7 +34,7 @@ def reference(roles: Sequence[Sequence[int]], blocks: Sequence[Block]) -> Expect
         else:
             own.append(block)
     if not all(accepted):
-        return Expected([], 0, repeated, old, 0)
+        return ExpectedOutput([], 0, repeated, old, 0)
     at: list[dict[int, Block]] = [
         {i: block for block in own for i in range(block.index, block.end - block.missing)} for own in accepted
     ]
@@ -67,7 +67,7 @@ def reference(roles: Sequence[Sequence[int]], blocks: Sequence[Block]) -> Expect
                 mixed = tuple(a + (b - a) * share for a, b in zip(last.values, following, strict=True))
                 rows.append(Row(last.index + k, mixed, True, Break.NONE))
         rows.append(Row(index, values(index), False, broken))
-    return Expected(rows, lost, repeated, old, jumps)
+    return ExpectedOutput(rows, lost, repeated, old, jumps)
 
 
 def _is_legal(
@@ -124,7 +124,7 @@ def traffic(draw: st.DrawFn, sizes: Sequence[int]) -> list[Block]:
     return blocks
 
 
-def compare(aligner: Aligner, expected: Expected) -> None:
+def compare(aligner: Aligner, expected: ExpectedOutput) -> None:
     # unwrapped from the first index received, which may lie behind the wrap already
     turns = aligner.indices[0] - expected.rows[0].index if aligner.rows and expected.rows else 0
     assert turns % WRAP == 0

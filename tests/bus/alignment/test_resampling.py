@@ -30,7 +30,7 @@ def line(position: float) -> float:
     return 50e6 + 1e3 * position
 
 
-class Joined:
+class JoinedStreams:
     """Line pressure and lift on the grid, the rail pressure beside it."""
 
     def __init__(self, relation: GridRelation) -> None:
@@ -76,7 +76,7 @@ class Joined:
 
 @given(st.floats(-0.9, 0.9), st.floats(0.99, 1.01), st.integers(1, 28))
 def test_another_clock_is_interpolated(phase: float, step: float, block: int) -> None:
-    joined = Joined(FULL_RATE)
+    joined = JoinedStreams(FULL_RATE)
     positions = phase + step * np.arange(300)
     for start in range(0, 280, block):
         joined.grid(start, block)
@@ -89,7 +89,7 @@ def test_another_clock_is_interpolated(phase: float, step: float, block: int) ->
 
 @pytest.mark.parametrize("missing", [1, 2])
 def test_a_few_missing_are_bridged_and_marked(missing: int) -> None:
-    joined = Joined(FULL_RATE)
+    joined = JoinedStreams(FULL_RATE)
     joined.grid(0, 40)
     joined.rails([*np.arange(0.5, 20.0), *np.arange(20.5 + missing, 39.0)])
     assert joined.indices == list(range(1, 39))
@@ -98,7 +98,7 @@ def test_a_few_missing_are_bridged_and_marked(missing: int) -> None:
 
 
 def test_more_missing_are_a_loss() -> None:
-    joined = Joined(FULL_RATE)
+    joined = JoinedStreams(FULL_RATE)
     joined.grid(0, 40)
     joined.rails([*np.arange(0.5, 20.0), *np.arange(23.5, 39.0)])
     assert 21 not in joined.indices
@@ -107,7 +107,7 @@ def test_more_missing_are_a_loss() -> None:
 
 
 def test_slower_signal_is_interpolated_between_its_neighbours() -> None:
-    joined = Joined(SLOW)
+    joined = JoinedStreams(SLOW)
     for position in (3.0, 23.0, 43.5, 63.0):
         joined.grid(round(position) // 20 * 20, 20)
         joined.rails([position])
@@ -117,7 +117,7 @@ def test_slower_signal_is_interpolated_between_its_neighbours() -> None:
 
 
 def test_slower_signal_is_held_as_long_as_stated_and_then_missing() -> None:
-    joined = Joined(SLOW)
+    joined = JoinedStreams(SLOW)
     joined.rails([0.0, 20.0])
     joined.grid(0, 70)
     assert joined.indices[-1] == 20
@@ -134,7 +134,7 @@ def test_slower_signal_is_held_as_long_as_stated_and_then_missing() -> None:
 
 
 def test_follower_that_stays_away_is_told_and_comes_back() -> None:
-    joined = Joined(FULL_RATE)
+    joined = JoinedStreams(FULL_RATE)
     joined.grid(0, 20)
     joined.rails(np.arange(0.0, 20.0))
     end = 600 * 20
@@ -151,7 +151,7 @@ def test_follower_that_stays_away_is_told_and_comes_back() -> None:
 
 def test_follower_that_begins_late_starts_the_stream() -> None:
     """While its clock is not known nothing waits for ever, nor is anything made up."""
-    joined = Joined(FULL_RATE)
+    joined = JoinedStreams(FULL_RATE)
     for start in range(0, 2 * SLOTS, 16):
         joined.grid(start, 16)
     assert joined.rows == []
@@ -161,7 +161,7 @@ def test_follower_that_begins_late_starts_the_stream() -> None:
 
 
 def test_samples_out_of_order_far_ahead_or_without_value_are_left_out() -> None:
-    joined = Joined(FULL_RATE)
+    joined = JoinedStreams(FULL_RATE)
     joined.grid(0, 30)
     joined.rails([0.0, 1.0, 0.5, 1.0, 2.0])
     joined.rails([30.0 + SLOTS])
@@ -182,7 +182,7 @@ def needle(position: float) -> float:
 @example(0.5234375, 0.999, 1)
 def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: float, block: int) -> None:
     """Every sample has a lift that was taken as it says, each lift of an open needle belongs to one sample."""
-    joined = Joined(LIFT_ALONE)
+    joined = JoinedStreams(LIFT_ALONE)
     positions = phase + step * np.arange(300)
     for start in range(0, 280, block):
         joined.grid(start, block)
@@ -197,13 +197,13 @@ def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: fl
     kept = {needle(position) for position in positions[is_open]}
     assert kept <= set(lifts)
     largest_drift = 110 * abs(step - 1.0)  # while the needle moves
-    for place, lift in zip(taken, lifts, strict=True):
+    for position, lift in zip(taken, lifts, strict=True):
         if lift in kept and lift < 3e-4:
-            assert np.abs(positions - place).min() <= largest_drift + 1e-9
+            assert np.abs(positions - position).min() <= largest_drift + 1e-9
 
 
 def test_lift_that_misses_samples_is_bridged_and_marked() -> None:
-    joined = Joined(LIFT_ALONE)
+    joined = JoinedStreams(LIFT_ALONE)
     joined.grid(0, 260)
     joined.lifts([*np.arange(0.25, 126.0), *np.arange(128.25, 259.0)], needle)
     bridged = [row for row in joined.rows if row.interpolated]

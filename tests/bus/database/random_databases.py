@@ -107,7 +107,7 @@ def same_float(a: float, b: float) -> bool:
     return (math.isnan(a) and math.isnan(b)) or struct.pack("d", a) == struct.pack("d", b)
 
 
-def place(first: int, length: int, is_big_endian: bool) -> int:
+def dbc_start(first: int, length: int, is_big_endian: bool) -> int:
     """Start in DBC counting of a field over transmitted bits [first, first + length), for big-endian."""
     return 8 * (first // 8) + 7 - first % 8 if is_big_endian else first
 
@@ -133,7 +133,7 @@ def signals(draw: st.DrawFn, name: str, first: int, length: int, is_big_endian: 
             codes["not_available"] = draw(st.sampled_from([(1 << length) - 1, 0, 1 << length - 1]))
         if draw(st.booleans()):
             codes["error"] = (codes.get("not_available", 1 << length) - 1) & ((1 << length) - 1)
-    start = place(first, length, is_big_endian)
+    start = dbc_start(first, length, is_big_endian)
     return Field(
         name, start, length, is_big_endian, mark, is_signed, is_float, scale, offset, limits, **codes
     )
@@ -165,7 +165,7 @@ def plain_messages(draw: st.DrawFn) -> RandomMessage:
 
 
 def _selector(message: RandomMessage, name: str, byte: int, is_big_endian: bool, mark: str) -> None:
-    message.fields.append(Field(name, place(8 * byte, 8, is_big_endian), 8, is_big_endian, mark))
+    message.fields.append(Field(name, dbc_start(8 * byte, 8, is_big_endian), 8, is_big_endian, mark))
 
 
 @st.composite

@@ -15,8 +15,8 @@ from observer_rt.core.frames.frames import carries, decode_signals, encode_signa
 from tests.bus.database.random_databases import (
     Field,
     RandomMessage,
+    dbc_start,
     multiplexed_messages,
-    place,
     plain_messages,
     same_float,
     with_bits,
@@ -31,13 +31,13 @@ all_messages = st.one_of(plain_messages(), multiplexed_messages())
 def payloads(draw: st.DrawFn, random: RandomMessage) -> bytes:
     """Random contents, the selectors at values the database knows, reserved codes more often than by chance."""
     payload = draw(st.binary(min_size=random.size, max_size=random.size))
-    for one in random.fields:
-        codes = [code for code in (one.not_available, one.error) if code is not None]
+    for field in random.fields:
+        codes = [code for code in (field.not_available, field.error) if code is not None]
         if codes and draw(st.integers(0, 3)) == 0:
-            payload = with_bits(payload, one, draw(st.sampled_from(codes)))
-    for one in random.fields:
-        if random.selectors.get(one.name):
-            payload = with_bits(payload, one, draw(st.sampled_from(sorted(random.selectors[one.name]))))
+            payload = with_bits(payload, field, draw(st.sampled_from(codes)))
+    for field in random.fields:
+        if random.selectors.get(field.name):
+            payload = with_bits(payload, field, draw(st.sampled_from(sorted(random.selectors[field.name]))))
     return payload
 
 
@@ -52,15 +52,15 @@ def selected(message: Message, payload: bytes) -> list[str]:
     return names
 
 
-def reserved(one: Field) -> set[int]:
-    return {code for code in (one.not_available, one.error) if code is not None}
+def reserved(field: Field) -> set[int]:
+    return {code for code in (field.not_available, field.error) if code is not None}
 
 
-def bits_of(one: Field, raw: float) -> int:
+def bits_of(field: Field, raw: float) -> int:
     """The raw value as the unsigned number in the field."""
-    if one.is_float:
-        return int.from_bytes(struct.pack(">" + FLOAT_FORMAT[one.length], raw), "big")
-    return int(raw) & (1 << one.length) - 1
+    if field.is_float:
+        return int.from_bytes(struct.pack(">" + FLOAT_FORMAT[field.length], raw), "big")
+    return int(raw) & (1 << field.length) - 1
 
 
 @many
@@ -74,38 +74,38 @@ def test_decode(random: RandomMessage, data: st.DataObject) -> None:
     got = np.zeros(len(expected))
     decode_signals(np.frombuffer(payload, np.uint8), signal_table(message, list(expected)), got)
     for (name, value), ours in zip(expected.items(), got.tolist(), strict=True):
-        one = next(f for f in random.fields if f.name == name)
-        if bits_of(one, raw[name]) in reserved(one) or is_far_outside(one, raw[name]):
-            assert math.isnan(ours), one
+        field = next(f for f in random.fields if f.name == name)
+        if bits_of(field, raw[name]) in reserved(field) or is_far_outside(field, raw[name]):
+            assert math.isnan(ours), field
         else:
-            largest_term = max(abs(raw[name] * one.scale), abs(one.offset))
-            slack = 0.0 if exact_in_float64(one, raw[name]) else 3 * math.ulp(float(largest_term))
-            assert same_float(ours, float(value)) or abs(ours - value) <= slack, one
+            largest_term = max(abs(raw[name] * field.scale), abs(field.offset))
+            slack = 0.0 if exact_in_float64(field, raw[name]) else 3 * math.ulp(float(largest_term))
+            assert same_float(ours, float(value)) or abs(ours - value) <= slack, field
 
 
-def is_far_outside(one: Field, raw: float) -> bool:
+def is_far_outside(field: Field, raw: float) -> bool:
     """Whether a raw value is outside the declared range by more than a hundredth of it."""
-    low, high = sorted(round((limit - one.offset) / one.scale) for limit in one.limits)
-    return one.limits != (0, 0) and not 0 <= raw - low + 0.01 * (high - low) <= 1.02 * (high - low)
+    low, high = sorted(round((limit - field.offset) / field.scale) for limit in field.limits)
+    return field.limits != (0, 0) and not 0 <= raw - low + 0.01 * (high - low) <= 1.02 * (high - low)
 
 
-def exact_in_float64(one: Field, raw: float) -> bool:
+def exact_in_float64(field: Field, raw: float) -> bool:
     """Whether the whole numbers that cantools multiplies exactly are float64 numbers, too."""
-    is_whole = float(one.scale).is_integer() and not one.is_float  # 3.0 counts as 3 for cantools
-    return not is_whole or abs(raw * one.scale) <= 1 << 53
+    is_whole = float(field.scale).is_integer() and not field.is_float  # 3.0 counts as 3 for cantools
+    return not is_whole or abs(raw * field.scale) <= 1 << 53
 
 
 @st.composite
-def values(draw: st.DrawFn, one: Field) -> float:
+def values(draw: st.DrawFn, field: Field) -> float:
     """A physical value: near a code of the field, far outside, or infinite."""
-    if one.is_float:
+    if field.is_float:
         raw = draw(st.floats(-1e6, 1e6, width=32))
     else:
-        lowest = -(1 << one.length - 1) if one.is_signed else 0
-        raw = draw(st.integers(lowest, lowest + (1 << one.length) - 1)) + draw(
+        lowest = -(1 << field.length - 1) if field.is_signed else 0
+        raw = draw(st.integers(lowest, lowest + (1 << field.length) - 1)) + draw(
             st.sampled_from([0.0, 0.5, -0.25])
         )
-    return draw(st.sampled_from([1.0, 1.0, 1.0, 1e3, math.inf])) * float(raw * one.scale + one.offset)
+    return draw(st.sampled_from([1.0, 1.0, 1.0, 1e3, math.inf])) * float(raw * field.scale + field.offset)
 
 
 @many
@@ -113,20 +113,20 @@ def values(draw: st.DrawFn, one: Field) -> float:
 def test_encode(random: RandomMessage, data: st.DataObject) -> None:
     assume(random.fields)
     message = random.load()
-    by_name = {one.name: one for one in random.fields}
+    by_name = {field.name: field for field in random.fields}
     payload = data.draw(payloads(random))
     active = selected(message, payload)
     ours: dict[str, float] = {}
     codes: dict[str, float] = {}
     for name in active:
-        one = by_name[name]
+        field = by_name[name]
         if name in random.selectors:
             ours[name] = codes[name] = message.decode(payload, decode_choices=False)[name]
             continue
-        value = data.draw(values(one))
+        value = data.draw(values(field))
         assume(not math.isnan(value))
         ours[name] = value
-        codes[name] = _reference_code(one, message.get_signal_by_name(name), value)
+        codes[name] = _reference_code(field, message.get_signal_by_name(name), value)
     expected = message.encode(codes, scaling=False, strict=False)
     frame = np.zeros(message.length, np.uint8)
     encode_signals(np.array(list(ours.values()), float), signal_table(message, list(ours)), frame)
@@ -135,27 +135,27 @@ def test_encode(random: RandomMessage, data: st.DataObject) -> None:
     # A reserved code is stepped over to a neighbour: to which one, either way round, is ours to choose.
     back = message.decode(frame.tobytes(), scaling=False, decode_choices=False)
     for name, code in codes.items():
-        one = by_name[name]
-        if bits_of(one, code) in reserved(one):
-            assert bits_of(one, back[name]) not in reserved(one)
+        field = by_name[name]
+        if bits_of(field, code) in reserved(field):
+            assert bits_of(field, back[name]) not in reserved(field)
             assert abs(back[name] - code) <= 2
         else:
-            assert bits_of(one, back[name]) == bits_of(one, code), one
+            assert bits_of(field, back[name]) == bits_of(field, code), field
 
 
-def _reference_code(one: Field, signal: Signal, value: float) -> float:
+def _reference_code(field: Field, signal: Signal, value: float) -> float:
     """Raw value by cantools of a value that is clamped to limits and field first."""
-    low, high = (-math.inf, math.inf) if one.limits == (0, 0) else one.limits
+    low, high = (-math.inf, math.inf) if field.limits == (0, 0) else field.limits
     value = min(max(value, low), high)
-    if one.is_float:
-        largest = 3.4028234663852886e38 if one.length == 32 else 1.7976931348623157e308
-        return max(-largest, min(largest, (value - one.offset) / one.scale))
-    lowest = -(1 << one.length - 1) if one.is_signed else 0
-    highest = lowest + (1 << one.length) - 1
-    if one.length > 53:
+    if field.is_float:
+        largest = 3.4028234663852886e38 if field.length == 32 else 1.7976931348623157e308
+        return max(-largest, min(largest, (value - field.offset) / field.scale))
+    lowest = -(1 << field.length - 1) if field.is_signed else 0
+    highest = lowest + (1 << field.length) - 1
+    if field.length > 53:
         highest = int(math.nextafter(float(highest + 1), 0.0))  # the largest that a float64 holds
     if math.isinf(value):
-        return highest if (value > 0) == (one.scale > 0) else lowest
+        return highest if (value > 0) == (field.scale > 0) else lowest
     return max(lowest, min(highest, float(signal.conversion.numeric_scaled_to_raw(value))))
 
 
@@ -172,9 +172,9 @@ def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: Ra
 @pytest.mark.parametrize("is_big_endian", [False, True])
 def test_the_bit_walk_of_these_tests(is_big_endian: bool) -> None:
     """Intel: up from the start; Motorola: down from the start, from bit 0 on to bit 7 of the next byte."""
-    one = Field("X", 4, 8, is_big_endian)
+    field = Field("X", 4, 8, is_big_endian)
     expected = b"\xf0\x0f" if not is_big_endian else b"\x1f\xe0"
-    assert with_bits(bytes(2), one, 0xFF) == expected
+    assert with_bits(bytes(2), field, 0xFF) == expected
 
 
 def decoded(message: Message, payload: bytes) -> dict[str, float]:
@@ -199,26 +199,26 @@ def test_encoding_changes_no_bit_of_other_signals(random: RandomMessage, data: s
 @given(plain_messages(), st.data())
 def test_a_flipped_bit_changes_exactly_its_signal(random: RandomMessage, data: st.DataObject) -> None:
     exact = [
-        one
-        for one in random.fields
-        if not one.is_float and one.length <= 53 and not reserved(one) and one.limits == (0, 0)
+        field
+        for field in random.fields
+        if not field.is_float and field.length <= 53 and not reserved(field) and field.limits == (0, 0)
     ]
     assume(exact)
-    one = data.draw(st.sampled_from(exact))
+    field = data.draw(st.sampled_from(exact))
     payload = data.draw(st.binary(min_size=random.size, max_size=random.size))
-    lone = with_bits(bytes(random.size), one, 1 << data.draw(st.integers(0, one.length - 1)))
+    lone = with_bits(bytes(random.size), field, 1 << data.draw(st.integers(0, field.length - 1)))
     flipped = bytes(a ^ b for a, b in zip(payload, lone, strict=True))
     message = random.load()
     before, after = decoded(message, payload), decoded(message, flipped)
-    assert [name for name in before if not same_float(before[name], after[name])] == [one.name]
+    assert [name for name in before if not same_float(before[name], after[name])] == [field.name]
 
 
 @pytest.mark.parametrize("is_big_endian", [False, True])
 @pytest.mark.parametrize("mutated", ["step", "first_byte", "shift"])
 def test_a_mutated_table_is_told_from_cantools(is_big_endian: bool, mutated: str) -> None:
     """Endianness swapped, byte or start bit off by one: each must show in the comparison with cantools."""
-    one = Field("Value", place(20, 16, is_big_endian), 16, is_big_endian, scale=0.005)
-    message, payload = RandomMessage(8, [one]).load(), bytes.fromhex("0123456789abcdef")
+    field = Field("Value", dbc_start(20, 16, is_big_endian), 16, is_big_endian, scale=0.005)
+    message, payload = RandomMessage(8, [field]).load(), bytes.fromhex("0123456789abcdef")
     table, out, buffer = signal_table(message, ["Value"]), np.zeros(1), np.zeros(8, np.uint8)
     expected = message.decode(payload)["Value"]
     decode_signals(np.frombuffer(payload, np.uint8), table, out)

@@ -185,19 +185,19 @@ REFERENCES = {
 @given(data=st.data(), number=st.integers(0, 0xFFFFFFFF))
 def test_a_profile_is_that_of_the_reference(name: str, data: st.DataObject, number: int) -> None:
     """Whatever comes in, what goes out, and with any bit flipped on the way."""
-    it = REFERENCES[name]
-    payload = data.draw(st.binary(min_size=it.lengths[0], max_size=it.lengths[1]))
+    reference = REFERENCES[name]
+    payload = data.draw(st.binary(min_size=reference.lengths[0], max_size=reference.lengths[1]))
     data_id = data.draw(st.integers(0, 0xFFFF))
-    frame, length, row = frame_of(payload), len(payload), protection_of(it.profile, data_id)
-    assert check_frame(frame, length, row) == it.check(payload, data_id)
+    frame, length, row = frame_of(payload), len(payload), protection_of(reference.profile, data_id)
+    assert check_frame(frame, length, row) == reference.check(payload, data_id)
     protect_frame(frame, length, row, number)
-    assert frame.tobytes() == it.protected(payload, data_id, number % it.modulus)
+    assert frame.tobytes() == reference.protected(payload, data_id, number % reference.modulus)
     assert check_frame(frame, length, row)
-    assert counter_in(frame, it.profile) == number % it.modulus
-    assert not check_frame(frame, length, protection_of(it.profile, data_id ^ 1))
+    assert counter_in(frame, reference.profile) == number % reference.modulus
+    assert not check_frame(frame, length, protection_of(reference.profile, data_id ^ 1))
     for bit in range(8 * length):
         frame[bit // 8] ^= 1 << (bit % 8)
-        assert check_frame(frame, length, row) == it.check(frame.tobytes(), data_id), f"bit {bit}"
+        assert check_frame(frame, length, row) == reference.check(frame.tobytes(), data_id), f"bit {bit}"
         frame[bit // 8] ^= 1 << (bit % 8)
 
 
@@ -243,11 +243,11 @@ def test_states_are_those_of_the_plain_state_machine(
     for status in statuses:
         plain.take(status)
         expected.append(plain.state)
-    found = []
+    states = []
     for status in statuses:
         take_into_state(memory, status)
-        found.append(int(memory["state"][0]))
-    assert found == expected
+        states.append(int(memory["state"][0]))
+    assert states == expected
 
 
 def test_an_unprotected_frame_stays_as_it_is() -> None:

@@ -31,12 +31,12 @@ class PutLink(FakeLink):
 
     def receive(self, timeout_s: float) -> Frame | None:
         try:
-            found = self.waiting.get(timeout=timeout_s)
+            item = self.waiting.get(timeout=timeout_s)
         except Empty:
             return None
-        if isinstance(found, RunError):
-            raise found
-        return found
+        if isinstance(item, RunError):
+            raise item
+        return item
 
     def reconnect(self) -> None:
         self.away_for -= 1
@@ -55,24 +55,24 @@ def links_and_reading(count: int) -> Iterator[tuple[list[PutLink], EnduringReadi
 
 
 def received(reader: EnduringReading, count: int) -> list[BusFrame]:
-    found: list[BusFrame] = []
+    frames: list[BusFrame] = []
     end = time.monotonic() + PATIENCE
-    while len(found) < count:
+    while len(frames) < count:
         assert time.monotonic() < end
         frame = reader.receive(0.01)
         if frame is not None:
-            found.append(frame)
-    return found
+            frames.append(frame)
+    return frames
 
 
 def test_frames_of_all_buses_come_with_their_bus() -> None:
     with links_and_reading(3) as (links, reader):
         for number in range(30):
             links[number % 3].put(number)
-        found = received(reader, 30)
+        frames = received(reader, 30)
         assert reader.receive(0.01) is None
     for bus in range(3):
-        assert [f.frame.frame_id for f in found if f.bus == bus] == list(range(bus, 30, 3))
+        assert [f.frame.frame_id for f in frames if f.bus == bus] == list(range(bus, 30, 3))
 
 
 def test_a_bus_that_goes_down_comes_back_and_the_others_go_on() -> None:
@@ -111,10 +111,10 @@ def test_python_can_buses_are_read_side_by_side() -> None:
         threads = threading.active_count()
         for number in range(60):
             senders[number % 3].send(number, b"", False, True)
-        found = received(reader, 60)
+        frames = received(reader, 60)
         reader.close()
         assert threading.active_count() == threads - 3
-    stamps = [f.frame.stamp_ns for f in found]
+    stamps = [f.frame.stamp_ns for f in frames]
     assert abs(stamps[-1] - time.time_ns()) < PATIENCE * 1e9
     for bus in range(3):
-        assert [f.frame.frame_id for f in found if f.bus == bus] == list(range(bus, 60, 3))
+        assert [f.frame.frame_id for f in frames if f.bus == bus] == list(range(bus, 60, 3))

@@ -58,9 +58,14 @@ def test_error_frames_tell_the_condition_and_are_no_data(vcan: str) -> None:
         assert link.condition == BusCondition()
         assert tell(controller, passive).state is BusState.PASSIVE
         assert tell(bus_off).state is BusState.OFF
-        told = tell(restarted)
-        assert (told.state, told.passives, told.bus_offs, told.restarts) == (BusState.ACTIVE, 1, 1, 1)
-        assert tell(not_acknowledged) == told  # one for every frame nobody hears would be too many
+        condition = tell(restarted)
+        assert (condition.state, condition.passives, condition.bus_offs, condition.restarts) == (
+            BusState.ACTIVE,
+            1,
+            1,
+            1,
+        )
+        assert tell(not_acknowledged) == condition  # one for every frame nobody hears would be too many
         assert link.dropped == 0
         assert tell(controller, overrun).overruns == link.dropped == 1
 
@@ -71,13 +76,13 @@ def test_the_stamps_of_a_virtual_interface_are_the_kernels(vcan: str) -> None:
 
 
 def test_a_receive_buffer_smaller_than_wanted_is_told(vcan: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Unprivileged(socket.socket):
+    class UserSocket(socket.socket):
         def setsockopt(self, level: int, option: int, value: int | bytes) -> None:  # type: ignore[override]
             if (level, option) == (socket.SOL_SOCKET, 33):  # SO_RCVBUFFORCE
                 raise PermissionError
             super().setsockopt(level, option, value)
 
-    monkeypatch.setattr(socket, "socket", Unprivileged)
+    monkeypatch.setattr(socket, "socket", UserSocket)
     allowed = int(Path("/proc/sys/net/core/rmem_max").read_text())
     monkeypatch.setattr(socketcan_link, "RECEIVE_BUFFER_BYTES", allowed)
     with link_on(vcan) as link:

@@ -131,14 +131,14 @@ def test_stamps_of_the_kernel_come_in_the_message_of_those_of_the_hardware(
 
     monkeypatch.setattr(StampReader, "read", noting)
     with open_link("socketcan", vcan, True, []) as sender, open_link("socketcan", vcan, True) as receiver:
-        found = []
+        stamps = []
         before = time.time_ns()
         for _ in range(100):
             sender.send(0x100, b"", False, True)
             frame = receiver.receive(1.0)
             assert frame is not None
-            found.append(frame.stamp_ns)
+            stamps.append(frame.stamp_ns)
         after = time.time_ns()
     assert kinds == {SO_TIMESTAMPING}
-    assert [before, *found, after] == sorted([before, *found, after])
-    assert len(set(found)) > 90  # each its own
+    assert [before, *stamps, after] == sorted([before, *stamps, after])
+    assert len(set(stamps)) > 90  # each its own

@@ -98,7 +98,7 @@ def test_number_of_an_extended_frame_is_another() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "place", "problem", "remedy"),
+    ("changes", "location", "problem", "remedy"),
     [
         ({"line_pressure": 'signal = "Line"'}, "line_pressure", "torr", "bar"),
         ({"line_pressure": 'signal = "Bare"'}, "line_pressure", "no unit", 'unit = "..."'),
@@ -121,10 +121,10 @@ def test_number_of_an_extended_frame_is_another() -> None:
     ],
 )
 def test_what_the_database_lacks_is_named(
-    tmp_path: Path, changes: dict[str, str], place: str, problem: str, remedy: str
+    tmp_path: Path, changes: dict[str, str], location: str, problem: str, remedy: str
 ) -> None:
     error = refusal(tmp_path, **changes)
-    assert error.place == f"{tmp_path / 'bench.toml'}: signals.{place}"
+    assert error.place == f"{tmp_path / 'bench.toml'}: signals.{location}"
     assert problem in error.problem
     assert remedy in error.remedy
 
@@ -233,7 +233,7 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "place", "problem"),
+    ("old", "new", "location", "problem"),
     [
         ("SampleBlock: 64", "SampleBlock: 80", "signals.rail_pressure.message", "80 bytes, no frame more than 64"),
         ("InjectionRate: 64", "InjectionRate: 80", "outputs.injection_rate", "80 bytes, no frame more than 64"),
@@ -242,7 +242,7 @@ def test_results_under_other_identifiers(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_database_names_the_bench_file(
-    tmp_path: Path, old: str, new: str, place: str, problem: str
+    tmp_path: Path, old: str, new: str, location: str, problem: str
 ) -> None:
     text = FD_DATABASE.read_text()
     assert old in text
@@ -250,5 +250,5 @@ def test_what_is_wrong_with_a_database_names_the_bench_file(
     (tmp_path / "bench.toml").write_text(EXAMPLE_BENCH.read_text())
     with pytest.raises(UserError) as refused:
         map_bus(load_bench(tmp_path / "bench.toml"))
-    assert refused.value.place == f"{tmp_path / 'bench.toml'}: {place}"
+    assert refused.value.place == f"{tmp_path / 'bench.toml'}: {location}"
     assert problem in refused.value.problem

@@ -32,11 +32,11 @@ BO_ 292 Rest: 24 Daq
 
 def bus_with(folder: Path, rail: str, index: str = "Index") -> BusMap:
     """Rail pressure from the message whose samples take turns, lift and line pressure in blocks."""
-    rest = 'message = "Rest"\nindex = "Index"\npattern = "{}{{}}"'
+    rest_signal = 'message = "Rest"\nindex = "Index"\npattern = "{}{{}}"'
     signals = {
         "rail_pressure": f'message = "Turns"\nindex = "{index}"\n{rail}',
-        "needle_lift": rest.format("Lift"),
-        "line_pressure": rest.format("Line"),
+        "needle_lift": rest_signal.format("Lift"),
+        "line_pressure": rest_signal.format("Line"),
     }
     return map_bus(load_bench(own_bench(folder, DATABASE, signals)))
 

@@ -100,10 +100,12 @@ def test_refusals_of_the_rail_pressure(
 def test_a_stated_delay_moves_the_samples(tmp_path: Path, rail: str, moved: float) -> None:
     """At 20 kHz; the line pressure, which is the grid, stays."""
     bus = timed(tmp_path, rail, line=LINE_LIFT, lift=f"{LINE_LIFT}\nfilter_delay_us = 30")
-    follows, beside = (bus.grid_relations[stream_of(bus, r)] for r in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT))
-    assert follows is not None
-    assert follows.early == pytest.approx(moved)
-    assert beside is not None
-    assert beside.early == pytest.approx(0.6)
-    assert beside.on_grid
-    assert beside.roles == 1 << ROLES.index(Role.NEEDLE_LIFT)
+    rail_relation, lift = (
+        bus.grid_relations[stream_of(bus, r)] for r in (Role.RAIL_PRESSURE, Role.NEEDLE_LIFT)
+    )
+    assert rail_relation is not None
+    assert rail_relation.early == pytest.approx(moved)
+    assert lift is not None
+    assert lift.early == pytest.approx(0.6)
+    assert lift.on_grid
+    assert lift.roles == 1 << ROLES.index(Role.NEEDLE_LIFT)

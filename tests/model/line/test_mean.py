@@ -52,7 +52,7 @@ def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dic
     plain = coefficients(parameters)
     fine = 10e-6
     # of a wave one implicit step each: the sac takes part of it, and the pressure has a middle only
-    at_once, each = (
+    at_once, substeps = (
         steps_in(length) if isinstance(plain.line, WaveLine) else 40 for length in (PERIOD, fine)
     )
     once, often = at_rest(averaged(plain)), at_rest(plain)
@@ -62,7 +62,7 @@ def test_the_integral_is_that_of_the_pressure_and_changes_nothing_else(line: dic
         step(once, averaged(plain), k * PERIOD, PERIOD, at_once)
         pressures = [often[0]]
         for j in range(round(PERIOD / fine)):
-            step(often, plain, k * PERIOD + j * fine, fine, each)
+            step(often, plain, k * PERIOD + j * fine, fine, substeps)
             pressures.append(often[0])
         differences.append(once[-1] / PERIOD - np.trapezoid(pressures) * fine / PERIOD)
         np.testing.assert_allclose(once[: plain.states], often, atol=2e-3)
@@ -76,7 +76,7 @@ def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
     parameters = injector({"loss_factor": 0.0} | line)
     c = averaged(coefficients(parameters))
     matrix, rail = c.line.transition(PERIOD)
-    places = [i for i in range(c.states) if i != 2]  # without p_S
+    states = [i for i in range(c.states) if i != 2]  # without p_S
     small = 1e-4
     substeps = substeps_needed(parameters, 1 / PERIOD)
 
@@ -85,19 +85,19 @@ def test_transition_is_that_of_the_line_at_rest(line: dict[str, Any]) -> None:
         after[-1] = 0.0
         interval = Interval((pressure, 0.0), (pressure, 0.0), PERIOD, substeps)
         advance_state(after, interval, c, constant_network())
-        return after[places]
+        return after[states]
 
     x = at_rest(c)
     base = moved(x, RAIL)
     units = np.ones(c.states)
     units[-1] = PERIOD  # the integral is counted in seconds
-    for column, place in enumerate(places):
-        beside = x.copy()
-        beside[place] += small
-        found = (moved(beside, RAIL) - base) / small
-        np.testing.assert_allclose(matrix[:, column] / units[places], found / units[places], atol=2e-4)
-    found = (moved(x, RAIL + small) - base) / small
-    np.testing.assert_allclose(rail / units[places], found / units[places], atol=2e-4)
+    for column, state in enumerate(states):
+        shifted = x.copy()
+        shifted[state] += small
+        slope = (moved(shifted, RAIL) - base) / small
+        np.testing.assert_allclose(matrix[:, column] / units[states], slope / units[states], atol=2e-4)
+    slope = (moved(x, RAIL + small) - base) / small
+    np.testing.assert_allclose(rail / units[states], slope / units[states], atol=2e-4)
 
 
 @pytest.mark.slow

@@ -155,9 +155,9 @@ def test_transition_is_that_of_the_steps(rate: float) -> None:
     states = [i for i in range(c.states) if i != 2]
     small = 1e-7  # friction is of second order
     interval = Interval((0.0, 0.0), (0.0, 0.0), 1.0 / rate, substeps_needed(parameters, rate))
-    for column, place in enumerate(states):
+    for column, state in enumerate(states):
         x = np.zeros(c.states)
-        x[place] = small
+        x[state] = small
         advance_state(x, interval, c, constant_network())
         np.testing.assert_allclose(x[states] / small, matrix[:, column], atol=1e-5)
     x = np.zeros(c.states)

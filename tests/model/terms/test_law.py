@@ -49,9 +49,9 @@ def test_values(text: str, value: float) -> None:
 
 def test_a_lag_follows_by_its_time() -> None:
     law, step = parse("lagged(line_flow, 2)"), np.append([0.0], np.ones(1000))
-    found = law.at({"line_flow": step}, memory=sampled(0.01))
-    assert found[0] == 0.0
-    assert found[200] == pytest.approx(1.0 - np.exp(-1.0))
+    lagged = law.at({"line_flow": step}, memory=sampled(0.01))
+    assert lagged[0] == 0.0
+    assert lagged[200] == pytest.approx(1.0 - np.exp(-1.0))
     with pytest.raises(ValueError, match="remembers"):
         law.at({"line_flow": step})
 
@@ -119,10 +119,10 @@ def test_what_cannot_be_read_is_told_with_its_column(text: str, column: int, sai
     ],
 )
 def test_units(text: str, scale: float, printed: str) -> None:
-    found = unit_named(text)
-    assert found is not None
-    assert found[0] == pytest.approx(scale)
-    assert str(found[1]) == printed
+    factor_and_unit = unit_named(text)
+    assert factor_and_unit is not None
+    assert factor_and_unit[0] == pytest.approx(scale)
+    assert str(factor_and_unit[1]) == printed
 
 
 @pytest.mark.parametrize("text", ["", "Pascal", "MPa/", "/ms", "MPa^", "MPa mm /"])

@@ -46,15 +46,15 @@ def blurred(law: Law, values: Values, c: float, random: np.random.Generator) -> 
 @given(laws(lagged=False), st.sampled_from(TermEquation), st.integers(0, 1000))
 def test_as_the_law_says(law: Law, equation: TermEquation, seed: int) -> None:
     values, random = moments(seed), np.random.default_rng(seed)
-    found = run([Term(equation, law, 0.7)], values)
-    expected = np.broadcast_to(held(law.at(values, 0.7), equation), len(found))
-    is_sure = np.ones(len(found), np.bool_)  # the others hang on roundings
+    totals = run([Term(equation, law, 0.7)], values)
+    expected = np.broadcast_to(held(law.at(values, 0.7), equation), len(totals))
+    is_sure = np.ones(len(totals), np.bool_)  # the others hang on roundings
     with np.errstate(all="ignore"):
         for _ in range(4):
             near = held(blurred(law, values, 0.7, random), equation)
             is_sure &= np.abs(near - expected) < 1e-10 * (1.0 + np.abs(expected))
-    np.testing.assert_allclose(found[is_sure, equation.number], expected[is_sure], rtol=1e-8, atol=1e-9)
-    assert not np.delete(found, equation.number, axis=1).any()
+    np.testing.assert_allclose(totals[is_sure, equation.number], expected[is_sure], rtol=1e-8, atol=1e-9)
+    assert not np.delete(totals, equation.number, axis=1).any()
 
 
 @pytest.mark.parametrize(
@@ -71,9 +71,9 @@ def test_what_was_before_is_remembered(text: str) -> None:
     law, values = parse(text), moments(3)
     for name in ("line_flow", "seat_flow"):
         values[name] = values[name] / 20.0
-    found = run([Term(TermEquation.LINE_FLOW, law)], values)[:, 0]
+    totals = run([Term(TermEquation.LINE_FLOW, law)], values)[:, 0]
     expected = held(law.at(values, memory=sampled(INTERVAL)), TermEquation.LINE_FLOW)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    np.testing.assert_allclose(totals, expected, rtol=1e-9)
     assert np.ptp(expected) > 0.1
 
 
@@ -98,8 +98,8 @@ def test_what_stays_as_it_is_becomes_a_number() -> None:
     program = program_of(terms, {Variable.MAX_LIFT: 0.24})
     variables = np.column_stack([values[variable.word] for variable in Variable])
     variables[:, Variable.MAX_LIFT] = np.nan
-    found = totals_of_terms(program, variables, np.full(3 * len(program), np.nan), INTERVAL)
-    np.testing.assert_array_equal(found, run(terms, values))
+    totals = totals_of_terms(program, variables, np.full(3 * len(program), np.nan), INTERVAL)
+    np.testing.assert_array_equal(totals, run(terms, values))
 
 
 def test_time_that_stands_still_moves_no_lag() -> None:

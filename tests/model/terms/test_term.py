@@ -95,9 +95,9 @@ def test_units_that_do_not_fit(equation: str, law: str, said: str) -> None:
     ],
 )
 def test_sound_terms(equation: str, law: str, c: float) -> None:
-    one = term(equation, law, c)
-    refuse_unbounded(one, DOMAIN)
-    assert pickle.loads(pickle.dumps(one)) == one
+    sound_term = term(equation, law, c)
+    refuse_unbounded(sound_term, DOMAIN)
+    assert pickle.loads(pickle.dumps(sound_term)) == sound_term
 
 
 @pytest.mark.parametrize(

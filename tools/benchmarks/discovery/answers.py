@@ -65,7 +65,7 @@ class Answer:
 
     @property
     def listed(self) -> list[str]:
-        """These, and what cannot be told from them."""
+        """Named effects, and those that cannot be distinguished from them."""
         others = [other for claim in self.claims for other in claim["indistinguishable_from"]]
         return list(dict.fromkeys([*self.names, *others]))
 
@@ -107,8 +107,8 @@ def _findings(command: Sequence[str], folder: Path) -> dict[str, Any]:
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT)
     if done.returncode != 0:
         raise RuntimeError(f"discover: exit {done.returncode}: {done.stderr[-KEPT_MESSAGE:]}")
-    found: dict[str, Any] = json.loads((folder / "findings.json").read_text())
-    return found
+    findings: dict[str, Any] = json.loads((folder / "findings.json").read_text())
+    return findings
 
 
 def _core_seconds() -> float:

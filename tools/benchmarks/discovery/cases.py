@@ -1,6 +1,6 @@
 """Hidden cases of the three campaigns, and the benches that record them. Imports nothing of `observer_rt`.
 
-A label and what is drawn are of a master seed; the first cases of a larger number are those of a smaller one.
+Labels and draws follow from a master seed; the first cases of a larger number are those of a smaller one.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.kinds import HiddenKind
 from tools.benchmarks.discovery.laws import KINDS, NOT_IN, VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.rigs import DISTANCE, FIRST, Rig, bench_of
-from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, OUTSIDE, PAIR_FROM, PAIRS, Parts, known
+from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, OUTSIDE, PAIR_FROM, PAIRS, Parts, effect_of
 
 HEALTHY = "healthy"
 NOMINAL_INJECTIONS, REAL_INJECTIONS, OUTSIDE_INJECTIONS = 2, 3, 4  # in each recording
@@ -28,8 +28,8 @@ SAME_TO_RECORDINGS = ({"bulk_modulus", "line_volume"},)
 Points = Sequence[tuple[float, float]]
 
 
-class Asked(StrEnum):
-    """What is hidden, and with which vocabulary it is asked for."""
+class Query(StrEnum):
+    """The kind of effect that is hidden, and the vocabulary it is asked for with."""
 
     HEALTHY = "healthy"  # nothing
     SINGLE = "single"  # one effect of the vocabulary, all of which is there
@@ -38,8 +38,8 @@ class Asked(StrEnum):
     LEFT_OUT = "left_out"  # an effect whose name is taken away
 
 
-OUTSIDE_SHARES = {Asked.OUTSIDE: 0.5, Asked.LEFT_OUT: 0.2, Asked.SINGLE: 0.2, Asked.HEALTHY: 0.1}
-_IN_KEYS = {Asked.SINGLE: "named"}
+OUTSIDE_SHARES = {Query.OUTSIDE: 0.5, Query.LEFT_OUT: 0.2, Query.SINGLE: 0.2, Query.HEALTHY: 0.1}
+_IN_KEYS = {Query.SINGLE: "named"}
 """What stands for it in the keys that cases are drawn by, where not its name."""
 
 
@@ -48,7 +48,7 @@ class HiddenCase:
     """One case. rig: None for the nominal structure; seed: makes all that is not the rig's."""
 
     label: str
-    asked: Asked
+    asked: Query
     parts: Parts
     with_rate: bool
     rig: Rig | None
@@ -56,7 +56,7 @@ class HiddenCase:
 
     @property
     def name(self) -> str:
-        """What is hidden."""
+        """Ids of the hidden effects, joined."""
         return "+".join(name for name, _ in self.parts) or HEALTHY
 
     @property
@@ -69,7 +69,7 @@ class HiddenCase:
 
 def _drawn(
     key: list[int],
-    asked: Asked,
+    asked: Query,
     kinds: Sequence[HiddenKind],
     with_rate: bool,
     rig: Rig | None,
@@ -88,7 +88,7 @@ def nominal_cases(effects: Sequence[str], count: int, rates: Sequence[bool], see
     def case(effect: str, with_rate: bool, number: int) -> HiddenCase:
         key = [seed, zlib.crc32(effect.encode()), int(with_rate), number]
         kinds = [] if effect == HEALTHY else [HIDDEN[effect]]
-        return _drawn(key, Asked.SINGLE if kinds else Asked.HEALTHY, kinds, with_rate, None, None)
+        return _drawn(key, Query.SINGLE if kinds else Query.HEALTHY, kinds, with_rate, None, None)
 
     kinds = [
         (effect, rates[(number + turn) % len(rates)])
@@ -120,7 +120,7 @@ def real_cases(
 ) -> list[HiddenCase]:
     """Tier B: cases of every kind, spread over effects, discrepancies and rates.
 
-    healthy: how many, else their share; chosen: what is hidden instead, in turn: `healthy`, a name, or `one+other`.
+    healthy: how many, else their share; chosen: effects to hide instead, in turn: `healthy`, a name, or `one+other`.
     """
     numbers = {kind: round(share * count) for kind, share in REAL_SHARES.items()}
     singles = count - sum(numbers.values())
@@ -137,18 +137,18 @@ def real_cases(
     cases = []
     for turn, (hidden, number_of) in enumerate(kinds):
         for number in range(number_of):
-            place = turn + number + number // len(hidden)  # not every effect on the same discrepancy
-            with_rate = rates[place // len(discrepancies) % len(rates)]
-            rig = Rig(discrepancies[place % len(discrepancies)], with_rate, seed)
+            slot = turn + number + number // len(hidden)  # not every effect on the same discrepancy
+            with_rate = rates[slot // len(discrepancies) % len(rates)]
+            rig = Rig(discrepancies[slot % len(discrepancies)], with_rate, seed)
             cases.append(real_case(hidden[number % len(hidden)], rig, number))
     return cases
 
 
 def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
     """The case with this number among those of its kind, with these effects hidden on a rig."""
-    asked = Asked.HEALTHY if not names else Asked.SINGLE if len(names) == 1 else Asked.PAIR
-    asked = Asked.OUTSIDE if any(name in OUTSIDE for name in names) else asked
-    from_share = PAIR_FROM if asked is Asked.PAIR else 0.0
+    asked = Query.HEALTHY if not names else Query.SINGLE if len(names) == 1 else Query.PAIR
+    asked = Query.OUTSIDE if any(name in OUTSIDE for name in names) else asked
+    from_share = PAIR_FROM if asked is Query.PAIR else 0.0
     key = [
         rig.seed,
         number,
@@ -156,7 +156,7 @@ def real_case(names: Sequence[str], rig: Rig, number: int) -> HiddenCase:
         int(rig.with_rate),
         *(zlib.crc32(n.encode()) for n in names),
     ]
-    return _drawn(key, asked, [known(name) for name in names], rig.with_rate, rig, from_share)
+    return _drawn(key, asked, [effect_of(name) for name in names], rig.with_rate, rig, from_share)
 
 
 def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[Bench]:
@@ -164,7 +164,7 @@ def real_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> list[B
     assert case.rig is not None
     rng = _of_points(case, points)
     healthy = [bench_of(case.rig, point, REAL_INJECTIONS, rng, noise) for point in points]
-    return [_with_hidden(bench, case, known) for bench in healthy]
+    return [_with_hidden(bench, case, effect_of) for bench in healthy]
 
 
 def outside_cases(
@@ -180,15 +180,15 @@ def outside_cases(
     count: of all askings together, 0: one of every kind and rate; names: of what alone is hidden.
     """
     named = [name for name in VOCABULARY_KINDS if name not in NOT_IN[tier]]
-    of_asked = {Asked.OUTSIDE: [*KINDS], Asked.LEFT_OUT: named, Asked.SINGLE: named, Asked.HEALTHY: [HEALTHY]}
+    of_asked = {Query.OUTSIDE: [*KINDS], Query.LEFT_OUT: named, Query.SINGLE: named, Query.HEALTHY: [HEALTHY]}
     made = []
     for asked, share in OUTSIDE_SHARES.items():
         hidden = [name for name in of_asked[asked] if not names or name in names]
         for number in range(round(share * count) if count else len(hidden) * len(rates)) if hidden else ():
             # kind after kind, then the next rate, with other sizes and plants
-            turn, place = divmod(number, len(hidden))
-            name, with_rate = hidden[place], rates[turn % len(rates)]
-            plant = discrepancies[(place + turn) % len(discrepancies)]
+            turn, index = divmod(number, len(hidden))
+            name, with_rate = hidden[index], rates[turn % len(rates)]
+            plant = discrepancies[(index + turn) % len(discrepancies)]
             rig = Rig(plant, with_rate, seed) if tier == "B" else None
             drawn_by = f"{_IN_KEYS.get(asked, asked)} {name} {tier}"
             key = [seed, zlib.crc32(drawn_by.encode()), int(with_rate), turn]
@@ -210,7 +210,7 @@ def outside_benches(case: HiddenCase, points: Points, noise: float = 1.0) -> lis
 
 def taken_away(case: HiddenCase) -> tuple[str, ...]:
     """Names the vocabulary is asked without."""
-    if case.asked is not Asked.LEFT_OUT:
+    if case.asked is not Query.LEFT_OUT:
         return ()
     return tuple(sorted(next((same for same in SAME_TO_RECORDINGS if case.name in same), {case.name})))
 
@@ -230,7 +230,7 @@ def _of_points(case: HiddenCase, points: Points) -> Generator:
 
 
 def _with_hidden(bench: Bench, case: HiddenCase, kind_of: Callable[[str], HiddenKind]) -> Bench:
-    """The bench with what is hidden in laws, injections, sensors and rail."""
+    """The bench with the effects hidden in laws, injections, sensors and rail."""
     for name, values in case.parts:
         kind, around = kind_of(name), bench.around
         bench = replace(

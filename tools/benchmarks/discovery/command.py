@@ -1,6 +1,6 @@
 """`tools/bench discovery`: effects hidden in recordings of independent plants, and whether `discover` names them.
 
-The code under test gets recordings named by their order, a model, and no word on what is hidden.
+The code under test gets recordings named by their order, a model, and no hint at the hidden effect.
 """
 
 from collections.abc import Callable, Sequence

@@ -33,7 +33,7 @@ MOUNTING_DAMPINGS = (0.1, 0.3)
 class MovingRail:
     """How injections and the pump move the rail: pressures [Pa], times [s], frequencies [Hz].
 
-    dip: of the longest injection, in proportion to what is injected; ripple: what an opening excites in the rail.
+    dip: of the longest injection, in proportion to the injected volume; ripple: what an opening excites in the rail.
     """
 
     dip: float

@@ -121,7 +121,7 @@ class HiddenKind:
         return (replace(first, lowest=lowest).draw(rng), *(p.draw(rng) for p in others))
 
     def equations(self, with_rate: bool) -> Family:
-        """Those of which a proposal is right: of its family, and what these signals do not tell from it."""
+        """Equations of a right proposal: its family, and those that these signals do not distinguish from it."""
         family = next(family for family in FAMILIES if self.equation in family)
         return family | self.also | (frozenset() if with_rate else self.without_rate)
 
@@ -130,7 +130,7 @@ class HiddenKind:
         return before._replace(**self.named(values, Laws._fields))
 
     def faults(self, values: Sequence[float], number: int = 0, before: Faults = HEALTHY) -> Faults:
-        """What is then wrong with the plant at an injection."""
+        """Faults of the plant at an injection."""
         if self.switch:
             return before._replace(**{self.switch: 1.0})
         first, *others = values
@@ -141,7 +141,7 @@ class HiddenKind:
         return () if self.step is None else (self.step(*values),)
 
     def supplies(self, values: Sequence[float]) -> tuple[Callable[[Array], Array], ...]:
-        """What is added to the true rail pressure."""
+        """Waves that are added to the true rail pressure."""
         return () if self.supply is None else (self.supply(*values),)
 
     def named(self, values: Sequence[float], fields: Sequence[str]) -> dict[str, float]:

@@ -88,25 +88,25 @@ def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, f
     }
 
 
-def detection_limit(found: pd.Series) -> float:
+def detection_limit(sizes: pd.Series) -> float:
     """Size that best parts cases, positive where found, into found and not found; nan when none is found."""
-    ordered = sorted(found, key=abs)
+    ordered = sorted(sizes, key=abs)
     is_found = np.array([each > 0.0 for each in ordered])
     if not is_found.any():
         return math.nan
     wrong = [int(np.sum(is_found[:i]) + np.sum(~is_found[i:])) for i in range(len(ordered))]
-    place = int(np.argmin(wrong))
-    return abs(ordered[0]) if place == 0 else math.sqrt(abs(ordered[place - 1] * ordered[place]))
+    cut = int(np.argmin(wrong))
+    return abs(ordered[0]) if cut == 0 else math.sqrt(abs(ordered[cut - 1] * ordered[cut]))
 
 
 def calibration_error(confidences: pd.Series) -> float:
     """Mean distance between confidences, positive where the name is right, and the share of right names, by bins."""
-    given, right = confidences.abs().astype(float), confidences > 0.0
+    stated, right = confidences.abs().astype(float), confidences > 0.0
     distances, weights = [], []
     for low, high in pairwise(BIN_EDGES):
-        within = (given > low) & (given <= high) | ((given == low) & (low == 0.0))
+        within = (stated > low) & (stated <= high) | ((stated == low) & (low == 0.0))
         if within.any():
-            distances.append(abs(given[within].mean() - right[within].mean()))
+            distances.append(abs(stated[within].mean() - right[within].mean()))
             weights.append(within.sum())
     return float(np.average(distances, weights=weights))
 

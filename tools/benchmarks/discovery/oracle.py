@@ -1,6 +1,6 @@
 """The oracle: the true model with any effect on recordings, by whitened innovations.
 
-It judges whether an effect could be seen at all, and whether two, each at its best, can be told apart. Imports
+It judges whether an effect could be seen at all, and whether two, each at its best, can be distinguished. Imports
 nothing of `observer_rt`.
 """
 
@@ -56,7 +56,7 @@ RICCATI_STEPS = 400
 SHAPE_STARTS = 3  # of a further parameter
 
 
-class Sampled(NamedTuple):
+class Inputs(NamedTuple):
     """What the plant follows, at the samples (n,): rail pressure [Pa], lift [m], line pressure [Pa]."""
 
     rail: Array
@@ -66,7 +66,7 @@ class Sampled(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def follow(
-    part: Injector, faults: Faults, sampled: Sampled, gain: Array, interval: float, errors: Array, rate: Array
+    part: Injector, faults: Faults, sampled: Inputs, gain: Array, interval: float, errors: Array, rate: Array
 ) -> None:
     """Errors [Pa] and injection rate [m3/s] (n,) of a plant of one cell, its inputs linear between samples.
 
@@ -102,7 +102,7 @@ def follow(
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class OracleRecording:
     """One recording as the oracle takes it: measured signals, SI (n,), and what it knows of the needle's motion.
 
     openings (m, 2): first and last sample of a true lift above 0; speeds (m, 2): of opening and closing [m/s];
@@ -119,7 +119,7 @@ class Recorded:
     counted: NDArray[np.bool_]
 
 
-def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> Recorded:
+def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> OracleRecording:
     """A recording for the oracle."""
     measured = outcome.measured
     is_open = np.concatenate(([False], outcome.truth.needle_lift > 0.0, [False]))
@@ -131,7 +131,7 @@ def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> Recorded:
     counted = np.zeros(measured.time.size, np.bool_)
     for first, last in openings:
         counted[first - round(LEAD / INTERVAL) : last + round(TAIL / INTERVAL)] = True
-    return Recorded(
+    return OracleRecording(
         bench,
         measured.rail_pressure,
         measured.needle_lift,
@@ -143,12 +143,12 @@ def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> Recorded:
     )
 
 
-def record_all(benches: Sequence[Bench], with_rate: bool) -> tuple[tuple[Recorded, Outcome], ...]:
+def record_all(benches: Sequence[Bench], with_rate: bool) -> tuple[tuple[OracleRecording, Outcome], ...]:
     """Every bench's recording and what really happened."""
     return tuple((recorded(b, outcome, with_rate), outcome) for b in benches for outcome in [record(b)])
 
 
-def true_lift(r: Recorded, faults: Faults) -> Array:
+def true_lift(r: OracleRecording, faults: Faults) -> Array:
     """Lift [m] (n,) if the sensor has these faults; what an offset cut off is extended with the needle's speeds."""
     lift = np.zeros(r.lift.size)
     recorded_lift = r.lift + faults.lift_sensor_lag / INTERVAL * np.gradient(r.lift)
@@ -165,10 +165,10 @@ def true_lift(r: Recorded, faults: Faults) -> Array:
 
 def _extend(lift: Array, seen: Array, rise: float) -> None:
     """Replace the beginning of a flank, where nothing was seen, by a ramp of `rise` a sample; in place."""
-    found = np.flatnonzero(seen > LOST_LIFT)
-    if found.size == 0:
+    visible = np.flatnonzero(seen > LOST_LIFT)
+    if visible.size == 0:
         return
-    first = int(found[0])
+    first = int(visible[0])
     anchor = lift[first : first + ANCHOR]
     level = float(np.mean(anchor - rise * np.arange(anchor.size)))
     lift[:first] = np.minimum(lift[:first], np.maximum(level + rise * np.arange(-first, 0), 0.0))
@@ -209,18 +209,18 @@ def line_gain(
     return gain, math.sqrt(variance)
 
 
-def simulated(r: Recorded, faults: Faults, closed_loop: bool) -> tuple[Array, Array, float]:
+def simulated(r: OracleRecording, faults: Faults, closed_loop: bool) -> tuple[Array, Array, float]:
     """Errors [Pa] and rate [m3/s] (n,) with these faults, whitened or open loop, and the innovation's sigma [Pa]."""
     part = with_faults(r.bench.injector, faults)
     rail = (r.rail - faults.rail_pressure_sensor_offset) / (1.0 + faults.rail_pressure_sensor_gain)
     line = (r.line - faults.line_pressure_sensor_offset) / (1.0 + faults.line_pressure_sensor_gain)
-    whole = math.floor(faults.channel_skew / INTERVAL)
-    line = _shifted(line, whole)
+    whole_samples = math.floor(faults.channel_skew / INTERVAL)
+    line = _shifted(line, whole_samples)
     gain, sigma = gain_of(part, faults, float(np.median(rail)))
     errors, rate = np.empty((2, rail.size))
     steady = gain if closed_loop else np.zeros(3)
-    follow(part, faults, Sampled(rail, true_lift(r, faults), line), steady, INTERVAL, errors, rate)
-    return _shifted(errors, -whole), rate, sigma
+    follow(part, faults, Inputs(rail, true_lift(r, faults), line), steady, INTERVAL, errors, rate)
+    return _shifted(errors, -whole_samples), rate, sigma
 
 
 def _shifted(values: Array, samples: int) -> Array:
@@ -228,7 +228,7 @@ def _shifted(values: Array, samples: int) -> Array:
     return values[np.clip(np.arange(values.size) + samples, 0, values.size - 1)]
 
 
-def rate_sigma(r: Recorded) -> Array:
+def rate_sigma(r: OracleRecording) -> Array:
     """Standard deviation of measured minus modelled rate [m3/s] (n,): the instrument's, and what lift noise does."""
     part = r.bench.injector
     lift = true_lift(r, Faults())
@@ -243,7 +243,7 @@ def rate_sigma(r: Recorded) -> Array:
     return np.asarray(np.hypot(RATE_NOISE, LIFT_NOISE * np.array(slope)), np.float64)
 
 
-def residuals(recordings: Sequence[Recorded], faults: Faults) -> Array:
+def residuals(recordings: Sequence[OracleRecording], faults: Faults) -> Array:
     """Whitened innovations of all recordings (n,); with measured rate its residuals, each recording's gain free."""
     parts = []
     for r in recordings:
@@ -257,7 +257,7 @@ def residuals(recordings: Sequence[Recorded], faults: Faults) -> Array:
     return np.concatenate(parts)
 
 
-def statistic(recordings: Sequence[Recorded], faults: Faults) -> float:
+def statistic(recordings: Sequence[OracleRecording], faults: Faults) -> float:
     """-2 log L, constants left out; a lag changes the innovation's variance, which counts."""
     values = residuals(recordings, faults)
     total = float(values @ values)
@@ -268,7 +268,7 @@ def statistic(recordings: Sequence[Recorded], faults: Faults) -> float:
     return total
 
 
-def best_statistic(recordings: Sequence[Recorded], effect_id: str) -> float:
+def best_statistic(recordings: Sequence[OracleRecording], effect_id: str) -> float:
     """Smallest -2 log L of a model with this effect, its parameters free."""
     effect = HIDDEN[effect_id]
     if not effect.parameters:
@@ -287,7 +287,7 @@ def _starts(effect: HiddenKind) -> list[tuple[float, ...]]:
     )
 
 
-def _refined(recordings: Sequence[Recorded], effect: HiddenKind, start: tuple[float, ...]) -> float:
+def _refined(recordings: Sequence[OracleRecording], effect: HiddenKind, start: tuple[float, ...]) -> float:
     scale = np.array([math.sqrt(p.lowest * p.highest) for p in effect.parameters])
     size, *shapes = effect.parameters
     lowest = [WIDER * size.most_negative, *(p.lowest / WIDER_SHAPE for p in shapes)]
@@ -296,7 +296,7 @@ def _refined(recordings: Sequence[Recorded], effect: HiddenKind, start: tuple[fl
     def values_at(x: Array) -> tuple[float, ...]:
         return tuple(float(value) for value in x * scale)
 
-    found = least_squares(
+    fit = least_squares(
         lambda x: residuals(recordings, effect.faults(values_at(x))),
         np.clip(np.array(start), lowest, highest) / scale,
         bounds=(np.array(lowest) / scale - 1e-12, np.array(highest) / scale),
@@ -304,4 +304,4 @@ def _refined(recordings: Sequence[Recorded], effect: HiddenKind, start: tuple[fl
         xtol=1e-6,
         ftol=1e-9,
     )
-    return statistic(recordings, effect.faults(values_at(found.x)))
+    return statistic(recordings, effect.faults(values_at(fit.x)))

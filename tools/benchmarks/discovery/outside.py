@@ -10,7 +10,7 @@ import pandas as pd
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row
 from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, tally
-from tools.benchmarks.discovery.cases import Asked, HiddenCase, outside_benches, taken_away
+from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches, taken_away
 from tools.benchmarks.discovery.kinds import (
     MOMENTUM,
     NOZZLE,
@@ -47,7 +47,7 @@ VIOLATED = {
 def score_outside(case: HiddenCase, model: Path | str) -> Row:
     """Record a case, ask with a model, and judge the answer. Raises RunError without a model.
 
-    What is not given is the plant without noise and with its true rate, and the same with nothing hidden.
+    Not given are recordings without noise and with the true rate, with the effect and without it.
     """
     if isinstance(model, str):
         raise RunError(model)
@@ -63,7 +63,7 @@ def score_outside(case: HiddenCase, model: Path | str) -> Row:
 
 def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
     """A case and its answer as a row; None: is not asked."""
-    hidden, best = case.asked is not Asked.HEALTHY, answer.proposals[0] if answer.proposals else None
+    hidden, best = case.asked is not Query.HEALTHY, answer.proposals[0] if answer.proposals else None
     kind = kind_named(case.name) if hidden else None
     right_equations = kind.equations(case.with_rate) if kind else frozenset()
     proposed = frozenset[TermEquation]()
@@ -87,10 +87,10 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
     marks = {
         "WRONG NAME, AND SURE": wrong,
         "MASS WORSE": worse,
-        "NOT AS GOOD": case.asked is Asked.LEFT_OUT and not as_good,
-        "NEEDLESS": best is not None and (not hidden or (case.asked is Asked.SINGLE and rightly_named)),
-        "WRONG EQUATION": case.asked is Asked.OUTSIDE and not right_equation,
-        "GAP": case.asked is Asked.OUTSIDE and (not pressure_halved or mass_halved is False),
+        "NOT AS GOOD": case.asked is Query.LEFT_OUT and not as_good,
+        "NEEDLESS": best is not None and (not hidden or (case.asked is Query.SINGLE and rightly_named)),
+        "WRONG EQUATION": case.asked is Query.OUTSIDE and not right_equation,
+        "GAP": case.asked is Query.OUTSIDE and (not pressure_halved or mass_halved is False),
     }
     suspicion = VIOLATED.get(answer.suspect, frozenset()) & right_equations
     said = f"{answer.verdict} {'+'.join(answer.claims)}".strip()
@@ -110,7 +110,7 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
         "own_equation": kind.equation in proposed if kind else None,
         "right_phase": best.phase in acts if best is not None and acts is not None else None,
         "rightly_named": rightly_named,
-        "as_good": as_good if case.asked is Asked.LEFT_OUT else None,
+        "as_good": as_good if case.asked is Query.LEFT_OUT else None,
         "pressure_before": answer.before.pressure_mpa,
         "pressure_named": answer.named.pressure_mpa,
         "pressure_after": after.pressure_mpa,
@@ -139,14 +139,14 @@ def misses(frame: pd.DataFrame) -> list[str]:
 
 def bars(tier: str) -> Sequence[Bar]:
     """Limits of tiers A and B."""
-    place, known = "AB".index(tier), "asked == 'outside' and in_library == {}"
+    index, of_library = "AB".index(tier), "asked == 'outside' and in_library == {}"
     at_least = (
-        ("right_equation_in_library", known.format(True), "right_equation", 0.95, 0.85),
-        ("right_equation_not_in_library", known.format(False), "right_equation", 0.80, 0.65),
-        ("pressure_halved_in_library", known.format(True), "pressure_halved", 0.95, 0.80),
-        ("pressure_halved_not_in_library", known.format(False), "pressure_halved", 0.85, 0.75),
-        ("mass_halved_in_library", known.format(True), "mass_halved", 0.90, 0.75),
-        ("mass_halved_not_in_library", known.format(False), "mass_halved", 0.75, 0.60),
+        ("right_equation_in_library", of_library.format(True), "right_equation", 0.95, 0.85),
+        ("right_equation_not_in_library", of_library.format(False), "right_equation", 0.80, 0.65),
+        ("pressure_halved_in_library", of_library.format(True), "pressure_halved", 0.95, 0.80),
+        ("pressure_halved_not_in_library", of_library.format(False), "pressure_halved", 0.85, 0.75),
+        ("mass_halved_in_library", of_library.format(True), "mass_halved", 0.90, 0.75),
+        ("mass_halved_not_in_library", of_library.format(False), "mass_halved", 0.75, 0.60),
         ("left_out_as_good", "asked == 'left_out'", "as_good", 0.85, 0.70),
     )
     at_most = (
@@ -155,10 +155,10 @@ def bars(tier: str) -> Sequence[Bar]:
         ("proposed_to_healthy", "asked == 'healthy'", "proposed", 0.0, 0.02),
         ("proposed_to_rightly_named", "asked == 'single' and rightly_named == True", "proposed", 0.03, 0.06),
     )
-    slowest = Bar("core_seconds_max", "core_seconds", "max", most=(10.0, 20.0)[place])
+    slowest = Bar("core_seconds_max", "core_seconds", "max", most=(10.0, 20.0)[index])
     return [
-        *(Bar(name, column, "mean", least=limits[place], of=of) for name, of, column, *limits in at_least),
-        *(Bar(name, column, "mean", most=limits[place], of=of) for name, of, column, *limits in at_most),
+        *(Bar(name, column, "mean", least=limits[index], of=of) for name, of, column, *limits in at_least),
+        *(Bar(name, column, "mean", most=limits[index], of=of) for name, of, column, *limits in at_most),
         slowest,
     ]
 

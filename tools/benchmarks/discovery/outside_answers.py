@@ -40,7 +40,7 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class Proposed:
+class ProposedTerms:
     """Terms proposed together, by equation and as text, beside effects of the vocabulary.
 
     may_enter: into an amended model, by the guard; phase: in which the model as given is said to fail most.
@@ -68,7 +68,7 @@ class OutsideAnswer:
     claims: tuple[str, ...]
     by_vocabulary: tuple[str, ...]
     suspect: str
-    proposals: tuple[Proposed, ...]
+    proposals: tuple[ProposedTerms, ...]
     before: Misfit
     own: Misfit
     named: Misfit
@@ -81,22 +81,22 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
     nominal = effective_model(load_injector(model))
     fitted = nominal.injector.baseline
     baseline = NOT_FITTED if fitted is None else healthy_of_fit(fitted, True)
-    whole = [with_healthy_offset(one, baseline) for one in _measured(folder / GIVEN_FOLDER)]
-    points = [point.measurement for point in by_operating_point(whole)]
+    recordings = [with_healthy_offset(one, baseline) for one in _measured(folder / GIVEN_FOLDER)]
+    points = [point.measurement for point in by_operating_point(recordings)]
     begin, core_begin = time.perf_counter(), time.process_time()
     with vocabulary_without(without), noted_search() as noted:
-        found = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
+        findings = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
     seconds, core_seconds = time.perf_counter() - begin, time.process_time()
     outcome = noted[-1]
     further = _measured(folder / FURTHER_FOLDER)
     winner = outcome.winner if outcome.adequate else outcome.nominal
     return OutsideAnswer(
-        str(found.verdict),
-        found.confidence,
-        found.named.ids,
+        str(findings.verdict),
+        findings.confidence,
+        findings.named.ids,
         winner.ids,
-        str(found.unexplained.equation) if found.unexplained is not None else "",
-        taken(found.proposals, nominal, further),
+        str(findings.unexplained.equation) if findings.unexplained is not None else "",
+        taken(findings.proposals, nominal, further),
         misfit(nominal, further),
         misfit(nominal, _measured(folder / HEALTHY_FOLDER)),
         misfit(winner.model(nominal), further),
@@ -107,10 +107,10 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
 
 def taken(
     proposals: Sequence[Proposal], nominal: EffectiveModel, further: Sequence[Measurement]
-) -> tuple[Proposed, ...]:
-    """What is proposed beside the vocabulary, in plain values."""
+) -> tuple[ProposedTerms, ...]:
+    """Proposals beside the vocabulary, in plain values."""
     return tuple(
-        Proposed(
+        ProposedTerms(
             tuple(str(term.equation) for term in one.terms),
             " + ".join((*(f"{t.equation}: {t.coefficient:.3g} {t.law}" for t in one.terms), *one.effects)),
             one.effects,
@@ -127,12 +127,12 @@ def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
     pressures, masses = [], []
     try:
         for measured in further:
-            for one in simulated(measured, model):
-                inside = in_mass_window(measured, one.event, one.rate_samples)
-                off = one.line_pressure - measured.recording.line_pressure[one.samples]
+            for run in simulated(measured, model):
+                inside = in_mass_window(measured, run.event, run.rate_samples)
+                off = run.line_pressure - measured.recording.line_pressure[run.samples]
                 pressures.append(off[inside] / MEGAPASCAL)
                 density = model.coefficients.density
-                off_mass = mass(measured, one, density) - measured_mass(measured, one, density)
+                off_mass = mass(measured, run, density) - measured_mass(measured, run, density)
                 masses.append(off_mass / MILLIGRAM)
     except ArithmeticError:
         return Misfit(math.inf, math.inf)
@@ -144,8 +144,8 @@ def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
 def vocabulary_without(ids: Sequence[str]) -> Iterator[None]:
     """The vocabulary, meanwhile, has these effects not."""
     kept = dict(effects._in_use)
-    for each in ids:
-        del effects._in_use[each]
+    for name in ids:
+        del effects._in_use[name]
     try:
         yield
     finally:

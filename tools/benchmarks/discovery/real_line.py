@@ -21,7 +21,7 @@ from tools.benchmarks.discovery.answers import (
     ask,
     tally,
 )
-from tools.benchmarks.discovery.cases import Asked, HiddenCase, real_benches
+from tools.benchmarks.discovery.cases import HiddenCase, Query, real_benches
 from tools.benchmarks.discovery.kinds import near_tie, same_effect
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches, write_all
 from tools.benchmarks.discovery.scoring import (
@@ -68,11 +68,11 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
     if answer.verdict == NAMED and answer.amended_model != model.read_text():
         amended = injector_of(answer.amended_model)
         models = [solving(each) for each in (fitted, amended, with_effects(amended, truth))]
-        found = gaps(real_benches(case, FURTHER, 0.0), models)
-        row["gap_larger"] = any(is_larger(gap, each) for gap, each in zip(found, TOLERANCES, strict=True))
+        misfits = gaps(real_benches(case, FURTHER, 0.0), models)
+        row["gap_larger"] = any(is_larger(gap, each) for gap, each in zip(misfits, TOLERANCES, strict=True))
         row["gaps"] = "; ".join(
             f"{before:.3f} to {after:.3f} {unit} (with the true sizes {true:.3f})"
-            for (before, after, true), unit in zip(found, ("MPa", "mg"), strict=True)
+            for (before, after, true), unit in zip(misfits, ("MPa", "mg"), strict=True)
         )
     return row
 
@@ -96,15 +96,15 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
     def is_hidden(name: str) -> bool:
         return any(same_effect(name, effect) for effect in effects)
 
-    def has_all(found: Sequence[str]) -> bool:
-        return all(any(same_effect(name, effect) for name in found) for effect in effects)
+    def has_all(named: Sequence[str]) -> bool:
+        return all(any(same_effect(name, effect) for name in named) for effect in effects)
 
     is_named = answer.verdict == NAMED
     named_right = is_named and len(names) == len(effects) and all(map(is_hidden, names)) and has_all(names)
     is_open = answer.verdict == AMBIGUOUS and bool(effects) and has_all(answer.listed)
-    if case.asked is Asked.SINGLE:  # of one effect, beside its near ties only
+    if case.asked is Query.SINGLE:  # of one effect, beside its near ties only
         is_open = is_open and all(near_tie(name, effects[0]) for name in answer.listed)
-    due = {Asked.HEALTHY: NONE, Asked.OUTSIDE: UNKNOWN}.get(case.asked)
+    due = {Query.HEALTHY: NONE, Query.OUTSIDE: UNKNOWN}.get(case.asked)
     right = answer.verdict == due if due else named_right or is_open
     counted = bool(due) or all(
         abs(values[0]) >= SURELY_VISIBLE * smallest.get(name, 0.0) for name, values in case.parts
@@ -121,7 +121,7 @@ def facts_of(case: HiddenCase, answer: Answer) -> Row:
         "counted": counted,
         "right": right,
         "grade": grade if counted else Grade.NOT_LOOKED_FOR,
-        "half_right": case.asked is Asked.PAIR and not right and is_named and any(map(is_hidden, names)),
+        "half_right": case.asked is Query.PAIR and not right and is_named and any(map(is_hidden, names)),
         "wrong_and_sure": is_named and any(each >= CONFIDENT for each in wrong_names),
         "smallest": smallest.get(case.name),
         "named_size": abs(case.parts[0][1][0]) if named_right and len(effects) == 1 else None,

@@ -31,7 +31,7 @@ from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.discrepancies import plant_of
 from tools.benchmarks.discovery.kinds import same_effect
 from tools.benchmarks.discovery.rigs import GIVEN
-from tools.benchmarks.discovery.vocabulary import HIDDEN, Parts, known
+from tools.benchmarks.discovery.vocabulary import HIDDEN, Parts, effect_of
 
 SUBSTEPS = 10  # at 100 kHz, or what is needed: of the nominal injector a fifth, at the largest orifice
 Model = tuple[Array, Array]
@@ -77,7 +77,7 @@ def held_intervals(truth: Parts, answer: Answer) -> list[bool]:
     held = []
     for claim in answer.claims:
         effect, values = next((n, v) for n, v in truth if same_effect(n, claim["id"]))
-        kind = HIDDEN[effect] if effect in HIDDEN else known(effect)
+        kind = HIDDEN[effect] if effect in HIDDEN else effect_of(effect)
         true = {p.name: value for p, value in zip(kind.parameters, values, strict=True)}
         if claim["id"] != effect:
             true = {name: 1.0 / (1.0 + value) - 1.0 for name, value in true.items()}
@@ -128,11 +128,11 @@ def truth_of(case: HiddenCase) -> Solve:
 
 
 def faults_of(case: HiddenCase) -> Faults:
-    """What is wrong with the plant of tier A."""
+    """Faults of the plant of tier A."""
     return HIDDEN[case.name].faults(case.parts[0][1]) if case.parts else Faults()
 
 
-def true_model(r: oracle.Recorded, faults: Faults) -> Model:
+def true_model(r: oracle.OracleRecording, faults: Faults) -> Model:
     """The true model with these faults on a recording's inputs."""
     errors, rate, _ = oracle.simulated(r, faults, closed_loop=False)
     line = r.line - errors * (1.0 + faults.line_pressure_sensor_gain)
@@ -170,7 +170,7 @@ def open_loop(injector: InjectorParameters, recording: Recording) -> tuple[Array
 
 
 def in_terms_of(fitted: InjectorParameters, case: HiddenCase) -> Parts:
-    """What is hidden at the sizes a fitted model has to have: entrained air softens the line by K_L g, and the
+    """The hidden effects at the sizes a fitted model has to have: entrained air softens the line by K_L g, and the
     stiffness changes with pressure by n/K_L, where K_L is the model's, which stands for what it lacks of the line.
     """
     assert case.rig is not None
@@ -197,9 +197,9 @@ def with_effects(injector: InjectorParameters, parts: Parts) -> InjectorParamete
 
 def smallest_visible(answer: Answer) -> dict[str, float]:
     """Smallest visible size of every effect's first parameter, SI."""
-    found = {}
+    sizes = {}
     for entry in answer.smallest:
         first = VOCABULARY[entry["id"]].parameters[:1]
         if first and entry["parameter"] == first[0].name and math.isfinite(entry["value"]):
-            found[entry["id"]] = abs(entry["value"]) * first[0].si
-    return found
+            sizes[entry["id"]] = abs(entry["value"]) * first[0].si
+    return sizes

@@ -1,4 +1,4 @@
-"""Vocabularies of what is hidden: effects by name, at the sizes of tier A and of tier B, pairs, and what has no name.
+"""Hidden effects: those of the vocabulary at the sizes of tier A and of tier B, pairs, and effects without a name.
 
 Imports nothing of `observer_rt`: ids and parameter names are the contract.
 """
@@ -157,7 +157,7 @@ PAIRS = (
 """Effects that are different in kind."""
 
 
-def known(name: str) -> HiddenKind:
+def effect_of(name: str) -> HiddenKind:
     """An effect of the vocabulary or beyond it. Raises KeyError."""
     return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
 

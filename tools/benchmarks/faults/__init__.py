@@ -1,1 +1,1 @@
-"""`tools/bench faults`: everything that may go wrong on a bench, at random times; is what is valid right?"""
+"""`tools/bench faults`: everything that may go wrong on a bench, at random times; are valid results right?"""

@@ -1,4 +1,4 @@
-"""`tools/bench faults`: everything that may go wrong on a bench, at random times; is what is valid right?"""
+"""`tools/bench faults`: everything that may go wrong on a bench, at random times; are valid results right?"""
 
 import shutil
 from pathlib import Path
@@ -55,11 +55,11 @@ COLUMNS: dict[str, tuple[str, How]] = {
     **{str(verdict): (str(verdict), "of") for verdict in Verdict},
     "valid if nothing wrong": ("free_valid", "mean"),
 }
-STRUCK: dict[str, tuple[str, How]] = {name: (name, "sum") for name in ("told", "lost", "problems")}
+STRUCK: dict[str, tuple[str, How]] = {name: (name, "sum") for name in ("said", "lost", "problems")}
 
 
 def score_scenario(task: Task, model: Path | None = None) -> Row:
-    """Record a scenario, play it to the observer, and score what is published; model: on tier B."""
+    """Record a scenario, play it to the observer, and score the published results; model: on tier B."""
     scenario = drawn(task, TABLE, model is not None)
     outcome = record(scenario.bench)
     bench = bench_at(scenario.bench.sample_rate, model)
@@ -76,7 +76,7 @@ def is_faulty(row: Row) -> bool:
     return bool(row["is_wrong"] or row["crash"] or row["is_named"] is False or row["in_time"] is False)
 
 
-def told(row: Row) -> str:
+def line_of(row: Row) -> str:
     """A line of a scenario that was wrong."""
     wrong = f"{row['wrong_samples']} samples and {row['wrong_summaries']} injections valid and wrong"
     again = f"valid again after {row['recovered_after'] or '-'} events"
@@ -126,6 +126,6 @@ def faults(
     if daemons:
         tables["daemons struck"] = table(kills, "struck", STRUCK)
     rows = scenarios.astype(object)
-    lines = [told(row) for row in rows.where(rows.notna(), None).to_dict("records") if is_faulty(row)]
+    lines = [line_of(row) for row in rows.where(rows.notna(), None).to_dict("records") if is_faulty(row)]
     lines += [f"{row.label}: {each}" for row in kills.itertuples() for each in row.what]
     conclude(frame, BARS, tables, out, as_json, lines)

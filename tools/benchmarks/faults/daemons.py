@@ -1,4 +1,4 @@
-"""Daemons by command that learn, and are killed, without room on the disk, or without power: what is on disk then?"""
+"""Daemons by command that learn, and are killed, without room on the disk, or power: are their files whole?"""
 
 import contextlib
 import re
@@ -37,23 +37,23 @@ _TOLD = re.compile(r"injection (\d+) at index (\d+): (?:([\d.]+) mg|mass unknown
 
 
 class Strike(StrEnum):
-    """What is done to a daemon."""
+    """A way to stop a daemon."""
 
     KILLED = "killed"
     FULL_DISK = "disk_full"
     POWER_LOST = "power_lost"
 
 
-def told_of(lines: Sequence[str]) -> list[tuple[str, ...]]:
-    """Number, index, mass and verdict of the injections a daemon has told of."""
+def reported_injections(lines: Sequence[str]) -> list[tuple[str, ...]]:
+    """Number, index, mass and verdict of the injections a daemon has reported in its log."""
     return [match.groups(default="") for match in map(_TOLD.search, lines) if match]
 
 
-def difference(rows: Sequence[Row], told: Sequence[tuple[str, ...]]) -> list[str]:
-    """What of the journal is not what the daemon said, row by row."""
+def difference(rows: Sequence[Row], reported: Sequence[tuple[str, ...]]) -> list[str]:
+    """Differences between the journal and the daemon's log, row by row."""
     numbers = [row["number"] for row in rows]
     problems = [] if numbers == list(range(1, len(rows) + 1)) else [f"rows missing in the midst: {numbers}"]
-    for row, said in zip(rows, told, strict=False):
+    for row, said in zip(rows, reported, strict=False):
         mass = "" if row["mass_mg"] is None else f"{row['mass_mg']:.2f}"
         verdict = "valid" if row["valid"] else "not valid"
         if (str(row["number"]), str(row["start_index"]), mass, verdict) != said:
@@ -61,8 +61,8 @@ def difference(rows: Sequence[Row], told: Sequence[tuple[str, ...]]) -> list[str
     return problems
 
 
-def read_back(folder: Path, told: Sequence[tuple[str, ...]], due: int) -> tuple[int, list[str]]:
-    """Injections that are missing of the first `due`, and what is wrong with the files of a folder."""
+def read_back(folder: Path, reported: Sequence[tuple[str, ...]], due: int) -> tuple[int, list[str]]:
+    """Injections that are missing of the first `due`, and the faults of the files of a folder."""
     rows: list[Row] = []
     problems, events, journal = [], 0, folder / "injections.sqlite"
     try:
@@ -73,7 +73,7 @@ def read_back(folder: Path, told: Sequence[tuple[str, ...]], due: int) -> tuple[
                 [(sound,)] = connection.execute("PRAGMA integrity_check").fetchall()
             with reading_journal(journal) as reader:
                 rows = list(reader.injections())
-            problems += difference(rows, told) + ([] if sound == "ok" else [f"journal: {sound}"])
+            problems += difference(rows, reported) + ([] if sound == "ok" else [f"journal: {sound}"])
     except (UserError, sqlite3.Error) as error:
         if due:  # a journal of which nothing was synced may be no journal yet
             problems.append(str(error))
@@ -83,7 +83,7 @@ def read_back(folder: Path, told: Sequence[tuple[str, ...]], due: int) -> tuple[
 def strike(how: Strike, folder: Path, seed: int) -> campaign.Row:
     """Let a daemon learn in a new folder, strike, and look at its files. Raises RunError where it does not start.
 
-    told, lost: injections; lost ones were due; problems, what: how much must not be, and a line for each.
+    said, lost: injections; lost ones were due; problems, what: how much must not be, and a line for each.
     """
     folder = folder.resolve()  # as the daemon names its files
     chance, disk = np.random.default_rng([seed, list(Strike).index(how)]), folder / "disk"
@@ -94,28 +94,28 @@ def strike(how: Strike, folder: Path, seed: int) -> campaign.Row:
         if how is Strike.FULL_DISK:
             with _without_room(daemon.process.pid):
                 time.sleep(chance.uniform(0.25, 2.0) * WITHIN)
-        due = len(told_of(daemon.said))
+        due = len(reported_injections(daemon.said))
         time.sleep(WITHIN + MARGIN)
         ended = daemon.process.poll()
         daemon.process.kill()
         daemon.process.wait()
-    told = told_of(daemon.said)
+    reported = reported_injections(daemon.said)
     problems = [] if ended is None else [f"ended by itself with {ended}: {daemon.said[-3:]}"]
     if how is Strike.POWER_LOST:
-        found = _cut(folder, told, due, chance)
+        readings = _cut(folder, reported, due, chance)
     else:
-        found = [read_back(disk, told, due)]
+        readings = [read_back(disk, reported, due)]
         problems += _starts_again(disk)
-    problems += [problem for _, others in found for problem in others]
-    lost = max(lost for lost, _ in found)
-    return {"struck": how, "told": len(told), "lost": lost, "problems": len(problems), "what": problems}
+    problems += [problem for _, others in readings for problem in others]
+    lost = max(lost for lost, _ in readings)
+    return {"struck": how, "said": len(reported), "lost": lost, "problems": len(problems), "what": problems}
 
 
 def _cut(
-    folder: Path, told: Sequence[tuple[str, ...]], due: int, chance: np.random.Generator
+    folder: Path, reported: Sequence[tuple[str, ...]], due: int, chance: np.random.Generator
 ) -> list[tuple[int, list[str]]]:
     """Files as losses of power at some moments leave them; only the last of these is after all that was due."""
-    done, drive, found, begun = operations(folder / "log"), Disk(folder / "disk"), [], 0
+    done, drive, readings, begun = operations(folder / "log"), Disk(folder / "disk"), [], 0
     moments = [*sorted(chance.integers(1, len(done), CUTS - 1).tolist()), len(done)]
     for number, moment in enumerate(moments):
         for operation in done[begun:moment]:
@@ -123,8 +123,8 @@ def _cut(
         begun, target = moment, folder / f"cut{number}"
         target.mkdir()
         drive.cut(target, chance)
-        found.append(read_back(target, told, due if moment == len(done) else 0))
-    return found
+        readings.append(read_back(target, reported, due if moment == len(done) else 0))
+    return readings
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""A simulated disk, of which a loss of power leaves what was synced.
+"""A simulated disk: after a loss of power it holds what was synced.
 
 What was not synced may be there or not, write by write, each torn at any byte; names come in their order.
 """
@@ -107,13 +107,13 @@ class Disk:
 
 def operations(log: Path) -> Sequence[Operation]:
     """Those of a log."""
-    found, data, at = [], log.read_bytes(), 0
+    done, data, at = [], log.read_bytes(), 0
     while at < len(data):
         end = data.index(b"\n", at)
         kind, descriptor, offset, length, path, target = data[at:end].decode().split("\t")
         at = end + 1 + int(length)
-        found.append(Operation(kind, int(descriptor), int(offset), data[end + 1 : at], path, target))
-    return found
+        done.append(Operation(kind, int(descriptor), int(offset), data[end + 1 : at], path, target))
+    return done
 
 
 def _apply(content: bytearray, offset: int, data: bytes | None) -> None:

@@ -21,7 +21,7 @@ Stated = Mapping[str, Mapping[str, float]]
 
 
 class Where(StrEnum):
-    """What is at fault, in the order in which the faults of a scenario are put into its recording."""
+    """The part at fault, in the order in which the faults of a scenario are put into its recording."""
 
     RHYTHM = "rhythm"  # when what is opened
     BENCH = "bench"  # what needle and supply really do
@@ -104,7 +104,7 @@ class FrameFault(Fault):
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedFault:
     """A fault of one size between two times [s] of the recording; seed: of all else about it."""
 
     fault: Fault
@@ -148,10 +148,10 @@ class Placed:
         begun, over = (np.searchsorted(t, time, "right") for t in moments)
         inside = Measured(*(values[during] for values in vars(seen).values()))
         part = Part(inside, (begun - over).astype(np.float64), self.size * self.fault.scale, self.chance)
-        found = {name: values.copy() for name, values in vars(seen).items()}
+        signals = {name: values.copy() for name, values in vars(seen).items()}
         for name, values in vars(self.fault.change(part)).items():
-            found[name][during] = values
-        return Measured(**found)
+            signals[name][during] = values
+        return Measured(**signals)
 
 
 def energizing(bench: Bench) -> tuple[Array, Array]:

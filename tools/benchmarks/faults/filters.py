@@ -16,11 +16,11 @@ Response = Callable[[Array], NDArray[np.complex128]]
 def filtered(values: Array, interval: float, response: Response) -> Array:
     """A signal through an analog filter; it was at rest before and after."""
     tail = np.linspace(values[-1], values[0], values.size)  # back to the start, so that nothing jumps
-    whole = np.concatenate((values, tail))
-    frequencies = np.asarray(np.fft.rfftfreq(whole.size, interval), np.float64)
-    spectrum: NDArray[np.complex128] = np.fft.rfft(whole)
+    extended = np.concatenate((values, tail))
+    frequencies = np.asarray(np.fft.rfftfreq(extended.size, interval), np.float64)
+    spectrum: NDArray[np.complex128] = np.fft.rfft(extended)
     spectrum *= response(frequencies)
-    return np.asarray(np.fft.irfft(spectrum, whole.size)[: values.size], np.float64)
+    return np.asarray(np.fft.irfft(spectrum, extended.size)[: values.size], np.float64)
 
 
 def butterworth(order: int, corner: float) -> Response:

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.frames.frames import protect_frame
 from tools.benchmarks.faults import reasons as of
-from tools.benchmarks.faults.fault import FrameFault, Frames, Placed, Sent, Where
+from tools.benchmarks.faults.fault import FrameFault, Frames, PlacedFault, Sent, Where
 
 LOST = (0.01, 0.5)  # share of the frames
 BURST = 20e-3  # s
@@ -39,9 +39,9 @@ def _duplicated(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
 
 def _reordered(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
     frames = list(frames)
-    for place in range(1, len(frames)):
+    for position in range(1, len(frames)):
         if rng.random() < 0.1:
-            frames[place - 1], frames[place] = frames[place], frames[place - 1]
+            frames[position - 1], frames[position] = frames[position], frames[position - 1]
     return frames
 
 
@@ -94,7 +94,7 @@ ROWS = (
 )
 
 
-def with_frame_fault(frames: Frames, placed: Placed, bus: BusMap) -> Frames:
+def with_frame_fault(frames: Frames, placed: PlacedFault, bus: BusMap) -> Frames:
     """The frames with a fault of the bus or of a clock; with any other the same."""
     fault = placed.fault
     if not isinstance(fault, FrameFault):

@@ -25,9 +25,9 @@ from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Outcome, record
 from tools.benchmarks.campaign import Row, messages
 from tools.benchmarks.faults import reasons as of
-from tools.benchmarks.faults.fault import Fault, Placed, Where
+from tools.benchmarks.faults.fault import Fault, PlacedFault, Where
 from tools.benchmarks.faults.frames import index_of
-from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Published, Receiver
+from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Receiver, Results
 from tools.benchmarks.faults.scenario import AT, Scenario, Task, drawn
 from tools.benchmarks.faults.score import facts_of
 from tools.benchmarks.scoring import bench_text
@@ -102,7 +102,7 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[Row]:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "bench.toml"
     path.write_text(bench_text(('channel = "can0"', f'channel = "{CHANNEL}"')), "utf-8")
-    framer, found = Framer(map_bus(load_bench(path))), []
+    framer, rows = Framer(map_bus(load_bench(path))), []
     names = [f"{name}{AT}0" for name in ROWS]
     with (
         observer([*RUN, path]) as daemon,
@@ -116,20 +116,20 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[Row]:
             recording = recording_of(outcome)
             frames = list(framer.frames(recording, whole(recording)))
             published = _played(scenario, outcome, frames, Bus(daemon, device), ear)
-            found.append(facts_of(scenario, outcome, published))
+            rows.append(facts_of(scenario, outcome, published))
             if daemon.process.poll() is not None:
-                found[-1] |= {"crash": "\n".join(daemon.said[-5:]), "crashed": True}
+                rows[-1] |= {"crash": "\n".join(daemon.said[-5:]), "crashed": True}
                 break
-    return found
+    return rows
 
 
 def _scenario(task: Task) -> Scenario:
-    found = drawn(task, ROWS, is_rich=False)
-    events = tuple(replace(event, faults=Faults(orifice_area=WEAR)) for event in found.bench.events)
-    return replace(found, bench=replace(found.bench, injector=Injector(), events=events))
+    scenario = drawn(task, ROWS, is_rich=False)
+    events = tuple(replace(event, faults=Faults(orifice_area=WEAR)) for event in scenario.bench.events)
+    return replace(scenario, bench=replace(scenario.bench, injector=Injector(), events=events))
 
 
-def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus: Bus, ear: Link) -> Published:
+def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus: Bus, ear: Link) -> Results:
     """What the daemon publishes while the frames are sent in real time, and the fault comes and goes."""
     receiver = Receiver(outcome.measured.time)
     for moment in outcome.measured.time[[0, -1]]:  # numbered on from the scenario before
@@ -156,7 +156,7 @@ def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus:
     return receiver.published
 
 
-def _misbehave(placed: Placed, bus: Bus, begun: float) -> None:
+def _misbehave(placed: PlacedFault, bus: Bus, begun: float) -> None:
     time.sleep(max(begun + placed.begin - time.monotonic(), 0.0))
     with _LIVE[placed.fault.name](bus):
         time.sleep(placed.end - placed.begin)

@@ -26,7 +26,7 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from tests.plants.plant import Measured
 from tools.benchmarks.faults import reasons as of
-from tools.benchmarks.faults.fault import Fault, Frames, Placed, Sent, Where
+from tools.benchmarks.faults.fault import Fault, Frames, PlacedFault, Sent, Where
 from tools.benchmarks.faults.frames import BLOCK_SAMPLES, with_frame_fault
 from tools.benchmarks.faults.scenario import Scenario
 
@@ -78,7 +78,7 @@ class Summary:
 
 
 @dataclass
-class Published:
+class Results:
     """By sample of the recording (n,): rates [m3/s], nan: none was published; whether they were valid."""
 
     rate: NDArray[np.float64]
@@ -89,7 +89,7 @@ class Published:
     crash: str = ""
 
 
-def play(scenario: Scenario, measured: Measured, bench: Bench) -> Published:
+def play(scenario: Scenario, measured: Measured, bench: Bench) -> Results:
     """What the service publishes of a scenario; bench: as the bench file says."""
     bus = map_bus(bench)
     recording = Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure)
@@ -113,7 +113,7 @@ class Receiver:
         self._moves = [(0, 0)]
         self._newest = 0
         self._placed: dict[int, int] = {}  # sample of every index of which a rate came
-        self.published = Published(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
+        self.published = Results(np.full(time.size, np.nan), np.zeros(time.size, np.bool_))
 
     @property
     def newest(self) -> int:
@@ -173,7 +173,7 @@ class _Player:
         self._core = Core(bench.injector, self._bus, executor=self._executor, learning=self._learning)
         self._receiver = Receiver(time)
 
-    def play(self, frames: Frames) -> Published:
+    def play(self, frames: Frames) -> Results:
         try:
             for first in range(0, len(frames), BLOCK):
                 self._give(frames[first : first + BLOCK])
@@ -183,27 +183,27 @@ class _Player:
         return self._receiver.published
 
     def _give(self, frames: Frames) -> None:
-        frames = [each for each in frames if not self._is_down(each.time)]
+        frames = [frame for frame in frames if not self._is_down(frame.time)]
         if not frames:
             return
-        for each in frames:
-            if not each.is_foreign:
-                self._receiver.note_sent(each.time, each.moved)
+        for frame in frames:
+            if not frame.is_foreign:
+                self._receiver.note_sent(frame.time, frame.moved)
         self._misbehave(frames[-1].time)
         layouts = self._bus.input_layouts
-        given = [
+        handed_on = [
             BusFrame(
-                layouts[each.message].bus,
+                layouts[frame.message].bus,
                 Frame(
-                    layouts[each.message].frame_id,
-                    each.payload,
-                    1_700_000_000_000_000_000 + round(1e9 * each.stamp),
-                    layouts[each.message].is_extended,
+                    layouts[frame.message].frame_id,
+                    frame.payload,
+                    1_700_000_000_000_000_000 + round(1e9 * frame.stamp),
+                    layouts[frame.message].is_extended,
                 ),
             )
-            for each in frames
+            for frame in frames
         ]
-        self._receiver.take(self._core.handle_many(block_of(given)))
+        self._receiver.take(self._core.handle_many(block_of(handed_on)))
         _, reason = self._core.state
         said = self._receiver.published.reason
         if not said or said[-1][1] != reason.name:
@@ -223,14 +223,14 @@ class _Player:
 
     def _is_down(self, time: float) -> bool:
         """Whether the service was killed and is not back; it comes back with what it had saved."""
-        for each in self._of_process:
-            if each.fault is KILLED and each.begin <= time:
-                if time < each.begin + DOWN:
+        for fault in self._of_process:
+            if fault.fault is KILLED and fault.begin <= time:
+                if time < fault.begin + DOWN:
                     return True
-                self._restart(each)
+                self._restart(fault)
         return False
 
-    def _restart(self, placed: Placed) -> None:
+    def _restart(self, placed: PlacedFault) -> None:
         self._of_process.remove(placed)
         model = self._bench.injector.parameters
         with TemporaryDirectory(prefix="faults-") as folder:

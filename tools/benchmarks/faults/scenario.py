@@ -10,7 +10,7 @@ from numpy.random import Generator
 from tests.plants.parameters import Injector
 from tests.plants.plant import PERIOD, Bench, drawn_needle
 from tools.benchmarks.cases import on_real_line, worn_events
-from tools.benchmarks.faults.fault import Fault, Placed, Where
+from tools.benchmarks.faults.fault import Fault, PlacedFault, Where
 
 SETTLED, LAST_BEGIN = 4, 10  # events: what goes and comes begins after the one, before the other
 SHORTEST, LONGEST = 0.5 * PERIOD, 5 * PERIOD  # s
@@ -37,11 +37,11 @@ class Task:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is recorded, and what goes wrong; blocks: every signal has a message of its own."""
+    """A bench to record, and the faults that come; blocks: every signal has a message of its own."""
 
     task: Task
     bench: Bench
-    placed: tuple[Placed, ...]
+    placed: tuple[PlacedFault, ...]
     learning: bool
     blocks: bool
 
@@ -66,15 +66,15 @@ def tasks(table: Mapping[str, Fault], names: list[str], count: int, master_seed:
     """So many scenarios: every entry in turn, some with others of the rhythm at hand at once."""
     rng = np.random.default_rng([master_seed, 0xFA17])
     more_of = [name for name in names if table[name.split(AT)[0]].where is not Where.RHYTHM]
-    found = []
+    drawn_tasks = []
     for number in range(count):
         together = [names[number % len(names)]]
         if rng.random() < SEVERAL_SHARE:
             others = [name for name in more_of if name.split(AT)[0] != together[0].split(AT)[0]]
             more = int(rng.integers(1, MOST_AT_ONCE))
             together += [str(name) for name in rng.choice(others, min(more, len(others)), replace=False)]
-        found.append(Task(AND.join(together), master_seed, number))
-    return found
+        drawn_tasks.append(Task(AND.join(together), master_seed, number))
+    return drawn_tasks
 
 
 def drawn(task: Task, table: Mapping[str, Fault], is_rich: bool) -> Scenario:
@@ -91,7 +91,7 @@ def drawn(task: Task, table: Mapping[str, Fault], is_rich: bool) -> Scenario:
     bench = Bench(Injector(), needle, worn_events(rng, wear), seed=int(rng.integers(2**62)))
     if is_rich:
         bench = on_real_line(bench, task.master_seed)
-    placed: list[Placed] = []
+    placed: list[PlacedFault] = []
     for fault, size, is_stated in rows:
         placed.append(replace(_placed(fault, size, bench, rng), is_stated=is_stated))
         bench = placed[-1].on(bench)
@@ -107,9 +107,9 @@ def _order(row: tuple[Fault, float, bool]) -> int:
     return list(Where).index(row[0].where)
 
 
-def _placed(fault: Fault, size: float, bench: Bench, rng: Generator) -> Placed:
+def _placed(fault: Fault, size: float, bench: Bench, rng: Generator) -> PlacedFault:
     seed = int(rng.integers(2**62))
     if fault.lasting:
-        return Placed(fault, size, 0.0, np.inf, seed)
+        return PlacedFault(fault, size, 0.0, np.inf, seed)
     begin = rng.uniform(bench.starts[SETTLED], bench.starts[LAST_BEGIN])
-    return Placed(fault, size, begin, begin + max(rng.uniform(SHORTEST, LONGEST), fault.shortest), seed)
+    return PlacedFault(fault, size, begin, begin + max(rng.uniform(SHORTEST, LONGEST), fault.shortest), seed)

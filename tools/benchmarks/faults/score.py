@@ -9,7 +9,7 @@ from tests.plants.arrays import Array
 from tests.plants.plant import Outcome
 from tests.plants.windows import Windows, windows_of
 from tools.benchmarks.campaign import Row
-from tools.benchmarks.faults.player import Published
+from tools.benchmarks.faults.player import Results
 from tools.benchmarks.faults.scenario import AND, AT, Scenario
 
 WRONG, WRONG_MASS = 0.03, 0.3 * MILLIGRAM  # of an injection, and at least
@@ -33,7 +33,7 @@ class Verdict(StrEnum):
     WRONG = "wrong"
 
 
-def facts_of(scenario: Scenario, outcome: Outcome, published: Published) -> Row:
+def facts_of(scenario: Scenario, outcome: Outcome, published: Results) -> Row:
     """The scenario as a row, against the truth of its recording.
 
     wrong_samples: valid ones of injections that are wrong by them, and valid rates where nothing flows, beyond the
@@ -108,7 +108,7 @@ def facts_of(scenario: Scenario, outcome: Outcome, published: Published) -> Row:
     }
 
 
-def _verdict(outcome: Outcome, published: Published, windows: Windows, density: float) -> Verdict:
+def _verdict(outcome: Outcome, published: Results, windows: Windows, density: float) -> Verdict:
     """Of a recording in which nothing is wrong."""
     members = windows.of_event[JUDGED]
     rate, truth = np.nan_to_num(published.rate), outcome.truth.injection_rate
@@ -126,19 +126,19 @@ def _mass(rate: Array, windows: Windows, openings: tuple[int, ...], density: flo
     return float(windows.masses(rate, density)[list(openings)].sum())
 
 
-def _named(published: Published, begin: float) -> tuple[str, ...]:
+def _named(published: Results, begin: float) -> tuple[str, ...]:
     """Reasons given from a sample on."""
     stream = [name for sample, name in published.reason if sample >= begin]
     injections = [each.reason for each in published.summaries if each.first >= begin and not each.is_valid]
     return tuple(dict.fromkeys(name for name in (*stream, *injections) if name not in _NOTHING_WRONG))
 
 
-def _wrong_summaries(published: Published, windows: Windows, true: Array) -> int:
+def _wrong_summaries(published: Results, windows: Windows, true: Array) -> int:
     """Valid summaries of a mass that was not injected there."""
     wrong = 0
-    for each in published.summaries:
-        number = int(np.argmin([abs(each.first - window.start) for window in windows.ranges]))
-        is_there = abs(each.first - windows.ranges[number].start) <= CLOSE
+    for summary in published.summaries:
+        number = int(np.argmin([abs(summary.first - window.start) for window in windows.ranges]))
+        is_there = abs(summary.first - windows.ranges[number].start) <= CLOSE
         mass = float(true[number]) if is_there else 0.0
-        wrong += each.is_valid and not abs(each.mass - mass) <= max(WRONG * mass, WRONG_MASS)
+        wrong += summary.is_valid and not abs(summary.mass - mass) <= max(WRONG * mass, WRONG_MASS)
     return wrong

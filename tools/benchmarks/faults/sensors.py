@@ -45,8 +45,8 @@ def on(wave: Wave, *roles: str) -> Callable[[Part], Measured]:
 
     def change(part: Part) -> Measured:
         time = part.seen.time
-        found = {role: wave(time, getattr(part.seen, role), part.size, part.chance) for role in roles}
-        return replace(part.seen, **found)
+        signals = {role: wave(time, getattr(part.seen, role), part.size, part.chance) for role in roles}
+        return replace(part.seen, **signals)
 
     return change
 
@@ -84,23 +84,23 @@ def louder(*roles: str, since: float = 0.0) -> Callable[[Part], Measured]:
     def change(part: Part) -> Measured:
         is_there = np.arange(part.seen.time.size) >= since * part.seen.time.size
         extra = math.sqrt(part.size**2 - 1.0) * part.chance.normal(size=(len(roles), is_there.size))
-        found = {
+        signals = {
             r: getattr(part.seen, r) + NOISE[r] * e * is_there for r, e in zip(roles, extra, strict=True)
         }
-        return replace(part.seen, **found)
+        return replace(part.seen, **signals)
 
     return change
 
 
 def _at_moments(rate: float, length: Callable[[float, float, Generator], int], put: Any) -> Wave:
-    """Stretches at random moments [1/s]; length: of size, sample interval and chance; put: what is there then."""
+    """Stretches at random moments [1/s]; length: of size, sample interval and chance; put: the values there."""
 
     def wave(time: Array, values: Array, size: float, rng: Generator) -> Array:
-        found, interval = values.copy(), float(time[1] - time[0])
+        changed, interval = values.copy(), float(time[1] - time[0])
         for first in _moments(time, rate, rng):
-            part = found[first : first + length(size, interval, rng)]
+            part = changed[first : first + length(size, interval, rng)]
             part[:] = put(part, size, rng)
-        return found
+        return changed
 
     return wave
 
@@ -137,12 +137,12 @@ def edge_spikes(*roles: str) -> Callable[[Part], Measured]:
     """Spikes of the size, on the lift in proportion, of 1 to 3 samples at every edge of the energizing."""
 
     def change(part: Part) -> Measured:
-        found = {role: getattr(part.seen, role).copy() for role in roles}
+        signals = {role: getattr(part.seen, role).copy() for role in roles}
         for first in np.flatnonzero(np.diff(part.current)) + 1:
             length, way = int(part.chance.integers(1, 4)), sign(part.chance)
-            for role, values in found.items():
+            for role, values in signals.items():
                 values[first : first + length] += way * part.size * (LIFT_SPIKE if role == LIFT else 1.0)
-        return replace(part.seen, **found)
+        return replace(part.seen, **signals)
 
     return change
 
@@ -217,7 +217,7 @@ def _stated_filter(order: int, role: str) -> Callable[[float], Stated]:
 
 
 def _small(name: str, unit: str, sizes: tuple[float, ...], change: Any, reasons: Any, **more: Any) -> Any:
-    """A row of what is always there and small."""
+    """A row for a small fault that is always there."""
     return SensorFault(name, Where.SENSOR, reasons, unit, sizes, True, change=change, **more)
 
 
@@ -330,8 +330,8 @@ def _floating(role: str) -> Wave:
 
     def wave(time: Array, values: Array, size: float, rng: Generator) -> Array:
         mains = 0.5 * (1.0 + np.sin(2 * math.pi * (50.0 * time + rng.random())))
-        heard: Array = _LOWEST[role] + SPAN[role] * size * (mains + 1e-3 * rng.normal(size=time.size))
-        return heard
+        open_input: Array = _LOWEST[role] + SPAN[role] * size * (mains + 1e-3 * rng.normal(size=time.size))
+        return open_input
 
     return wave
 
@@ -360,7 +360,7 @@ def _lagging(time: Array, values: Array, size: float, rng: Generator) -> Array:
 
 
 def _large_ones() -> list[SensorFault]:
-    """What is seldom and goes: of any signal, in any size."""
+    """Faults that come and go, of any signal, in any size."""
     rows = []
     for role, name in ((RAIL, "rail"), (LIFT, "lift"), (LINE, "line")):
         unit, sizes = ("um", (3.0, 10.0, 30.0)) if role == LIFT else ("MPa", (0.5, 1.5, 4.0))

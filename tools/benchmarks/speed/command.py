@@ -114,7 +114,7 @@ def soak(
     out: cli.OutOption = None,
     as_json: cli.JsonOption = False,
 ) -> None:
-    """A learning daemon at 100 kHz, its Python paused at random: what grows, what is lost?"""
+    """A learning daemon at 100 kHz, its Python paused at random: does memory grow, are samples lost?"""
     out = out or Path("build/soak")
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:

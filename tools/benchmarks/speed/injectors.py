@@ -39,7 +39,7 @@ def measure_injectors(folder: Path, traffic: Traffic, seconds: float) -> list[Ro
 
 
 def in_windows(traffic: Traffic) -> Traffic:
-    """The same loop, of which what is far from an open needle is a pause."""
+    """The same loop, with pauses in place of the frames far from an open needle."""
     before, after = (round(each * SAMPLE_RATE) for each in (BEFORE, AFTER))
     round_and_round = np.tile(traffic.is_open, 3)
     spread = np.convolve(round_and_round, np.ones(before + after + 1))[before : before + round_and_round.size]
@@ -57,13 +57,13 @@ def sent_frames(traffic: Traffic) -> NDArray[np.bool_]:
 
 
 def lost(passages: Sequence[Passage], is_sent: NDArray[np.bool_]) -> int:
-    """Samples that were to be sent and that no rate frame told of, but for the last window, which may still wait."""
+    """Samples that were sent and are in no rate frame, but for the last window, which may still wait."""
     numbers = np.concatenate([each.first + np.arange(each.sent.size) for each in passages])
     numbers = numbers[is_sent[numbers % is_sent.size]]
     begins = np.flatnonzero(np.diff(numbers, prepend=-2) > 1)  # of windows
     due = np.flatnonzero(_marked(SAMPLES * numbers[: begins[-1]], SAMPLES))
-    told = _marked(np.concatenate([each.index for each in passages]), RATES)
-    return int(due.size - np.count_nonzero(told[due[due < told.size]]))
+    reported = _marked(np.concatenate([each.index for each in passages]), RATES)
+    return int(due.size - np.count_nonzero(reported[due[due < reported.size]]))
 
 
 def _marked(starts: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
@@ -125,7 +125,7 @@ def counted(number: int, cpu_share: float, lost_samples: int, said: Sequence[str
 
 
 def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
-    """The example bench for injectors whose links are these sockets; [link] itself is none of theirs."""
+    """The example bench for injectors whose links are these sockets; `[link]` itself is not used."""
     folder.mkdir(parents=True, exist_ok=True)
     text = bench_text(
         ('interface = "socketcan"', 'interface = "descriptor"'),
@@ -133,8 +133,8 @@ def socket_bench(folder: Path, sockets: Sequence[socket.socket]) -> Path:
         ("\ninjector_id = 1", '\nlink = "{injector}"'),
     )
     names = [f"i{number}" for number in range(len(sockets))]
-    for name, each in zip(names, sockets, strict=True):
-        text += f'[links.{name}]\nchannel = "{each.fileno()}"\n[injectors.{name}]\n'
+    for name, link in zip(names, sockets, strict=True):
+        text += f'[links.{name}]\nchannel = "{link.fileno()}"\n[injectors.{name}]\n'
     path = folder / "bench.toml"
     path.write_text(text, "utf-8")
     return path

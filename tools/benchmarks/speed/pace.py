@@ -29,17 +29,17 @@ def latency_of(seconds: Array) -> Row:
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """What was sent and what came back.
+    """Frames that were sent, and the rate frames that came back.
 
-    first: number of the first frame; begin: index of the first sample to be told of; sent [ns]: of every frame,
-    0 where it was given up; index, heard [ns]: of every rate frame.
+    first: number of the first frame; begin: index of the first sample to be reported; sent [ns]: of every frame,
+    0 where it was given up; index, received [ns]: of every rate frame.
     """
 
     first: int
     begin: int
     sent: NDArray[np.int64]
     index: NDArray[np.int64]
-    heard: NDArray[np.int64]
+    received: NDArray[np.int64]
 
     def latencies(self, traffic: Traffic, *, open_only: bool) -> Array:
         """Seconds from the last input frame that a rate frame needs to that rate frame."""
@@ -48,31 +48,31 @@ class Passage:
         if open_only:
             answers &= traffic.has_open_needle(self.index)
         sent = self.sent[number[answers]]
-        return np.asarray((self.heard[answers] - sent)[sent > 0] * 1e-9)
+        return np.asarray((self.received[answers] - sent)[sent > 0] * 1e-9)
 
-    def told_until(self, traffic: Traffic) -> int:
-        """Index before which every sample must have been told of: nothing after it needs to be, or is."""
-        known = (self.first + self.sent.size) * SAMPLES
-        must = known - traffic.ahead - (RATES - 1)
+    def reported_until(self, traffic: Traffic) -> int:
+        """Index before which every sample must be reported: nothing after it needs to be, or is."""
+        sent_end = (self.first + self.sent.size) * SAMPLES
+        must = sent_end - traffic.ahead - (RATES - 1)
         return max(must, int(self.index.max()) + RATES) if self.index.size else must
 
     def lost(self, traffic: Traffic) -> int:
-        """Samples of which no rate frame tells, of those that must have been told of."""
-        end = self.told_until(traffic)
-        told = np.zeros(max(end - self.begin, 0), np.bool_)
+        """Samples that must be reported and are in no rate frame."""
+        end = self.reported_until(traffic)
+        is_reported = np.zeros(max(end - self.begin, 0), np.bool_)
         for start in (self.index - self.begin).tolist():
-            told[max(start, 0) : max(start + RATES, 0)] = True
-        return int(told.size - told.sum())
+            is_reported[max(start, 0) : max(start + RATES, 0)] = True
+        return int(is_reported.size - is_reported.sum())
 
     @property
     def repeated(self) -> int:
-        """Samples told of more than once."""
+        """Samples reported more than once."""
         return (self.index.size - np.unique(self.index).size) * RATES
 
     @property
     def seconds(self) -> float:
         """From the first frame to the last answer."""
-        return float(self.heard[-1] - self.sent[0]) * 1e-9 if self.heard.size else float("nan")
+        return float(self.received[-1] - self.sent[0]) * 1e-9 if self.received.size else float("nan")
 
 
 class Pacer:
@@ -89,9 +89,9 @@ class Pacer:
     ) -> None:
         """link: an interface, or `fd:N` for one of the descriptors handed over; first: number of the first frame."""
         self._program = native.program("pacer", folder)
-        self._out = folder / f"passage_{ids.place}_{link.replace(':', '')}.bin"
+        self._out = folder / f"passage_{ids.number}_{link.replace(':', '')}.bin"
         self._traffic, self._link, self._ids, self._descriptors = traffic, link, ids, descriptors
-        self._next, self._told_until = first, first * SAMPLES
+        self._next, self._reported_until = first, first * SAMPLES
 
     def send(self, count: int, period: float) -> Passage:
         """`count` frames, one every `period` [s]. Raises RunError."""
@@ -103,9 +103,9 @@ class Pacer:
             raise RunError(f"the sender ended with exit code {done.returncode}")
         raw = np.fromfile(self._out, np.int64)
         rates = raw[2 + count :].reshape(-1, 2)
-        passage = Passage(self._next, self._told_until, raw[2 : 2 + count], rates[:, 0], rates[:, 1])
+        passage = Passage(self._next, self._reported_until, raw[2 : 2 + count], rates[:, 0], rates[:, 1])
         self._next += count
-        self._told_until = passage.told_until(self._traffic)
+        self._reported_until = passage.reported_until(self._traffic)
         return passage
 
 

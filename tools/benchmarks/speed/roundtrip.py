@@ -100,7 +100,7 @@ def rows_of(pace: str, parties: dict[str, list[Passage]], traffic: Traffic) -> l
 def command_of(folder: Path, channel: str, party: str, traffic: Traffic) -> list[str | Path]:
     """What starts a party; what it needs is written into the folder."""
     ids = PARTIES[party]
-    bench = write_bench(folder / f"party_{ids.place}", "socketcan", channel, ids)
+    bench = write_bench(folder / f"party_{ids.number}", "socketcan", channel, ids)
     numbers = [str(ids.input), str(ids.rate), str(traffic.ahead)]
     if party == ECHO:
         return [native.program("echo", folder), channel, *numbers]
@@ -116,8 +116,8 @@ def _send(to: Observer, pacer: Pacer, party: str, seconds: float, period: float)
 
 
 def _latencies(passages: Sequence[Passage], traffic: Traffic, open_only: bool) -> Array:
-    found = [each.latencies(traffic, open_only=open_only) for each in passages]
-    return np.asarray(np.concatenate(found), np.float64)
+    latencies = [each.latencies(traffic, open_only=open_only) for each in passages]
+    return np.asarray(np.concatenate(latencies), np.float64)
 
 
 if __name__ == "__main__":

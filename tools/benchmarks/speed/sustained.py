@@ -1,5 +1,5 @@
 """Our daemon on a socket pair that carries raw frames, no bus, no other kernel: how much it takes without a loss, how
-soon it is ready, and for as long as one likes with its Python disturbed: what grows, what is lost?
+soon it is ready, and for as long as one likes with its Python disturbed: does memory grow, are samples lost?
 """
 
 import socket

@@ -1,4 +1,4 @@
-"""What is sent: one recording as frames, again and again, and the bench file that takes them."""
+"""The traffic: one recording as frames, again and again, and the bench file that takes them."""
 
 import re
 from collections.abc import Sequence
@@ -58,12 +58,12 @@ class Traffic:
 class Ids:
     """Identifiers of one of several observers on the same bus."""
 
-    place: int = 0
+    number: int = 0
 
     @property
     def shift(self) -> int:
-        """What is added to the database's."""
-        return self.place * _ID_STEP
+        """Added to the database's identifiers."""
+        return self.number * _ID_STEP
 
     @property
     def input(self) -> int:

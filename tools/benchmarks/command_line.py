@@ -21,7 +21,7 @@ class Tier(StrEnum):
     B = "B"
 
 
-CasesOption = Annotated[int, typer.Option(min=0, help="How many; of `twice`: of each class.")]
+CasesOption = Annotated[int, typer.Option(min=0, help="How many.")]
 SeedOption = Annotated[int, typer.Option(help="Master seed.")]
 JobsOption = Annotated[int, typer.Option(min=1, help="Processes.")]
 OutOption = Annotated[

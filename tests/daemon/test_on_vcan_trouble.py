@@ -6,45 +6,18 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import can
 import pytest
 
-from observer_rt.config.bench import load_bench
-from observer_rt.daemon.input_monitoring import input_watch
-from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.stream.state import Reason
-from observer_rt.engine.words import Topic
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
-from tests.benches import block_bench
-from tests.daemon.end_to_end import START_TIMEOUT, STATUS, command, decoded, results_of
-from tests.daemon.participants import HeardDaemon, bench_file, opened, over_bus, serving, until
+from tests.daemon.end_to_end import START_TIMEOUT, STATUS, command, decoded
+from tests.daemon.participants import HeardDaemon, bench_file, opened, serving, until
 from tests.device import frames_of, worn_recording
-from tests.interface import FRAME_BYTES, OwnInterface
-
-BUS = 1000  # frames/s: fewer than the slowest machine sends
-QUEUE = 20  # frames
-
-
-@pytest.mark.vcan
-def test_inputs_and_results_wait_for_one_full_queue(own_interface: OwnInterface, tmp_path: Path) -> None:
-    """Replay sends as fast as it may: it and the daemon find the queue full, and share what leaves it."""
-    own_interface.slow_down(BUS * FRAME_BYTES, QUEUE * FRAME_BYTES)
-    path = bench_file(tmp_path, own_interface.name, "socketcan")
-    recording = worn_recording(2)
-    expected = evaluate(load_bench(path), [recording]).frames
-    heard, daemon = over_bus(path, frames_of(path, recording))
-    assert own_interface.refused > 0
-    assert (daemon.unsent, daemon.dropped, daemon.core.counters.lost_samples) == (0, 0, 0)
-    assert heard.results == results_of(expected)
-    assert len(heard.summaries) == 2
-
+from tests.interface import OwnInterface
 
 BLOCK = 9  # samples of a SampleBlock
 FIRST, LOST, LAST = 600, 200, 600  # frames before, during and after the outage
@@ -102,69 +75,6 @@ def test_the_daemon_stays_and_goes_on(
     assert status["LinkTroubles"] == 1
     assert status["LostSamples"] == LOST * BLOCK
     assert status["DroppedFrames"] == 0
-
-
-class HeldLearning(ThreadPoolExecutor):
-    """Learns in a thread, which can be held."""
-
-    def __init__(self) -> None:
-        super().__init__(1)
-        self.goes_on = threading.Event()
-        self.goes_on.set()
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        def learned() -> Any:
-            self.goes_on.wait()
-            return fn(*args, **kwargs)
-
-        return super().submit(learned)
-
-
-@pytest.mark.slow
-@pytest.mark.vcan
-def test_learning_that_hangs_costs_nothing_that_was_learned(
-    own_interface: OwnInterface, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Rates go on and stay valid, the log says it; what it was learning from counts once it goes on.
-
-    On a slow machine many events are not even examined in time.
-    """
-    monkeypatch.setattr(input_watch, "HUNG", 0.3)
-    path = bench_file(tmp_path, own_interface.name, "socketcan")
-    path.write_text(path.read_text().replace("lockstep = true", "lockstep = false"))
-    recording = worn_recording(30)
-    frames = frames_of(path, recording)
-    learned = evaluate(load_bench(path), [recording]).knowledge
-    learning = HeldLearning()
-    with opened(path, sending=False) as [link], opened(path, sending=True) as [player]:
-        daemon = HeardDaemon(path, link, knowledge=learned, learning=learning)
-
-        def play_to_it(part: list[TimedFrame]) -> list[InjectionReport]:
-            received, heard = daemon.core.counters.frames + len(part), len(daemon.notes.injections)
-            play(part, player, 1.0)
-            until(lambda: daemon.core.counters.frames == received)
-            return daemon.notes.injections[heard:]
-
-        def told() -> list[str]:
-            return [notice.text for notice in daemon.notes.notices if notice.topic is Topic.LEARNING]
-
-        third = len(frames) // 3
-        with serving(daemon):
-            until(daemon.ready.is_set)
-            play_to_it(frames[:third])
-            until(lambda: daemon.core.learning_from is None)
-            learning.goes_on.clear()
-            while_held = play_to_it(frames[third : 2 * third])
-            adoptions = daemon.core.counters.adoptions
-            assert "learning from an event has taken" in told()[-1]
-            learning.goes_on.set()
-            until(lambda: "learning goes on" in told())
-            afterwards = play_to_it(frames[2 * third :])
-            until(lambda: daemon.core.counters.adoptions > adoptions)
-    assert len(while_held) >= 8
-    assert any(report.valid for report in while_held)
-    assert {report.reason for report in while_held[1:] + afterwards[1:]} <= {Reason.NONE, Reason.NOT_JUDGED}
-    assert daemon.core.counters.lost_samples == daemon.dropped == 0
 
 
 class Run:
@@ -226,32 +136,3 @@ def test_the_interface_is_waited_for_and_another_daemon_is_heard(
             first.until_told("WARNING sender: another node sends ObserverStatus 0x202: ")
             first.until_told("SECOND_SENDER: another node sends what only this observer should")
         first.until_told("INFO sender: the other sender is silent after")
-
-
-@pytest.mark.vcan
-def test_one_interface_of_several_goes_and_comes_back(
-    tmp_path: Path, vcan: str, interfaces: list[OwnInterface]
-) -> None:
-    path = block_bench(tmp_path / "four", "socketcan", [vcan, *(each.name for each in interfaces)])
-    frames = frames_of(path, worn_recording())
-    first, during, last = frames[:600], frames[600:780], frames[780:]
-    with opened(path, sending=False) as links, opened(path, sending=True) as players:
-        daemon = HeardDaemon(path, *links)
-        by_bus = dict(enumerate(players))
-        with serving(daemon):
-            until(daemon.ready.is_set)
-            play(first, players[0], math.inf, by_bus=by_bus)
-            until(lambda: daemon.core.counters.frames == len(first))
-            interfaces[0].remove()
-            until(lambda: any("there is no interface vcan1" in message for message in daemon.messages))
-            others = [frame for frame in during if frame.bus != 1]
-            play(others, players[0], math.inf, by_bus=by_bus)
-            until(lambda: daemon.core.counters.frames == len(first) + len(others))
-            interfaces[0].add()
-            until(lambda: daemon.messages[-1] == "lift (vcan1) is back")
-            players[1].reconnect()
-            play(last, players[0], math.inf, by_bus=by_bus)
-            until(lambda: daemon.core.counters.frames == len(frames) - len(during) + len(others))
-    assert [port.outages for port in daemon.ports] == [0, 1, 0, 0]
-    assert daemon.core.counters.lost_samples == 60 * 28
-    assert daemon.dropped == 0

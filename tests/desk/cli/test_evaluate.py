@@ -88,20 +88,6 @@ def test_table_fits_80_columns_and_tells_what_is_not_valid(command: Command, wor
     assert [row[-1] for row in rows] == ["no", "no", "yes", "yes"]
 
 
-def test_table_without_a_measurement_says_how_sure_a_mass_is(
-    command: Command, worn: Path, tmp_path: Path
-) -> None:
-    unmeasured = tmp_path / "unmeasured.csv"
-    lines = worn.read_text().splitlines()
-    unmeasured.write_text("".join(line.rsplit(",", 1)[0] + "\n" for line in lines))
-    outcome = command("evaluate", unmeasured)
-    _, *table = outcome.out.splitlines()
-    assert max(len(line.rstrip()) for line in table if not line.startswith("(they")) <= 80
-    mass, bound, nominal = map(float, table[5].split()[4:7])
-    assert 0.0 < bound < 0.05 * mass
-    assert nominal < mass - bound
-
-
 def test_recording_without_injections(command: Command, resting: Path, tmp_path: Path) -> None:
     figure = tmp_path / "empty.svg"
     outcome = command.done("evaluate", resting, "--plot", figure)
@@ -179,11 +165,8 @@ def test_learned_state_is_saved_and_makes_the_second_injection_valid(
     assert injections[0]["mass_mg"] == pytest.approx(injections[0]["measured_mass_mg"], rel=0.02)
 
 
-@pytest.mark.parametrize("said_by", ["option", "bench"])
-def test_no_learning(command: Command, worn: Path, bench: Path, said_by: str) -> None:
-    bench.write_text(bench.read_text().replace("enabled = true", "enabled = false"))
-    arguments = ("--no-learning",) if said_by == "option" else ("--bench", bench)
-    (recording,) = document(command, worn, *arguments)["recordings"]
+def test_no_learning(command: Command, worn: Path) -> None:
+    (recording,) = document(command, worn, "--no-learning")["recordings"]
     assert recording["summary"]["adoptions"] == 0
     for injection in recording["injections"]:
         assert injection["mass_mg"] == pytest.approx(injection["nominal_mass_mg"])
@@ -222,19 +205,6 @@ def test_model_replaces_that_of_the_bench(command: Command, worn: Path, bench: P
     assert lower < 0.95 * own["recordings"][0]["injections"][0]["nominal_mass_mg"]
 
 
-def test_a_log_is_evaluated_as_the_recording_it_was_made_of(
-    command: Command, worn: Path, bench: Path, tmp_path: Path
-) -> None:
-    log = tmp_path / "bus.log"
-    log.write_text("(0.0) can0 123#R\n" + "".join(candump_lines(frames_of(bench, worn))))
-    expected = json.loads(command("evaluate", worn, "--bench", bench, "--json").out)["recordings"][0]
-    outcome = command.done("evaluate", log, "--bench", bench, "--json")
-    assert f"{log}: left out: 1 remote frame" in outcome.err
-    found = json.loads(outcome.out)["recordings"][0]
-    assert [i["mass_mg"] for i in found["injections"]] == [i["mass_mg"] for i in expected["injections"]]
-    command.refused("evaluate", log, "--bench", bench, "--from-channel", "can7")
-
-
 def test_logs_of_a_device_that_went_on_are_as_one(
     command: Command, worn: Path, bench: Path, tmp_path: Path
 ) -> None:
@@ -255,16 +225,3 @@ def test_logs_of_a_device_that_went_on_are_as_one(
     ]
     apart = document(command, *parts, "--bench", bench)["recordings"]
     assert apart[1]["injections"][0]["number"] == 1
-
-
-def test_after_a_restart_a_log_goes_on_with_what_was_learned(
-    command: Command, worn: Path, bench: Path, tmp_path: Path
-) -> None:
-    log, state = tmp_path / "bus.log", tmp_path / "learned"
-    log.write_text("".join(candump_lines(frames_of(bench, worn))))
-    chained = document(command, worn, log, "--bench", bench, "--chain")["recordings"]
-    document(command, worn, "--bench", bench, "--save-state", state)
-    (known,) = document(command, log, "--bench", bench, "--state", state)["recordings"]
-    assert chained[1] == known
-    (fresh,) = document(command, log, "--bench", bench)["recordings"]
-    assert chained[1] != fresh

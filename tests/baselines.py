@@ -10,7 +10,7 @@ WHITE = {phase.name.lower(): 1.0 for phase in Phase}
 
 
 def baseline(**changes: Any) -> Baseline:
-    """Of an adequate model fitted to 36 injections at 100 kHz; changes: what is stated otherwise."""
+    """Of an adequate model fitted to 36 injections at 100 kHz; changes: fields that differ."""
     stated: dict[str, Any] = {
         "adequate": True,
         "level": "file",

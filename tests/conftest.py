@@ -43,7 +43,7 @@ def interface_ready() -> bool:
 
 @pytest.fixture
 def vcan() -> str:
-    """Name of a SocketCAN interface that is up and carries CAN FD; the test fails where there is none."""
+    """Name of a SocketCAN interface that is up and carries CAN FD; without one the test fails."""
     if not interface_ready():
         pytest.fail(
             f"no CAN FD interface {INTERFACE} here: run this test by `tools/vcan pytest ...`", pytrace=False

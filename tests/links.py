@@ -4,7 +4,7 @@ from observer_rt.bus.links.link import SWITCHED, FdFlags, Frame, Link
 
 
 class FakeLink(Link):
-    """Receives nothing, keeps what is sent, has lost `lost` frames; tests change what they need."""
+    """Receives nothing, keeps sent frames, has lost `lost` frames; tests change what they need."""
 
     def __init__(self) -> None:
         self.sent: list[Frame] = []

@@ -1,4 +1,4 @@
-"""The plants as the observer meets them: what is recorded of one, a bench of that sample rate, and what it says."""
+"""The plants as the observer meets them: a recording, a bench of that sample rate, and its reports."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,14 +17,14 @@ from tests.plants.windows import windows_of
 
 
 @dataclass(frozen=True, eq=False)
-class Observed:
+class ObservedRun:
     """Reports of injections, and their true masses (n,) [kg]."""
 
     reports: tuple[InjectionReport, ...]
     true: NDArray[np.float64]
 
-    def __getitem__(self, part: slice) -> "Observed":
-        return Observed(self.reports[part], self.true[part])
+    def __getitem__(self, part: slice) -> "ObservedRun":
+        return ObservedRun(self.reports[part], self.true[part])
 
     @property
     def valid(self) -> list[bool]:
@@ -42,13 +42,13 @@ class Observed:
         return [r.mass_ci95[0] <= true <= r.mass_ci95[1] for r, true in pairs if r.valid and r.mass_ci95]
 
 
-def observed(bench: plant.Bench, observer: Bench | None = None) -> Observed:
+def observed(bench: plant.Bench, observer: Bench | None = None) -> ObservedRun:
     """What the observer of a bench, by default the example's, says of the injections of a plant."""
     outcome = record(bench)
     observer_bench = observer or bench_at(bench.sample_rate)
     reports = evaluate(observer_bench, [recording_of(outcome)]).evaluations[0].reports
     windows = windows_of(outcome, bench.sample_rate)
-    return Observed(reports, windows.masses(outcome.truth.injection_rate, bench.injector.density))
+    return ObservedRun(reports, windows.masses(outcome.truth.injection_rate, bench.injector.density))
 
 
 def recording_of(outcome: Outcome) -> Recording:

@@ -114,7 +114,7 @@ class Port:
     ) -> None:
         """label: what messages call the bus; has_inputs: whether anything is to be received on it.
 
-        tell: hears what is the matter, and when that is over.
+        tell: takes notices of faults, and of their end.
         """
         self.label = label
         self.link = link

@@ -2,8 +2,8 @@
 
 It stands beside the lock of what the daemon keeps, else beside its bench file, so that a process sees both if it sees
 one, also through a folder that is shared with a container; where the daemon may write neither, below `RUN`. A request
-is an object that names what is asked for as `request`; an answer that has `error` refuses. Who is neither of the
-daemon's user nor group may look only, as on a bus.
+is an object whose `request` is its name; an answer that has `error` refuses. Clients of another user and group may
+only look, as on a bus.
 """
 
 import errno
@@ -48,9 +48,9 @@ def socket_places(fitted: BenchInjector, state: Path | None = None) -> tuple[Pat
     """
     kept = fitted.state if state in (None, fitted.state) else None
     path, evidence = fitted.file.path, fitted.evidence and fitted.evidence / OBSERVER
-    beside = path.with_name(".".join(filter(None, (path.name, fitted.name))))
+    by_bench = path.with_name(".".join(filter(None, (path.name, fitted.name))))
     below = RUN / fitted.name / str(path.resolve()).strip("/").replace("/", "-")
-    return tuple(filter(None, (evidence, kept, beside, below)))
+    return tuple(filter(None, (evidence, kept, by_bench, below)))
 
 
 @contextmanager
@@ -209,11 +209,11 @@ def _address(kept: Path) -> Iterator[str]:
 
 
 def _owner(kept: Path) -> str:
-    """The user whose daemon keeps a file, as far as it can be told."""
+    """The user whose daemon keeps a file, as far as the file system shows it."""
     path = Path(os.path.realpath(kept) + ".socket")
-    for place in (path, *path.parents):
+    for ancestor in (path, *path.parents):
         with suppress(OSError, KeyError):
-            return pwd.getpwuid(place.stat().st_uid).pw_name
+            return pwd.getpwuid(ancestor.stat().st_uid).pw_name
     return "unknown"
 
 

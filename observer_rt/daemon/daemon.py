@@ -99,7 +99,7 @@ class Daemon:
         self.ready = threading.Event()
 
     def run(self, stop: threading.Event) -> None:
-        """Serve until `stop` is set, then publish what is complete and a last status frame.
+        """Serve until `stop` is set, then publish complete results and a last status frame.
 
         An interface that goes down or away is waited for, while the others are served. Raises `RunError` when
         a link fails otherwise.
@@ -181,14 +181,14 @@ class Daemon:
         self._is_waiting = any(port.is_waiting for port in self.ports)
 
     def _lose(self, bus: int, error: LinkDownError) -> None:
-        """Goes on without a link that failed, until it is mended."""
+        """Goes on without a link that failed, until it is up again."""
         self._pump.leave_out(bus)
         self._down.append(bus)
         self.ports[bus].go_down(error)
         self._last_input = 0  # what came before is past
 
     def _finish(self) -> None:
-        """Publish what is complete, and a last status frame, as far as the links take them."""
+        """Publish complete results, and a last status frame, as far as the links take them."""
         self._post(self._pump.finish())
         self._post(self._status(time.monotonic_ns()))
         for bus, port in enumerate(self.ports):

@@ -50,7 +50,7 @@ def evidence_keeper(
         yield EvidenceKeeper(fitted, folder, tell)
 
 
-class _Heard(NamedTuple):
+class _QueuedEvent(NamedTuple):
     """Event that waits to be written: its injections, its inputs, the constants in force."""
 
     reports: tuple[InjectionReport, ...]
@@ -91,7 +91,7 @@ class EvidenceKeeper:
         self._core: Core | None = None  # before it runs
         self._reports: list[InjectionReport] = []  # of one event
         self._inputs: EventInputs | None = None
-        self._waiting: queue.Queue[_Heard | None] = queue.Queue(MOST_WAITING)
+        self._waiting: queue.Queue[_QueuedEvent | None] = queue.Queue(MOST_WAITING)
         self._lost_together = 0  # since an event was kept
 
     def watch(self, core: Core) -> None:
@@ -131,22 +131,22 @@ class EvidenceKeeper:
         if not reports or inputs is None or core is None:
             return
         try:
-            self._waiting.put_nowait(_Heard(tuple(reports), inputs, core.compiled.observer.constants))
+            self._waiting.put_nowait(_QueuedEvent(tuple(reports), inputs, core.compiled.observer.constants))
         except queue.Full:
             self.lost += 1
 
-    def _evidence(self, heard: "_Heard") -> EventEvidence | None:
+    def _evidence(self, queued: "_QueuedEvent") -> EventEvidence | None:
         """Evidence of an event; None where it is of nothing."""
-        c, energizing = heard.constants.coefficients, self._has_energizing
-        injections = [injection_record(report, c, energizing) for report in heard.reports]
+        c, energizing = queued.constants.coefficients, self._has_energizing
+        injections = [injection_record(report, c, energizing) for report in queued.reports]
         belief = {**self._model, "injections": injections}
-        return evidence_of(heard.reports, heard.inputs, heard.constants, belief)
+        return evidence_of(queued.reports, queued.inputs, queued.constants, belief)
 
     def _write(self) -> None:
         """Hand waiting events to the process, which is started anew should it have ended."""
         process: subprocess.Popen[bytes] | None = None
-        while (heard := self._waiting.get()) is not None:
-            if (event := self._evidence(heard)) is None:
+        while (queued := self._waiting.get()) is not None:
+            if (event := self._evidence(queued)) is None:
                 continue
             if process is None or process.poll() is not None:
                 process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)

@@ -40,7 +40,7 @@ class LinkOpening:
     def links(self) -> Iterator[Link]:
         """Opens the links of all buses in order, each as soon as it can be; own identifiers are listened to, too.
 
-        A bus that is none of this injector's is neither opened nor waited for.
+        A bus of other injectors only is neither opened nor waited for.
         """
         used = buses_of(self.bus)
         for number, named in enumerate(self.bench.config.buses):
@@ -62,8 +62,8 @@ class LinkOpening:
                 links[number] = stack.enter_context(
                     self._when_there(number, _on(number, self.bus.sent), False)
                 )
-            if heard := first_heard(links, self.stop):
-                on, frame = heard
+            if sender := first_heard(links, self.stop):
+                on, frame = sender
                 name = next(
                     message_text(self.bus, layout)
                     for layout in self.bus.sent

@@ -90,12 +90,12 @@ class Reloading:
         self._places = places
         requests: Requests = {RELOAD: self._reload, SNAPSHOT: self._answer}
         failures = []
-        for place in places:
+        for file in places:
             try:
-                self._socket.enter_context(control_socket(place, requests))
+                self._socket.enter_context(control_socket(file, requests))
                 return
             except OSError as error:
-                failures.append(f"{place}: {error.strerror}")
+                failures.append(f"{file}: {error.strerror}")
         self._say(
             f"warning: no requests can be taken beside {'; '.join(failures)}\n  remedy: let the daemon write "
             "there, on a local disk; SIGUSR1 has the bench file read all the same, `monitor` shows nothing"
@@ -118,7 +118,7 @@ class Reloading:
             self._taken = [wish for wish in self._taken if wish.is_met_by(after)]
             if not (self._taken or is_signalled):
                 return
-            if not (found := changes(content, content_of(after))):
+            if not (changed := changes(content, content_of(after))):
                 self._say(f"{bench.path} is as it was: nothing to take over")
                 self._settle(bench, service.model)
                 return
@@ -126,7 +126,7 @@ class Reloading:
             while not service.is_between_events and time.monotonic() < patience:
                 time.sleep(_TURN)
             successors.append(after)
-            self._say(f"{bench.path} is taken over: {'; '.join(found)}")
+            self._say(f"{bench.path} is taken over: {'; '.join(changed)}")
             if after.config.realtime != bench.config.realtime:
                 self._say("warning: [realtime] takes force with the next start of the process")
             ended.set()

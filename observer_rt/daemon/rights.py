@@ -54,7 +54,7 @@ def rights(priority: int) -> Rights:
 
 
 def lock_memory(granted: Rights) -> Rights:
-    """Keep what is touched from now on in memory; what was granted then."""
+    """Lock all pages that are touched from now on (`mlockall`); the rights that were granted."""
     if not granted.may_lock_memory:
         return granted
     failed = ctypes.CDLL(None).mlockall(_CURRENT | _FUTURE | _ON_FAULT)
@@ -157,11 +157,11 @@ def processors(asked: Sequence[int] | None, loops: int) -> Processors:
     )
 
 
-def leave_to_loops(found: Processors) -> None:
+def leave_to_loops(granted: Processors) -> None:
     """Keep the threads there are, and those they start, off the loops' processors, if they have others."""
-    if not found.own or found.are_shared:
+    if not granted.own or granted.are_shared:
         return
-    others = os.sched_getaffinity(0) - set(found.own)
+    others = os.sched_getaffinity(0) - set(granted.own)
     for task in Path("/proc/self/task").iterdir():
         with suppress(ProcessLookupError):  # it has ended
             os.sched_setaffinity(int(task.name), others)

@@ -65,7 +65,7 @@ class InjectorService:
         learned: Knowledge | None = None,
         on_thread: Callable[[], object] = lambda: None,
     ) -> None:
-        """bench: with one injector; screen: terminal of the view, None: there is none; on_thread: see `Daemon`.
+        """bench: with one injector; screen: terminal of the view, None without one; on_thread: see `Daemon`.
 
         learned: before the bench file was changed, else from the file of the state, else from that beside the
         injector file. Logs what that is, and what it will observe.
@@ -319,8 +319,8 @@ def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> N
     Raises `UserError` for files that do not fit, `RunError` when links fail.
     """
 
-    def alone(whole: Bench) -> Bench:
-        bench = whole.of(options.injector)
+    def alone(all_injectors: Bench) -> Bench:
+        bench = all_injectors.of(options.injector)
         kept = {path.resolve() for path in kept_files(bench.injector, options.state, options.journal) if path}
         if options.log is not None and options.log.resolve() in kept:
             raise UserError(
@@ -328,8 +328,8 @@ def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> N
             )
         return bench
 
-    whole = read()
-    bench = alone(whole)
+    all_injectors = read()
+    bench = alone(all_injectors)
     with ExitStack() as stack:
         has_view = options.view and console.is_terminal
         log = stack.enter_context(_log(options, console, has_view))
@@ -338,7 +338,7 @@ def serve(read: Callable[[], Bench], options: RunOptions, console: Console) -> N
         # from here on, so that a signal while starting is not lost
         stop = stack.enter_context(stop_on_signals(reloads=True))
         stack.callback(gc.unfreeze)
-        own = processors(whole.config.realtime.cpus, len(whole.injectors))
+        own = processors(all_injectors.config.realtime.cpus, len(all_injectors.injectors))
         processor, priority = own.of(bench.injector.file.number), bench.config.realtime.priority
         reloading = Reloading(stop, lambda: alone(read()), partial(log.say, Topic.START), stack)
         screen = console if has_view else None

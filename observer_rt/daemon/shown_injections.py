@@ -78,9 +78,9 @@ def _plot(
     plotext.theme("clear")
     heading = Text(f" {title}", no_wrap=True, overflow="ellipsis")
     for line in lines:
-        known = ~np.isnan(line.values)
-        values = line.values[known].tolist()
-        plotext.plot(time[known].tolist(), values, marker="braille", color=line.colour)
+        available = ~np.isnan(line.values)
+        values = line.values[available].tolist()
+        plotext.plot(time[available].tolist(), values, marker="braille", color=line.colour)
         if line.name:
             heading.append(f"  {line.name}", _STYLES[line.colour])
     return Group(heading, Text.from_ansi(str(plotext.build()).rstrip("\n")))

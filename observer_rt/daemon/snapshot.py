@@ -145,13 +145,13 @@ class Snapshot:
     def pieces(self) -> Iterator[bytes]:
         """It goes over a socket like this."""
         yield _line({**asdict(self.status), "injections": len(self.injections)})
-        for each in self.injections:
-            yield _line(each.text)
-            yield each.data
+        for injection in self.injections:
+            yield _line(injection.text)
+            yield injection.data
 
 
 def read_snapshot(stream: BufferedIOBase) -> Snapshot:
-    """Read an answer. Raises `UserError` for a daemon that refuses, `RunError` for what is no snapshot."""
+    """Read an answer. Raises `UserError` for a daemon that refuses, `RunError` if the answer is no snapshot."""
     try:
         said = _said(stream)
         if "error" in said:

@@ -101,7 +101,7 @@ class SnapshotKeeper:
             return Snapshot(self._status(), tuple(injections))
 
     def answer(self, request: Mapping[str, Any]) -> Iterator[bytes]:
-        """Answer a request for what is new to a client.
+        """Answer a request for injections that are new to a client.
 
         It may state that it has the injections up to `since` of `run`, and waits so long for more: `wait` [s].
         """
@@ -128,10 +128,10 @@ class SnapshotKeeper:
                 self._kept[-1 - WITH_CURVES] = report, replace(shown, curves={})
 
     def _note_mass(self, measured: MeasuredMass) -> None:
-        for place, (report, shown) in enumerate(self._kept):
+        for number, (report, shown) in enumerate(self._kept):
             if report is measured.report:
                 values = {**shown.values, "measured_mass_mg": measured.mass / MILLIGRAM}
-                self._kept[place] = report, replace(shown, values=values)
+                self._kept[number] = report, replace(shown, values=values)
 
     def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> ShownInjection:
         """An injection; rows: its samples, None: nobody has them any more."""
@@ -251,7 +251,7 @@ class LoadMeter:
         """Time that frames of each message took so far [s]."""
         counters, bus = daemon.core.counters, self._bus
         frames = {
-            source.layout: float(daemon.arrivals.heard_of(source).frames)
+            source.layout: float(daemon.arrivals.count_of(source).frames)
             for source in daemon.arrivals.sources
         }
         if bus.rate is not None:

@@ -75,15 +75,15 @@ def _line(text: str, level: StatusLevel = StatusLevel.GOOD) -> Text:
 
 def _inputs(status: Status, height: int) -> list[Text]:
     inputs = status.inputs
-    ages = [each.age for each in inputs if each.age is not None and each.has_samples]
+    ages = [source.age for source in inputs if source.age is not None and source.has_samples]
     if height < FEW_LINES and status.has_all_inputs and ages:
         return [_line(f" all inputs come, the oldest {age_text(max(ages))}{status.lateness}")]
     lines = []
-    for each in inputs:
-        style = _STYLES[StatusLevel.BAD] if each.is_stale else ""
-        text = _line(f" {each.text} ", StatusLevel.BAD if each.is_stale else StatusLevel.GOOD)
-        text.append(age_text(math.nan if each.age is None else each.age), style)
-        lines.append(text.append(each.lateness, "dim"))
+    for source in inputs:
+        style = _STYLES[StatusLevel.BAD] if source.is_stale else ""
+        text = _line(f" {source.text} ", StatusLevel.BAD if source.is_stale else StatusLevel.GOOD)
+        text.append(age_text(math.nan if source.age is None else source.age), style)
+        lines.append(text.append(source.lateness, "dim"))
     return lines
 
 

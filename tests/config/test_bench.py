@@ -1,4 +1,4 @@
-"""The user's files: what is read, and refusals that name file, key and remedy."""
+"""The user's files: their content, and refusals that name file, key and remedy."""
 
 import re
 import tomllib

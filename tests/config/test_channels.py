@@ -1,4 +1,4 @@
-"""Delays and lags that a bench file states: what is refused, and where each of them is undone."""
+"""Delays and lags that a bench file states: where each of them is undone, and which are refused."""
 
 from pathlib import Path
 

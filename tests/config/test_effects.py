@@ -58,7 +58,7 @@ def test_effects_are_read_and_in_force(tmp_path: Path) -> None:
 
 
 def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
-    """What is commented out there works when it is not."""
+    """The commented-out example works without its comment signs."""
     head, example = NOMINAL_INJECTOR.read_text().split("# [[effects]]")
     lines = [line.removeprefix("# ") for line in example.splitlines()]
     path = tmp_path / "injector.toml"

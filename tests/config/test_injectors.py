@@ -1,4 +1,4 @@
-"""Several injectors in a bench file: what they share, what is refused, and where it says so."""
+"""Several injectors in a bench file: what they share, which mistakes are refused, and where."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Several buses in a bench file: what is left out, what is refused, and what the command line says instead."""
+"""Several buses in a bench file: defaults, refusals, and options of the command line."""
 
 from pathlib import Path
 

@@ -50,7 +50,7 @@ def command(*arguments: str | Path) -> list[str]:
 
 
 @dataclass
-class Heard:
+class ResultFrames:
     """Frames of the daemon in the order heard, by message."""
 
     rates: list[bytes]
@@ -114,7 +114,7 @@ class Listener:
     """Third participant of the bus: notes every frame of the daemon."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        self.heard = Heard([], [], [])
+        self.results = ResultFrames([], [], [])
         self._bus = bus
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="listener")
@@ -122,31 +122,31 @@ class Listener:
 
     def _listen(self) -> None:
         by_id = {
-            RATE.frame_id: self.heard.rates,
-            SUMMARY.frame_id: self.heard.summaries,
-            STATUS.frame_id: self.heard.statuses,
+            RATE.frame_id: self.results.rates,
+            SUMMARY.frame_id: self.results.summaries,
+            STATUS.frame_id: self.results.statuses,
         }
         while not self._stop.is_set():
             message = self._bus.recv(0.1)
             if message is not None and message.arbitration_id in by_id:
                 by_id[message.arbitration_id].append(bytes(message.data))
 
-    def stop(self) -> Heard:
+    def stop(self) -> ResultFrames:
         """What was heard."""
         time.sleep(0.3)
         self._stop.set()
         self._thread.join()
-        return self.heard
+        return self.results
 
 
 def run_over(
     bench: Path, recording: Path, bus: can.BusABC, speed: float, samples: int, *options: str
-) -> Heard:
+) -> ResultFrames:
     """Replay a recording to the daemon, both as processes of their own, and listen on `bus`."""
     listener = Listener(bus)
     daemon = subprocess.Popen(command("run", "--bench", bench, *options), stderr=subprocess.PIPE, text=True)
     try:
-        wait_for(lambda: bool(listener.heard.statuses), START_TIMEOUT, daemon)
+        wait_for(lambda: bool(listener.results.statuses), START_TIMEOUT, daemon)
         player = subprocess.run(
             command("replay", recording, "--bench", bench, "--speed", str(speed)),
             capture_output=True,
@@ -155,19 +155,19 @@ def run_over(
         )
         assert player.returncode == 0, player.stderr
         ahead = samples_ahead(1.0 / load_bench(bench).injector.config.sampling.rate_hz)
-        wait_for(lambda: _processed(listener.heard) + ahead >= samples, END_TIMEOUT, daemon)
+        wait_for(lambda: _processed(listener.results) + ahead >= samples, END_TIMEOUT, daemon)
         daemon.send_signal(signal.SIGTERM)
         _, messages = daemon.communicate(timeout=END_TIMEOUT)
         assert daemon.returncode == 0, messages
     finally:
         daemon.kill()
-        heard = listener.stop()
-    return heard
+        results = listener.stop()
+    return results
 
 
-def _processed(heard: Heard) -> int:
+def _processed(results: ResultFrames) -> int:
     """Samples the daemon has been through or knows to be lost; its look-ahead holds the last ones it received."""
-    status = heard.last_status()
+    status = results.last_status()
     return int(status["SamplesProcessed"] + status["LostSamples"])
 
 

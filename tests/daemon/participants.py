@@ -32,7 +32,7 @@ from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
-from tests.daemon.end_to_end import STATUS, Heard, Listener, decoded, output_bus, write_bench
+from tests.daemon.end_to_end import STATUS, Listener, ResultFrames, decoded, output_bus, write_bench
 from tests.links import FakeLink
 
 BLOCK_ID = 0x100  # of the message with samples
@@ -48,7 +48,7 @@ def until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
 
 
 class ScriptedLink(FakeLink):
-    """Delivers given frames at once, then nothing, or fails if told so; keeps what is sent."""
+    """Delivers given frames at once, then nothing, or fails on request; keeps sent frames."""
 
     def __init__(self, frames: Iterable[TimedFrame] = (), failure: RunError | None = None) -> None:
         super().__init__()
@@ -81,7 +81,7 @@ class TroubledLink(ScriptedLink):
         self.plugged.set()
         self.has_room = True
         self.why = "can5 is down\n  remedy: plug it in"
-        self.told = BusCondition()
+        self.reported_condition = BusCondition()
 
     def receive(self, timeout_s: float) -> Frame | None:
         self._require()
@@ -102,7 +102,7 @@ class TroubledLink(ScriptedLink):
 
     @property
     def condition(self) -> BusCondition:
-        return self.told
+        return self.reported_condition
 
     def _require(self) -> None:
         if not self.plugged.is_set():
@@ -133,7 +133,7 @@ class HeardDaemon(Daemon):
         return self.state(time.monotonic_ns())
 
 
-class Pumped:
+class PumpRun:
     """A pump without a daemon on one link, closed at the end; unsent: counts of rates it gave up."""
 
     def __init__(self, path: Path, link: Link, waits_for_verdicts: bool = True) -> None:
@@ -144,7 +144,7 @@ class Pumped:
         self.pump = FramePump([link], self.core, bus, self.arrivals, self.unsent.append)
 
     def serve_until_taken(self, frames: int) -> list[OutputFrame]:
-        """What is handed over meanwhile."""
+        """Frames handed over meanwhile."""
         handed: list[OutputFrame] = []
         end = time.monotonic() + PATIENCE
         while self.arrivals.frames < frames:
@@ -230,16 +230,18 @@ def opened(path: Path, sending: bool) -> Iterator[list[Link]]:
     bus = map_bus(bench)
     with ExitStack() as stack:
         links = []
-        for number, each in enumerate(bench.config.buses):
+        for number, named in enumerate(bench.config.buses):
             inputs = [] if sending else bus.received_on(number)
             computer_time = not sending and len(bench.config.buses) > 1
-            link = open_link(each.config.interface, each.config.channel, True, inputs, computer_time)
+            link = open_link(named.config.interface, named.config.channel, True, inputs, computer_time)
             links.append(stack.enter_context(link))
         yield links
 
 
-def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) -> tuple[Heard, Daemon]:
-    """Frames played to a daemon over the buses of a bench; what is heard on the last, all in this process."""
+def over_bus(
+    path: Path, frames: Sequence[TimedFrame], speed: float = math.inf
+) -> tuple[ResultFrames, Daemon]:
+    """Frames played to a daemon over the buses of a bench; the results on the last, all in this process."""
     bench = load_bench(path)
     results = bench.config.buses[-1].config
     with (
@@ -251,11 +253,11 @@ def over_bus(path: Path, frames: Sequence[TimedFrame], speed: float = math.inf) 
         with serving(daemon):
             play(frames, players[0], speed, by_bus=dict(enumerate(players)))
             until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
-        until(lambda: bool(listener.heard.statuses) and _samples(listener.heard) == daemon.core.processed)
+        until(lambda: bool(listener.results.statuses) and _samples(listener.results) == daemon.core.processed)
     if daemon.dropped:
         pytest.fail("machine too slow: the daemon's socket dropped frames")
-    return listener.heard, daemon
+    return listener.results, daemon
 
 
-def _samples(heard: Heard) -> int:
-    return int(heard.last_status()["SamplesProcessed"])
+def _samples(results: ResultFrames) -> int:
+    return int(results.last_status()["SamplesProcessed"])

@@ -69,8 +69,8 @@ VAL_ 822 Level 3 "SNA" ;
 BED: Database = cantools.database.load_string(TEXT, "dbc")
 
 
-class Told:
-    """Lines of [signals.energizing]: by which message of the test bed the energizing is told."""
+class EnergizingBy:
+    """Lines of [signals.energizing]: the message of the test bed that carries the energizing."""
 
     LEVEL = 'message = "PulseLevel"\nsignal = "Energized"\nindex = "PulseIndex"\n'
     TIME = 'message = "PulseTime"\nsignal = "Duration"\nindex = "PulseIndex"\n'
@@ -197,27 +197,29 @@ def safe_blocks(pulses: Pulses, *spans: tuple[float, float]) -> list[TimedFrame]
     message = BED.get_message_by_name("PulseSafeBlock")
     plain = BED.get_message_by_name("PulseBlock")
     sent = []
-    for counter, one in enumerate(one for span in spans for one in blocks(pulses, *span)):
-        values = plain.decode_simple(one.payload)
+    for counter, block in enumerate(block for span in spans for block in blocks(pulses, *span)):
+        values = plain.decode_simple(block.payload)
         renamed = {f"Safe{name.replace('Sample', '')}": value for name, value in values.items()}
-        sent.append(protected(encoded(message, renamed, one.time), DATA_ID, counter))
+        sent.append(protected(encoded(message, renamed, block.time), DATA_ID, counter))
     return sent
 
 
 SOURCES: dict[str, tuple[str, Callable[[Pulses], list[TimedFrame]]]] = {
-    "level": (Told.LEVEL, on_change),
-    "duration": (Told.TIME, durations),
-    "block": (Told.LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
-    "by stamp": (Told.TIME_BY_STAMP, durations),
-    "protected": (Told.SAFE, safe_durations),
-    "cyclic": (Told.CYCLIC, lambda pulses: cyclic(pulses, 0.3)),
+    "level": (EnergizingBy.LEVEL, on_change),
+    "duration": (EnergizingBy.TIME, durations),
+    "block": (EnergizingBy.LEVELS_IN_BLOCK, lambda pulses: blocks(pulses, 0.0, 0.3)),
+    "by stamp": (EnergizingBy.TIME_BY_STAMP, durations),
+    "protected": (EnergizingBy.SAFE, safe_durations),
+    "cyclic": (EnergizingBy.CYCLIC, lambda pulses: cyclic(pulses, 0.3)),
 }
 """Ways to tell of pulses: lines of [signals.energizing], and the frames."""
 
 
-def watch(bench: Path, sent: Recording | Iterable[TimedFrame], *told: Iterable[TimedFrame]) -> Result:
-    """Samples, of a whole recording or as frames, and what is told, by time, through a core that does not learn."""
-    return run(bench, merged(samples(sent) if isinstance(sent, Recording) else sent, *told), learning=False)
+def watch(bench: Path, sent: Recording | Iterable[TimedFrame], *optional: Iterable[TimedFrame]) -> Result:
+    """Samples of a recording, or as frames, and optional frames, by time, through a core that does not learn."""
+    return run(
+        bench, merged(samples(sent) if isinstance(sent, Recording) else sent, *optional), learning=False
+    )
 
 
 def misfired(recording: Recording, *spans: tuple[float, float]) -> Recording:

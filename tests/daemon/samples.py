@@ -109,11 +109,11 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
 def damage(path: Path, data: st.DataObject) -> bytes:
     """Cut the file off anywhere, or change one of its bytes; what it holds then."""
     content = bytearray(path.read_bytes())
-    place = data.draw(st.integers(0, len(content) - 1))
+    position = data.draw(st.integers(0, len(content) - 1))
     if data.draw(st.booleans(), label="truncate"):
-        del content[place:]
+        del content[position:]
     else:
-        content[place] = data.draw(st.integers(0, 255))
+        content[position] = data.draw(st.integers(0, 255))
     path.write_bytes(content)
     return bytes(content)
 

@@ -99,14 +99,14 @@ def test_replay_sends_what_cantools_encodes(name: str, rate: float, frames: Fram
     db = database(name)
 
     def contents(sent: Iterable[TimedFrame]) -> dict[int, list[dict[str, float]]]:
-        found: dict[int, list[dict[str, float]]] = {}
+        values_by_message: dict[int, list[dict[str, float]]] = {}
         for frame in sent:
             message = db.get_message_by_frame_id(frame.frame_id)
             raw = message.decode(frame.payload, decode_choices=False, scaling=False)
             kept = {n: v for n, v in raw.items() if not n.endswith(("SensorState", "Temperature", "Page"))}
             if kept.get("ADC_Channel") != 15:
-                found.setdefault(frame.frame_id, []).append(kept)
-        return found
+                values_by_message.setdefault(frame.frame_id, []).append(kept)
+        return values_by_message
 
     bench = load_bench(DATABASES / f"{name}.toml")
     replayed = contents(frames_of(bench, data))
@@ -129,9 +129,9 @@ def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
 def _pages(frames: list[OutputFrame], name: str) -> list[dict[str, float]]:
     """Summaries or statuses put together from their frames, protection checked."""
     message = cantools.database.load_file(PACKAGE_DATA / "observer_classic.dbc").get_message_by_name(name)
-    found = [frame for frame in frames if frame.frame_id == message.frame_id]
+    pages = [frame for frame in frames if frame.frame_id == message.frame_id]
     whole_messages: list[dict[str, float]] = []
-    for number, frame in enumerate(found):
+    for number, frame in enumerate(pages):
         assert len(frame.payload) == 8
         assert e2e.p01.e2e_p01_check(bytearray(frame.payload), message.frame_id, length=8)
         values = message.decode(frame.payload, decode_choices=False)
@@ -176,7 +176,7 @@ def test_replay_and_daemon_on_a_bus(
     data = simulated(rate=10e3)
     frames = list(RecordingPart(HeldSignals(data), bus).frames())
     inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
-    heard: list[can.Message] = []
+    received: list[can.Message] = []
     with (
         can.Bus(interface=interface, channel=channel, can_filters=RESULTS) as listener,
         open_link(interface, channel, False, inputs) as daemon_link,
@@ -187,10 +187,10 @@ def test_replay_and_daemon_on_a_bus(
             play(frames, player_link, speed)
             until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
         while (message := listener.recv(0.1)) is not None:
-            heard.append(message)
+            received.append(message)
     assert daemon.dropped == 0
-    assert not any(message.is_fd for message in heard)
-    sent = [OutputFrame(m.arbitration_id, m.is_extended_id, m.is_fd, bytes(m.data)) for m in heard]
+    assert not any(message.is_fd for message in received)
+    sent = [OutputFrame(m.arbitration_id, m.is_extended_id, m.is_fd, bytes(m.data)) for m in received]
     assert {frame.frame_id for frame in sent} == {0x201, 0x202}
     direct = run(DATABASES / "testbed_classic.toml", classic_frames(data))
     assert [f.payload for f in sent if f.frame_id == 0x201] == [f.payload for f in direct.frames]

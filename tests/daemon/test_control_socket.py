@@ -35,10 +35,10 @@ def kept(tmp_path: Path) -> Iterator[Path]:
 @pytest.fixture
 def client(kept: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     monkeypatch.chdir(kept.parent)
-    with socket.socket(socket.AF_UNIX) as one:
-        one.settimeout(20.0)
-        one.connect("observer.socket")
-        yield one
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.settimeout(20.0)
+        connection.connect("observer.socket")
+        yield connection
 
 
 def test_a_request_is_answered_or_refused_in_words(kept: Path) -> None:

@@ -43,13 +43,13 @@ def test_frames_equal_those_of_evaluate(bus: tuple[Path, float]) -> None:
     """Bit for bit: a worker thread over a bus, and everything in one thread without a bus; learning included."""
     bench, speed = bus
     recording = worn_recording()
-    heard, daemon = over_bus(bench, frames_of(bench, recording), speed)
-    assert heard.results == results_of(evaluate(load_bench(bench), [recording]).frames)
-    assert len(heard.summaries) == 4
+    results, daemon = over_bus(bench, frames_of(bench, recording), speed)
+    assert results.results == results_of(evaluate(load_bench(bench), [recording]).frames)
+    assert len(results.summaries) == 4
     assert daemon.core.counters.adoptions >= 2
-    _, count = published_rates(heard.rates, recording.samples)
+    _, count = published_rates(results.rates, recording.samples)
     assert (count == 1).all()
-    last = heard.last_status()
+    last = results.last_status()
     assert last["SamplesProcessed"] == recording.samples
     assert last["Adoptions"] == daemon.core.counters.adoptions
     assert last["State"] == State.ADAPTED
@@ -109,7 +109,7 @@ def test_writes_that_failed_are_counted_in_the_status(bench: Path, frames: list[
 
 
 class HangingLink(ScriptedLink):
-    """Does not come back from `receive` while it is told so."""
+    """Does not come back from `receive` until it is released."""
 
     def __init__(self) -> None:
         super().__init__()

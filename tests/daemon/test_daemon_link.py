@@ -1,4 +1,4 @@
-"""The daemon on links in trouble, one or several: it stays, says what is the matter, and goes on by itself."""
+"""The daemon on links in trouble, one or several: it stays, reports the trouble, and goes on by itself."""
 
 import math
 import time
@@ -122,12 +122,12 @@ def test_what_the_controller_tells_is_passed_on(bench: Path) -> None:
     daemon = HeardDaemon(bench, link)
     with serving(daemon):
         until(lambda: bool(link.statuses()))
-        link.told = BusCondition(BusState.PASSIVE, passives=1, error_frames=1)
+        link.reported_condition = BusCondition(BusState.PASSIVE, passives=1, error_frames=1)
         until(lambda: len(daemon.messages) == 1)
         for n in range(20):  # flickers
-            link.told = replace(link.told, passives=2 + n, error_frames=2 + n)
+            link.reported_condition = replace(link.reported_condition, passives=2 + n, error_frames=2 + n)
             time.sleep(0.02)
-        link.told = BusCondition(BusState.OFF, passives=25, bus_offs=1, error_frames=30)
+        link.reported_condition = BusCondition(BusState.OFF, passives=25, bus_offs=1, error_frames=30)
         until(lambda: "bus-off" in daemon.messages[-1])
         until(lambda: link.statuses()[-1]["LinkTroubles"] == 26)
     assert "error-passive" in daemon.messages[0]
@@ -161,12 +161,12 @@ def test_results_over_four_buses_equal_those_of_one(
         further = request.getfixturevalue("interfaces")
         channels, speed = [request.getfixturevalue("vcan"), *(each.name for each in further)], 0.05
     path = block_bench(tmp_path / "four", interface, channels)
-    heard, daemon = over_bus(path, frames_of(path, worn_recording()), speed)
-    one = load_bench(block_bench(tmp_path / "one", "virtual", ["one"]))
-    assert heard.results == results_of(evaluate(one, [worn_recording()]).frames)
-    assert len(heard.summaries) == 4
+    results, daemon = over_bus(path, frames_of(path, worn_recording()), speed)
+    one_bus = load_bench(block_bench(tmp_path / "one", "virtual", ["one"]))
+    assert results.results == results_of(evaluate(one_bus, [worn_recording()]).frames)
+    assert len(results.summaries) == 4
     assert daemon.core.counters.lost_samples == 0
-    assert heard.last_status()["TroubledBus"] == 0
+    assert results.last_status()["TroubledBus"] == 0
 
 
 @pytest.fixture
@@ -195,7 +195,7 @@ def deliver(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[Time
 
 
 def test_a_bus_that_is_read_slowly_is_not_left_behind(four: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All frames wait in the drivers, one of which takes its time."""
+    """All frames wait in the drivers, and one driver is slow."""
     receive = TroubledLink.receive
 
     def slowly(link: TroubledLink, timeout_s: float) -> Frame | None:
@@ -294,7 +294,7 @@ def test_trouble_is_named_by_bus(four: Path) -> None:
     daemon, links = on_links(four)
     with serving(daemon):
         until(lambda: bool(links[3].statuses()))
-        links[2].told = BusCondition(BusState.PASSIVE, passives=1, error_frames=1)
+        links[2].reported_condition = BusCondition(BusState.PASSIVE, passives=1, error_frames=1)
         links[0].lost = 7
         until(lambda: len(daemon.messages) == 2)
         until(lambda: links[3].statuses()[-1]["LinkTroubles"] == 1)

@@ -44,32 +44,32 @@ def test_what_is_kept_is_what_was_sent(bench: Bench, gain: float) -> None:
     size = EffectInForce(id="rail_pressure_sensor_gain", parameters={"g": EffectValue(value=gain, unit="-")})
     in_force = (size,) if gain else ()
     bench = bench.with_parameters(bench.injector.parameters.model_copy(update={"effects": in_force}))
-    told: list[str] = []
+    messages: list[str] = []
     recording = worn_recording(INJECTIONS)
-    with keeping(bench, told) as keeper:
+    with keeping(bench, messages) as keeper:
         observe(keeper, bench, recording)
         until(lambda: keeper.kept == INJECTIONS - 1)
-    assert (keeper.kept, keeper.lost, told) == (INJECTIONS, 0, [])
+    assert (keeper.kept, keeper.lost, messages) == (INJECTIONS, 0, [])
     events = kept(bench)
     if not gain:
-        assert {one.kind for one in events} <= {EvidenceKind.GOOD, EvidenceKind.DOUBTFUL}
-    for one in events:
-        assert one.belief["model_sha256"] == model_hash(bench.injector.parameters)
-        (injection,) = one.belief["injections"]
+        assert {event.kind for event in events} <= {EvidenceKind.GOOD, EvidenceKind.DOUBTFUL}
+    for event in events:
+        assert event.belief["model_sha256"] == model_hash(bench.injector.parameters)
+        (injection,) = event.belief["injections"]
         assert injection["mass_mg"] > 0.0
-        first = round(one.recording.time[0] * recording.sample_rate)
-        same = slice(first, first + one.recording.samples)
+        first = round(event.recording.time[0] * recording.sample_rate)
+        same = slice(first, first + event.recording.samples)
         for name, step in (("rail_pressure", 5e3), ("needle_lift", 1e-8), ("line_pressure", 5e3)):
-            np.testing.assert_allclose(one.recording.arrays[name], recording.arrays[name][same], atol=step)
-        opened = np.flatnonzero(one.recording.needle_lift > 20e-6)
+            np.testing.assert_allclose(event.recording.arrays[name], recording.arrays[name][same], atol=step)
+        opened = np.flatnonzero(event.recording.needle_lift > 20e-6)
         assert opened[0] >= round(3e-3 * recording.sample_rate)
-        assert one.recording.samples - opened[-1] >= round(12e-3 * recording.sample_rate)
+        assert event.recording.samples - opened[-1] >= round(12e-3 * recording.sample_rate)
 
 
 def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[str] = []
+    messages: list[str] = []
     processes: list[subprocess.Popen[bytes]] = []
     start = subprocess.Popen
 
@@ -79,7 +79,7 @@ def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
 
     monkeypatch.setattr("observer_rt.daemon.evidence.subprocess.Popen", started)
     recording = worn_recording(INJECTIONS)
-    with keeping(bench, told) as keeper:
+    with keeping(bench, messages) as keeper:
         observe(keeper, bench, recording)
         until(lambda: keeper.kept >= INJECTIONS - 1)
         os.kill(processes[0].pid, signal.SIGKILL)
@@ -88,15 +88,15 @@ def test_a_writer_that_is_killed_costs_an_event_at_the_most_and_is_told_once(
         until(lambda: keeper.kept + keeper.lost >= 2 * INJECTIONS - 2)
     assert keeper.lost <= 1
     assert len(processes) == 2
-    assert len(told) == keeper.lost
+    assert len(messages) == keeper.lost
 
 
 def test_a_folder_that_cannot_be_written_is_told_once_and_when_it_is_over(
     bench: Bench, tmp_path: Path
 ) -> None:
-    told: list[str] = []
+    messages: list[str] = []
     folder, recording = tmp_path / "evidence", worn_recording(INJECTIONS)
-    with keeping(bench, told) as keeper:
+    with keeping(bench, messages) as keeper:
         folder.rename(tmp_path / "elsewhere")
         folder.write_text("in the way")
         observe(keeper, bench, recording)
@@ -105,23 +105,23 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_when_it_is_over(
         folder.mkdir()
         observe(keeper, bench, recording)
         until(lambda: keeper.kept == INJECTIONS)
-    assert len(told) == 2
-    assert "cannot be kept" in told[0]
-    assert "remedy" in told[0]
-    assert told[1] == f"evidence is kept in {folder} again; {INJECTIONS - 1} events were lost"
+    assert len(messages) == 2
+    assert "cannot be kept" in messages[0]
+    assert "remedy" in messages[0]
+    assert messages[1] == f"evidence is kept in {folder} again; {INJECTIONS - 1} events were lost"
 
 
 def test_a_folder_that_is_removed_is_told_and_made_anew(bench: Bench, tmp_path: Path) -> None:
-    told: list[str] = []
+    messages: list[str] = []
     folder, recording = tmp_path / "evidence", worn_recording(INJECTIONS)
-    with keeping(bench, told) as keeper:
+    with keeping(bench, messages) as keeper:
         observe(keeper, bench, recording)
         until(lambda: keeper.kept == INJECTIONS - 1)
         shutil.rmtree(folder)
         observe(keeper, bench, recording)
     assert (keeper.kept, keeper.lost) == (2 * INJECTIONS, 0)
     assert len(kept(bench)) == INJECTIONS + 1
-    (line,) = told
+    (line,) = messages
     assert line.startswith(f"warning: the evidence in {folder} was removed")
 
 

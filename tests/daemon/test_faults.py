@@ -21,9 +21,9 @@ SLOW = [
 
 
 def went_well(name: str) -> None:
-    found = score_scenario(Task(name, 3, 0))
-    assert not is_faulty(found), found
-    assert found["in_time"]
+    row = score_scenario(Task(name, 3, 0))
+    assert not is_faulty(row), row
+    assert row["in_time"]
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -40,10 +40,10 @@ def test_more_faults_that_come_and_go(name: str) -> None:
 @pytest.mark.slow
 def test_a_lift_that_floats_is_found_within_a_tenth_of_a_millisecond() -> None:
     """Samples may be wrong before it shows, at 100 kHz: no injection is."""
-    found = score_scenario(Task("floating_lift 30", 3, 0))
-    assert found["wrong_samples"] <= 10
-    assert (found["wrong_summaries"], found["crash"]) == (0, "")
-    assert found["in_time"]
+    row = score_scenario(Task("floating_lift 30", 3, 0))
+    assert row["wrong_samples"] <= 10
+    assert (row["wrong_summaries"], row["crash"]) == (0, "")
+    assert row["in_time"]
 
 
 @pytest.mark.slow
@@ -55,12 +55,12 @@ def test_what_is_small_and_always_there(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("how", Strike)
 def test_what_was_due_is_on_disk_after(how: Strike, tmp_path: Path) -> None:
-    found = strike(how, tmp_path / "struck", 1)
-    assert (found["lost"], found["what"]) == (0, [])
-    assert found["said"] > 0
+    row = strike(how, tmp_path / "struck", 1)
+    assert (row["lost"], row["what"]) == (0, [])
+    assert row["said"] > 0
 
 
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_faults_of_a_daemon_on_a_bus(tmp_path: Path) -> None:
-    assert [found for found in run_live(4, 3, tmp_path) if found["is_wrong"] or found["crash"]] == []
+    assert [row for row in run_live(4, 3, tmp_path) if row["is_wrong"] or row["crash"]] == []

@@ -93,9 +93,9 @@ def test_a_disk_that_is_full_is_told_once_and_again_when_it_comes_back(tmp_path:
         for number in range(5):
             log.say(Topic.START, f"line {number}")
         until(lambda: log.lost >= 5)
-    told = [line for line in lines_of(tmp_path / "err") if " stream: " in line]
-    assert len(told) == 1
-    assert "lines for /dev/full are lost: [Errno 28]" in told[0]
+    lines = [line for line in lines_of(tmp_path / "err") if " stream: " in line]
+    assert len(lines) == 1
+    assert "lines for /dev/full are lost: [Errno 28]" in lines[0]
 
 
 def test_a_reader_that_stops_reading_holds_nothing_up(tmp_path: Path, err: Console) -> None:
@@ -122,9 +122,9 @@ def test_a_reader_that_is_gone_is_told_once(tmp_path: Path, err: Console) -> Non
             log.record({"number": number})
     with pytest.raises(BrokenPipeError):
         stream.close()
-    told = lines_of(tmp_path / "err")
-    assert len(told) == 1
-    assert "Broken pipe" in told[0]
+    lines = lines_of(tmp_path / "err")
+    assert len(lines) == 1
+    assert "Broken pipe" in lines[0]
 
 
 @given(st.text())

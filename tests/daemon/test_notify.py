@@ -23,7 +23,7 @@ def environment(manager: socket.socket, **more: str) -> dict[str, str]:
     return {"NOTIFY_SOCKET": str(manager.getsockname()), **more}
 
 
-def heard(manager: socket.socket) -> list[str]:
+def notifications(manager: socket.socket) -> list[str]:
     manager.setblocking(False)
     messages = []
     while True:
@@ -39,7 +39,7 @@ def test_what_is_told(manager: socket.socket) -> None:
     notifier.status("waiting for can0\n  remedy: plug it in")
     notifier.alive()  # nobody watches
     notifier.stopping()
-    assert heard(manager) == ["READY=1", "STATUS=waiting for can0", "STOPPING=1"]
+    assert notifications(manager) == ["READY=1", "STATUS=waiting for can0", "STOPPING=1"]
 
 
 def test_the_watchdog_is_fed_three_times_in_its_time_out(manager: socket.socket) -> None:
@@ -48,12 +48,12 @@ def test_the_watchdog_is_fed_three_times_in_its_time_out(manager: socket.socket)
     while time.monotonic() < end:
         notifier.alive()
         time.sleep(0.001)
-    assert 4 <= len(heard(manager)) <= 6
+    assert 4 <= len(notifications(manager)) <= 6
 
 
 def test_a_watchdog_of_another_process_is_not_fed(manager: socket.socket) -> None:
     Notifier(environment(manager, WATCHDOG_USEC="300000", WATCHDOG_PID="1")).alive()
-    assert heard(manager) == []
+    assert notifications(manager) == []
 
 
 def test_an_abstract_socket() -> None:

@@ -16,7 +16,7 @@ from observer_rt.model.effects import sized
 from tests.daemon.end_to_end import (
     RATE,
     SUMMARY,
-    Heard,
+    ResultFrames,
     decoded,
     output_bus,
     published_rates,
@@ -34,7 +34,7 @@ PERIOD = 0.06
 class Run:
     """One recording over vcan0, and the same through `evaluate`."""
 
-    heard: Heard
+    published: ResultFrames
     history: History
     rate: NDArray[np.float64]  # published, mm3/ms
     count: NDArray[np.int64]
@@ -59,12 +59,12 @@ def over_vcan(
     bench = write_bench(folder, "socketcan", channel, rate_hz)
     samples = simulation.recording.samples
     with output_bus("socketcan", channel) as bus:
-        heard = run_over(bench, path, bus, speed, samples)
-    if heard.last_status()["DroppedFrames"]:
+        results = run_over(bench, path, bus, speed, samples)
+    if results.last_status()["DroppedFrames"]:
         pytest.fail("machine too slow: the daemon's socket dropped frames")
-    rate, count = published_rates(heard.rates, samples)
+    rate, count = published_rates(results.rates, samples)
     history = evaluate(load_bench(bench), [read_recording(path)])
-    return Run(heard, history, rate, count, simulation.truth.injection_rate / 1e-6)
+    return Run(results, history, rate, count, simulation.truth.injection_rate / 1e-6)
 
 
 @pytest.mark.slow
@@ -73,9 +73,9 @@ def test_healthy_noise_free_recording_comes_back_as_the_true_rate(tmp_path: Path
     run = over_vcan(tmp_path, vcan, 100e3, 0.05, 0.0, 3, None)
     assert_published_once(run)
     assert_equal_to_evaluation(run)
-    known = ~np.isnan(run.rate)
-    assert known[1000:].all()  # available since 3 ms of standstill, long before the first injection
-    assert np.sqrt(np.mean((run.rate - run.true_rate)[known] ** 2)) <= 0.3
+    available = ~np.isnan(run.rate)
+    assert available[1000:].all()  # available since 3 ms of standstill, long before the first injection
+    assert np.sqrt(np.mean((run.rate - run.true_rate)[available] ** 2)) <= 0.3
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_worn_nozzle_is_learned_on_the_bus(tmp_path: Path, vcan: str) -> None:
     run = over_vcan(tmp_path, vcan, 50e3, 0.1, 0.3, 10, SimulatedNoise())
     assert_published_once(run)
     assert_equal_to_evaluation(run)
-    summaries = [decoded(SUMMARY, payload) for payload in run.heard.summaries]
+    summaries = [decoded(SUMMARY, payload) for payload in run.published.summaries]
     assert [s["InjectionNumber"] for s in summaries] == list(range(1, 11))
     assert [s["Valid"] for s in summaries] == [0, 0] + 8 * [1]
     squares = []
@@ -99,13 +99,13 @@ def test_worn_nozzle_is_learned_on_the_bus(tmp_path: Path, vcan: str) -> None:
 
 def assert_published_once(run: Run) -> None:
     assert (run.count == 1).all()
-    assert len(run.heard.rates) == -(-len(run.count) // 28)  # and none extra
-    starts = [int(decoded(RATE, payload)["SampleIndex"]) for payload in run.heard.rates]
+    assert len(run.published.rates) == -(-len(run.count) // 28)  # and none extra
+    starts = [int(decoded(RATE, payload)["SampleIndex"]) for payload in run.published.rates]
     assert starts == sorted(starts)
     # the status frame after SIGTERM tells of the samples too that the look-ahead held until then
-    assert run.heard.last_status()["SamplesProcessed"] == len(run.count)
+    assert run.published.last_status()["SamplesProcessed"] == len(run.count)
 
 
 def assert_equal_to_evaluation(run: Run) -> None:
     """`evaluate --bench` and the daemon on vcan give the same frames, bit for bit, learning included."""
-    assert run.heard.results == results_of(run.history.frames)
+    assert run.published.results == results_of(run.history.frames)

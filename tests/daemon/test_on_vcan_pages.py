@@ -1,6 +1,6 @@
 """README and docs on a real SocketCAN interface: every command that needs a bus, as it stands, by the shell.
 
-can0 is a virtual interface here; the recordings are simulated by what is shipped. The commands that need no bus are
+can0 is a virtual interface here; the recordings are simulated by the shipped files. The commands that need no bus are
 run by tests/desk/cli/test_pages.py.
 """
 
@@ -63,7 +63,7 @@ class Shell:
 
     @contextmanager
     def going(self, command: str, ready: str) -> Iterator[Path]:
-        """A command that runs until Ctrl-C, once it has told that it is ready; gives the file of its stdout."""
+        """A command that runs until Ctrl-C, once it has said that it is ready; gives the file of its stdout."""
         self._started += 1
         out, err = (self.folder / f"{self._started}.{stream}" for stream in ("out", "err"))
         with out.open("w") as stdout, err.open("w") as stderr:
@@ -91,8 +91,8 @@ class Shell:
 
 def only(commands: list[str], pattern: str) -> str:
     """The one command that looks like this."""
-    (found,) = (each for each in commands if re.search(pattern, each))
-    return found
+    (command,) = (each for each in commands if re.search(pattern, each))
+    return command
 
 
 @pytest.mark.slow
@@ -147,19 +147,21 @@ def test_an_injector_of_ones_own(shell: Shell, vcan: str) -> None:
 @pytest.mark.slow
 @pytest.mark.vcan
 def test_several_injectors(shell: Shell, vcan: str) -> None:
-    """The page's daemons of two injectors, and what is recorded beside them."""
+    """The page's daemons of two injectors, and the recording beside them."""
     several_injectors.write_bench(shell.folder)
     for words in several_injectors.make_log():
         shell.do(shlex.join(["observer-rt", *words]))
     several_injectors.merge_logs(shell.folder)
-    left, right, record, replay = (each for each in several_injectors.PAGE.commands if needs_bus(each))
+    left, right, record, replay = (
+        interface for interface in several_injectors.PAGE.commands if needs_bus(interface)
+    )
     interfaces = [OwnInterface(f"can{number}") for number in range(3)]
     try:
         with shell.going(left, "start: ready"):
             _run_and_record(shell, right, record, replay)
     finally:
-        for each in interfaces:
-            each.remove()
+        for interface in interfaces:
+            interface.remove()
     for name in several_injectors.NAMES:
         assert (shell.folder / f"learned_{name}.json").exists()
         with closing(sqlite3.connect(shell.folder / f"injections_{name}.sqlite")) as journal:
@@ -186,5 +188,5 @@ def _several_buses(shell: Shell, replay: str) -> None:
     try:
         shell.do(replay)
     finally:
-        for each in others:
-            each.remove()
+        for interface in others:
+            interface.remove()

@@ -1,4 +1,4 @@
-"""Rights of a process, and processors of its loops: what is asked for is tried, and what is granted is used."""
+"""Rights of a process, and processors of its loops: requests are tried, and grants are used."""
 
 import os
 import socket
@@ -39,18 +39,18 @@ assert lock_memory(rights(50)) == Rights(False, False, 50)
 
 def in_thread_of_its_own() -> tuple[bool, int, int]:
     """Whether a thread was granted priority, and its policies before and after it took time."""
-    found: list[tuple[bool, int, int]] = []
+    policies: list[tuple[bool, int, int]] = []
 
     def ask() -> None:
         granted = hurry(None, 50)
         policy = os.sched_getscheduler(0)
         take_time()
-        found.append((granted, policy, os.sched_getscheduler(0)))
+        policies.append((granted, policy, os.sched_getscheduler(0)))
 
     thread = threading.Thread(target=ask)
     thread.start()
     thread.join()
-    return found[0]
+    return policies[0]
 
 
 def test_priority_is_that_of_one_thread() -> None:
@@ -111,10 +111,10 @@ def test_python_is_kept_off_the_loops_processor() -> None:
 
 def test_what_is_not_there_is_said_and_the_rest_used() -> None:
     mine = min(os.sched_getaffinity(0))
-    found = processors([NOT_THERE, mine, mine], 3)
-    assert (found.own, found.refused) == ((mine,), (NOT_THERE,))
-    assert [found.of(loop) for loop in range(3)] == [mine] * 3
-    assert f"CPU {NOT_THERE} of realtime.cpus" in found.trouble
+    granted = processors([NOT_THERE, mine, mine], 3)
+    assert (granted.own, granted.refused) == ((mine,), (NOT_THERE,))
+    assert [granted.of(loop) for loop in range(3)] == [mine] * 3
+    assert f"CPU {NOT_THERE} of realtime.cpus" in granted.trouble
 
 
 def test_none_are_taken_where_none_are_asked_for() -> None:
@@ -126,8 +126,8 @@ def test_none_are_taken_where_none_are_asked_for() -> None:
 
 
 def test_no_more_than_there_are_loops() -> None:
-    there = sorted(os.sched_getaffinity(0))
-    assert processors(there, 1).own == (there[0],)
+    allowed_cpus = sorted(os.sched_getaffinity(0))
+    assert processors(allowed_cpus, 1).own == (allowed_cpus[0],)
 
 
 def test_isolated_ones_are_taken_without_being_asked_for(
@@ -137,8 +137,8 @@ def test_isolated_ones_are_taken_without_being_asked_for(
     isolated = tmp_path / "isolated"
     isolated.write_text(f"{mine},{NOT_THERE}\n")
     monkeypatch.setattr("observer_rt.daemon.rights._ISOLATED", isolated)
-    found = processors(None, 2)
-    assert (found.own, found.refused, found.are_isolated) == ((mine,), (), True)
+    granted = processors(None, 2)
+    assert (granted.own, granted.refused, granted.are_isolated) == ((mine,), (), True)
     assert processors([], 2).own == ()
     isolated.write_text("\n")
     assert processors(None, 2).own == ()
@@ -157,8 +157,8 @@ def test_lists_of_linux(numbers: set[int]) -> None:
 
 
 def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
-    there = os.sched_getaffinity(0)
-    mine = max(there)
+    own_cpus = os.sched_getaffinity(0)
+    mine = max(own_cpus)
     bench = tmp_path / "bench.toml"
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     link = f'interface = "descriptor"\nchannel = "{ours.fileno()}"'
@@ -177,13 +177,15 @@ def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
             if line.endswith("ready\n"):
                 break
         until(lambda: {mine} in allowed(daemon.pid))
-        found = allowed(daemon.pid)
+        cpus_by_thread = allowed(daemon.pid)
         daemon.terminate()
         said += daemon.stderr.readlines()
-    others = there - {mine} or there
-    assert sorted(map(sorted, found)) == sorted([[mine], *[sorted(others)] * (len(found) - 1)])
-    beside = "Python beside it" if others != there else "with Python on it, too"
-    assert any(f"the loop on CPU {mine}, {beside}" in line for line in said), said
+    others = own_cpus - {mine} or own_cpus
+    assert sorted(map(sorted, cpus_by_thread)) == sorted(
+        [[mine], *[sorted(others)] * (len(cpus_by_thread) - 1)]
+    )
+    expected = "Python beside it" if others != own_cpus else "with Python on it, too"
+    assert any(f"the loop on CPU {mine}, {expected}" in line for line in said), said
     assert any(f"WARNING start: CPU {NOT_THERE} of realtime.cpus cannot be used" in line for line in said)
     assert daemon.returncode == 0, said
 

@@ -11,7 +11,7 @@ from observer_rt.daemon.run import InjectorService, serve_beside
 from observer_rt.foundation.console import SignalledEvent, stop_on_signals
 
 
-class Signalled:
+class SignalledService:
     """A service that is sent a signal while the main thread waits for it; the signal wakes its own thread only."""
 
     was_stopped = False
@@ -23,7 +23,7 @@ class Signalled:
 
 
 def test_a_signal_that_does_not_interrupt_the_wait_for_the_service_is_heard() -> None:
-    service, ended = Signalled(), SignalledEvent()
+    service, ended = SignalledService(), SignalledEvent()
     with stop_on_signals() as stop, stop.setting(ended):
         serve_beside(cast(InjectorService, service), ended, None)
     assert service.was_stopped

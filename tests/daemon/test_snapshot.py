@@ -38,9 +38,9 @@ def path(tmp_path: Path) -> Path:
 
 
 def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapshot:
-    """What a client is told at the socket that the bench file leads to."""
-    place, *_ = socket_places(load_bench(path).injector)
-    daemon = connected(place)
+    """The answer to a client at the socket that the bench file leads to."""
+    file, *_ = socket_places(load_bench(path).injector)
+    daemon = connected(file)
     assert daemon is not None
     with daemon, daemon.makefile("rwb") as stream:
         stream.write(line_of({"request": SNAPSHOT, "run": run, "since": since, "wait": wait}))
@@ -52,8 +52,8 @@ def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapsh
 def observing(path: Path, link: ScriptedLink) -> Iterator[HeardDaemon]:
     """A daemon that has taken all frames, and may be asked."""
     daemon = HeardDaemon(path, link)
-    place, *_ = socket_places(load_bench(path).injector)
-    with control_socket(place, {SNAPSHOT: daemon.snapshots.answer}), serving(daemon):
+    file, *_ = socket_places(load_bench(path).injector)
+    with control_socket(file, {SNAPSHOT: daemon.snapshots.answer}), serving(daemon):
         until(link.empty.is_set)
         until(lambda: daemon.core.counters.frames >= link.frames)
         yield daemon
@@ -64,9 +64,9 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
     with observing(path, ScriptedLink(frames_of(path, recording))) as daemon:
         shown = asked(path).injections
         reports = daemon.notes.injections
-    assert [each.values["number"] for each in shown] == [each.number for each in reports]
-    for each, report in zip(shown, reports, strict=True):
-        window, curves = slice(report.start_index, report.end_index + 1), each.curves
+    assert [injection.values["number"] for injection in shown] == [injection.number for injection in reports]
+    for injection, report in zip(shown, reports, strict=True):
+        window, curves = slice(report.start_index, report.end_index + 1), injection.curves
         rate, time_ms = curves["rate_mm3_per_ms"], curves["time_ms"]
         assert curves["rail_pressure_MPa"] == pytest.approx(
             recording.rail_pressure[window] / MEGAPASCAL, abs=0.004
@@ -79,10 +79,10 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
         assert 1e-3 * np.trapezoid(rate, time_ms) * report.density == pytest.approx(
             report.mass / MILLIGRAM, rel=1e-3
         )
-        assert each.values["mass_mg"] == pytest.approx(report.mass / MILLIGRAM)
+        assert injection.values["mass_mg"] == pytest.approx(report.mass / MILLIGRAM)
         gap = curves["modelled_pressure_MPa"] - curves["line_pressure_MPa"]
         assert float(np.abs(gap).max()) < 8.0
-        assert each.values["valid"] == report.valid
+        assert injection.values["valid"] == report.valid
     last = shown[-1]
     nominal = float(np.trapezoid(last.curves["nominal_rate_mm3_per_ms"], last.curves["time_ms"]))
     assert 1e-3 * nominal * reports[-1].density == pytest.approx(last.references["nominal"], rel=1e-3)
@@ -97,8 +97,8 @@ def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: 
     with observing(path, ScriptedLink(frames_of(path, worn_recording(v_h=0.0)))):
         shown = asked(path).injections
     assert len(shown) == 4
-    for each in shown:
-        assert each.references["nominal"] == pytest.approx(each.values["mass_mg"], rel=2e-3)
+    for injection in shown:
+        assert injection.references["nominal"] == pytest.approx(injection.values["mass_mg"], rel=2e-3)
 
 
 def test_only_news_are_sent_and_waited_for(path: Path) -> None:
@@ -136,15 +136,15 @@ def test_a_silent_input_is_a_fault_of_its_message_with_its_remedy(path: Path) ->
 def test_what_is_not_calibrated_is_not_green(path: Path) -> None:
     path.write_text(path.read_text().replace("accuracy_percent = 0.0", "accuracy_percent = 0.7"))
     with observing(path, ScriptedLink(frames_of(path, worn_recording()))) as daemon:
-        told = asked(path)
+        snapshot = asked(path)
         text = daemon.drawn()
-    assert (told.status.state, told.status.level) == ("ADAPTED", StatusLevel.WAITING)
+    assert (snapshot.status.state, snapshot.status.level) == ("ADAPTED", StatusLevel.WAITING)
     level = daemon.notes.injections[-1].calibration.as_text()
-    assert level in told.status.words
+    assert level in snapshot.status.words
     assert f"{level}; rates at 830 kg/m3" in text
-    verdicts = {each.values["verdict"] for each in told.injections if each.values["valid"]}
+    verdicts = {each.values["verdict"] for each in snapshot.injections if each.values["valid"]}
     assert verdicts == {"valid, not calibrated"}
-    assert told.injections[-1].values["density_kg_per_m3"] == 830.0
+    assert snapshot.injections[-1].values["density_kg_per_m3"] == 830.0
 
 
 def test_a_bus_that_is_down_says_why(path: Path) -> None:
@@ -188,6 +188,6 @@ def test_a_request_that_is_none_is_refused(path: Path) -> None:
 
 
 def test_a_daemon_that_answers_keeps_its_socket(path: Path) -> None:
-    place, *_ = socket_places(load_bench(path).injector)
-    with control_socket(place, {}), pytest.raises(OSError, match="another daemon"), control_socket(place, {}):
+    file, *_ = socket_places(load_bench(path).injector)
+    with control_socket(file, {}), pytest.raises(OSError, match="another daemon"), control_socket(file, {}):
         pass

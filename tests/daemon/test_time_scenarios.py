@@ -1,4 +1,4 @@
-"""Skew, drift, jitter, loss, reordering, restarts: what is marked valid is right, and what is wrong is told."""
+"""Skew, drift, jitter, loss, reordering, restarts: valid results are right, and faults are reported."""
 
 from pathlib import Path
 

@@ -105,7 +105,7 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class Received:
+class StampedFrame:
     """A frame, when its sample was taken [s] and when it came."""
 
     taken: float
@@ -150,7 +150,7 @@ def _one_by_one(come: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def send(
     name: str, clock: Clock, delays: Delays = prompt, end: float = END, wear: float = 0.0
-) -> list[Received]:
+) -> list[StampedFrame]:
     """All frames of a message up to `end` [s], one after another."""
     _, truth = plant(wear)
     taken = clock.times(end)
@@ -179,12 +179,14 @@ def send(
         words |= raw.astype("<u8") << np.uint64(signal.start)
     stamps = delays(taken, random)
     return [
-        Received(float(taken[n]), EPOCH + round(float(stamps[n]) * 1e9), message.frame_id, words[n].tobytes())
+        StampedFrame(
+            float(taken[n]), EPOCH + round(float(stamps[n]) * 1e9), message.frame_id, words[n].tobytes()
+        )
         for n in range(taken.size)
     ]
 
 
-def merged(*streams: Sequence[Received]) -> list[Received]:
+def merged(*streams: Sequence[StampedFrame]) -> list[StampedFrame]:
     """Frames of several messages in the order they come."""
     return sorted((frame for stream in streams for frame in stream), key=lambda frame: frame.stamp_ns)
 
@@ -196,7 +198,7 @@ def write_time_bench(folder: Path, rate: float, signals: dict[str, str]) -> Path
 
 
 @dataclass(frozen=True)
-class Injected:
+class EstimatedInjection:
     """An injection as estimated: relative error of its volume, RMSE [m3/s] of its rate.
 
     is_valid: all its samples were, and so was what was reported of it.
@@ -235,11 +237,11 @@ class Outcome:
         part = self.rows[(self.times >= start) & (self.times < end)]
         return {(State(int(row["state"])), Reason(int(row["reason"]))) for row in part}
 
-    def injections(self) -> list[Injected]:
-        """Every injection of which no sample is missing."""
+    def injections(self) -> list[EstimatedInjection]:
+        """Every injection without a missing sample."""
         truth, error = self.truth, self.error
         refused = np.array([self.times[report.start] for report in self.reports if not report.valid])
-        found = []
+        injections = []
         for number in range(INJECTIONS):
             start = FIRST + number * PERIOD
             inside = (self.times >= start) & (self.times < start + 6e-3)
@@ -252,13 +254,13 @@ class Outcome:
             is_refused = bool(np.any((refused >= start - LEAD) & (refused < start + 6e-3)))
             is_valid = bool(rows["valid"].all()) and not is_refused
             rmse = float(np.sqrt(np.mean(error[inside] ** 2)))
-            found.append(Injected(number, is_valid, float(volume / true - 1.0), rmse))
-        return found
+            injections.append(EstimatedInjection(number, is_valid, float(volume / true - 1.0), rmse))
+        return injections
 
 
 def observe(
     bench: Path,
-    frames: Sequence[Received],
+    frames: Sequence[StampedFrame],
     grid: Clock,
     restart: float | None = None,
     learning: bool = False,

@@ -1,4 +1,4 @@
-"""The scenarios of time: what is sent, which rule applies, what the service must make of it.
+"""The scenarios of time: the frames, which rule applies, what the service must make of it.
 
 `python -m tests.daemon.time_scenarios` prints the table that `docs/time.md` sums up.
 """
@@ -14,7 +14,7 @@ from observer_rt.engine.stream.state import Reason, State
 from tests.daemon.time_frames import (
     Clock,
     Outcome,
-    Received,
+    StampedFrame,
     batches,
     jitter,
     merged,
@@ -70,7 +70,7 @@ CONTRADICTED = (State.DEGRADED, Reason.CONTRADICTED)
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is sent, and the last state the service shows of it.
+    """The frames, and the last state the service shows of them.
 
     shown: states between the disturbance and the end; restart [s]: when the line's index began anew; wear: v_H of the
     injector, which the service learns of; volume_error, rmse [m3/s]: what no valid injection may be wrong by;
@@ -80,7 +80,7 @@ class Scenario:
     name: str
     rule: str
     signals: dict[str, str]
-    frames: Callable[[], Sequence[Received]]
+    frames: Callable[[], Sequence[StampedFrame]]
     last: tuple[State, Reason] = GOOD
     shown: frozenset[tuple[State, Reason]] = frozenset({GOOD})
     restart: float | None = None
@@ -91,13 +91,13 @@ class Scenario:
     sample_error: float = 5e-6
 
 
-def lift_alone(rate: float, drift: float) -> list[Received]:
+def lift_alone(rate: float, drift: float) -> list[StampedFrame]:
     """Lift of one device, both pressures of another."""
     pressures = send("RailLine", Clock(rate), wear=WORN)
     return merged(pressures, send("Lift", Clock(rate, 0.3 / rate, drift), wear=WORN))
 
 
-def three_clocks(rate: float, drift: float) -> list[Received]:
+def three_clocks(rate: float, drift: float) -> list[StampedFrame]:
     """Every signal of a device of its own."""
     rail = send("RailSlow", Clock(rate, 0.7 / rate, -drift), wear=WORN)
     return merged(
@@ -108,11 +108,11 @@ def three_clocks(rate: float, drift: float) -> list[Received]:
 def worn(
     name: str,
     signals: dict[str, str],
-    frames: Callable[[float, float], list[Received]],
+    frames: Callable[[float, float], list[StampedFrame]],
     rate: float,
     ppm: float,
 ) -> Scenario:
-    """A worn injector of which the service learns, two clocks running apart by `ppm`."""
+    """A worn injector that the service learns, two clocks running apart by `ppm`."""
     good = Scenario(
         f"{name} {rate / 1e3:g} kHz, {ppm:g} ppm, worn, learning",
         "2",
@@ -126,40 +126,40 @@ def worn(
 
 def slow(lines: str) -> dict[str, str]:
     """Bench of a rail pressure slower than the rest."""
-    rest = 'message = "LineLift"'
-    return {"Line": rest, "Lift": rest, "Rail": lines}
+    shared = 'message = "LineLift"'
+    return {"Line": shared, "Lift": shared, "Rail": lines}
 
 
-def without(frames: Sequence[Received], start: float, end: float) -> list[Received]:
+def without(frames: Sequence[StampedFrame], start: float, end: float) -> list[StampedFrame]:
     """The frames whose samples were not taken in [start, end) [s]."""
     return [frame for frame in frames if not start <= frame.taken < end]
 
 
-def overtaken(frames: Sequence[Received], after: float) -> list[Received]:
+def overtaken(frames: Sequence[StampedFrame], after: float) -> list[StampedFrame]:
     """The first frame after `after` [s] comes behind its successor."""
     n = next(n for n, frame in enumerate(frames) if frame.taken > after)
     late = replace(frames[n], stamp_ns=frames[n + 1].stamp_ns + 20_000)
     return [*frames[:n], frames[n + 1], late, *frames[n + 2 :]]
 
 
-def restarted(name: str, clock: Clock) -> list[Received]:
+def restarted(name: str, clock: Clock) -> list[StampedFrame]:
     """The device is off for 30 ms and begins its count anew."""
     return [*send(name, clock, end=RESTARTED - 0.03), *send(name, replace(clock, phase=RESTARTED), end=LATER)]
 
 
-def asleep(frames: Sequence[Received]) -> list[Received]:
+def asleep(frames: Sequence[StampedFrame]) -> list[StampedFrame]:
     """The receiver stamps all frames of 80 ms at their end."""
     wake = frames[0].stamp_ns + round((DISTURBED + 0.08) * 1e9)
     begin = frames[0].stamp_ns + round(DISTURBED * 1e9)
     return [replace(f, stamp_ns=wake) if begin < f.stamp_ns < wake else f for f in frames]
 
 
-def clock_set(frames: Sequence[Received], step_ns: int) -> list[Received]:
+def clock_set(frames: Sequence[StampedFrame], step_ns: int) -> list[StampedFrame]:
     """The receiver's clock is set anew."""
     return [replace(f, stamp_ns=f.stamp_ns + step_ns) if f.taken > DISTURBED else f for f in frames]
 
 
-def three_counted() -> list[Received]:
+def three_counted() -> list[StampedFrame]:
     """Three messages of one device, one after another on the bus, without an index."""
     rail = [replace(frame, stamp_ns=frame.stamp_ns + 20_000) for frame in send("Rail", GRID)]
     return merged(send("LineOnly", GRID), send("LiftOnly", GRID), rail)

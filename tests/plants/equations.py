@@ -154,13 +154,13 @@ def _sac_after(
     for _ in range(60):
         nozzle = nozzle_factor(p, p_c, lift, part, faults)
         flow = seat * square_root(p_l - p) - nozzle * square_root(p - p_c)
-        rest = p - p_s0 - fixed - half * flow
-        if rest > 0.0:
+        residual = p - p_s0 - fixed - half * flow
+        if residual > 0.0:
             high = p
         else:
             low = p
         slope = 1.0 + half * (seat * square_root_slope(p_l - p) + nozzle * square_root_slope(p - p_c))
-        change = -rest / slope
+        change = -residual / slope
         if not low <= p + change <= high:
             change = 0.5 * (low + high) - p
         p += change
@@ -258,8 +258,8 @@ def run(
     last = p.shape[0] - 1
     p_s, seen, seen_lift = sac_and_sensor[0], sac_and_sensor[1], sac_and_sensor[2]
     recorded = seen
-    whole = part.density * part.line_length * (1.0 + faults.line_inertance) / part.line_area
-    inertances = np.full(last + 1, whole)
+    inertance = part.density * part.line_length * (1.0 + faults.line_inertance) / part.line_area
+    inertances = np.full(last + 1, inertance)
     loss = part.line_loss / (2.0 * part.line_area * part.line_length)
     for k in range(result.shape[0]):
         t0 = start + k * interval

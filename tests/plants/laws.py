@@ -211,7 +211,7 @@ def outflow(part: Injector, laws: Laws, now: Moment) -> float:
 def resist(
     flows: Array, pressures: Array, remembered: Array, inertances: Array, loss: float, laws: Laws, step: float
 ) -> None:
-    """Flows (n,) of the line after `step` [s] of what holds them back, and what is remembered of them.
+    """Flows (n,) of the line after `step` [s] of what holds them back, and their memory.
 
     inertances (n,): of a whole line as it is there [kg/m4]; loss: nominal, over inertance, of a flow's square [1/m3].
     """

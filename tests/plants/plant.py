@@ -1,4 +1,4 @@
-"""The plant: what is injected when, what happens, and what the sensors and the bus make of it.
+"""The plant: schedule of injections, physics, and what the sensors and the bus make of it.
 
 Imports nothing of `observer_rt`.
 """
@@ -33,7 +33,7 @@ WAVE_DAMPING = 1.0  # m2/s
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Signals:
     """Signals of the three sensors, at the end what the observer gets; SI, all (n,)."""
 
     time: Array
@@ -42,7 +42,7 @@ class Measured:
     line_pressure: Array
 
 
-Step = Callable[[Measured], Measured]
+Step = Callable[[Signals], Signals]
 """What becomes of the signals on their way to the bus."""
 RAIL, LIFT, LINE = SIGNALS = ("rail_pressure", "needle_lift", "line_pressure")
 
@@ -53,8 +53,8 @@ def seen_as(role: str, change: Callable[[Array, Array], Array]) -> Step:
 
 
 def sampled(
-    seen: Measured, noise: Array, every: int, averaged: bool, after_noise: Sequence[Step] = ()
-) -> Measured:
+    seen: Signals, noise: Array, every: int, averaged: bool, after_noise: Sequence[Step] = ()
+) -> Signals:
     """Every `every`-th sample, or means up to it, with white noise, as the bus has it.
 
     noise: (3, n) of rail pressure, lift and line pressure, in multiples of the usual; after_noise: what becomes of
@@ -67,7 +67,7 @@ def sampled(
         between = np.append(values[:1], 0.5 * (values[1:] + values[:-1]))  # straight lines join the values
         return _block_means(between, every) + _block_means(noise, every)
 
-    measured = Measured(
+    measured = Signals(
         seen.time[::every],
         slowed(seen.rail_pressure, RAIL_NOISE * noise[0]),
         slowed(seen.needle_lift, LIFT_NOISE * noise[1]),
@@ -75,7 +75,7 @@ def sampled(
     )
     for step in after_noise:
         measured = step(measured)
-    return Measured(
+    return Signals(
         measured.time,
         _coded(measured.rail_pressure, PRESSURE_STEP, PRESSURE_FLOOR),
         _coded(measured.needle_lift, LIFT_STEP, LIFT_FLOOR),
@@ -85,8 +85,8 @@ def sampled(
 
 def _block_means(values: Array, every: int) -> Array:
     """Mean over the block that ends at every `every`-th value, the first block made up of the first value."""
-    whole = values[: (values.size - 1) // every * every + 1]
-    blocks = np.concatenate((np.full(every - 1, values[0]), whole)).reshape(-1, every)
+    complete = values[: (values.size - 1) // every * every + 1]
+    blocks = np.concatenate((np.full(every - 1, values[0]), complete)).reshape(-1, every)
     return np.asarray(blocks.mean(axis=1), np.float64)
 
 
@@ -140,7 +140,7 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Bench:
-    """What is recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed.
+    """A bench to be recorded: injector, needle, events, sample rate [Hz], noise as a multiple of the usual, seed.
 
     averaged: a slower recording's samples are means over the sample period that ends there, not single values.
     line: of the richer plant; None: the injector's own; laws: what the plant does beyond its equations.
@@ -182,7 +182,7 @@ class Outcome:
     """One recording and its truth; `openings` (m, 2): the sample ranges [first, last] with true lift > 1 um,
     `event_of` (m,): the event (from 0) each belongs to."""
 
-    measured: Measured
+    measured: Signals
     truth: Truth
     openings: NDArray[np.int64]
     event_of: NDArray[np.int64]
@@ -291,13 +291,13 @@ def _integrate(bench: Bench, time: Array, rail: Array) -> tuple[Array, NDArray[n
     return result, lateness
 
 
-def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: NDArray[np.int64]) -> Measured:
+def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: NDArray[np.int64]) -> Signals:
     """Sensors, noise and the bus's 16-bit codes."""
     number = np.searchsorted(_first_samples(bench.starts), np.arange(time.size), "right")
-    each = [event.faults for event in bench.events]
+    faults = [event.faults for event in bench.events]
 
     def fault(name: str) -> Array:
-        return np.array([getattr(f, name) for f in each])[number - 1]
+        return np.array([getattr(f, name) for f in faults])[number - 1]
 
     line = result[np.clip(np.arange(time.size) - lateness, 0, time.size - 1), 4]
     line = line * (1.0 + fault("line_pressure_sensor_gain")) + fault("line_pressure_sensor_offset")
@@ -305,7 +305,7 @@ def _measure(bench: Bench, time: Array, rail: Array, result: Array, lateness: ND
     lift = result[:, 5] / (1.0 + fault("lift_gain"))
     lift = np.where(lift > 0.0, np.maximum(lift - fault("lift_offset"), 0.0), 0.0)
     noise = np.random.default_rng(bench.seed).normal(size=(3, time.size)) * bench.noise
-    seen = Measured(time, rail, lift, line)
+    seen = Signals(time, rail, lift, line)
     for step in bench.around.before_noise:
         seen = step(seen)
     every = round(SAMPLE_RATE / bench.sample_rate)

@@ -13,10 +13,10 @@ from tests.plants.plant import (
     FIRST_EVENT,
     Bench,
     Event,
-    Measured,
     Needle,
     Outcome,
     Shot,
+    Signals,
     record,
     strokes_of,
     wave_injector,
@@ -208,12 +208,12 @@ def test_the_jet_is_that_of_its_head_and_density(
 
 def test_a_chamber_that_steps_by_its_whole_with_the_lift_rises() -> None:
     """Half of it lies between the two."""
-    step, half, whole = (
+    step, half, full = (
         once(Faults(chamber_pressure_step=8e6, chamber_pressure_share=share)).truth.injection_rate
         for share in (0.0, 0.5, 1.0)
     )
     rise = once(Faults(chamber_pressure_rise=8e6)).truth.injection_rate
-    np.testing.assert_allclose(whole, rise, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(full, rise, rtol=1e-9, atol=1e-12)
     assert np.sum(step) < np.sum(half) < np.sum(rise)
 
 
@@ -236,12 +236,12 @@ def test_a_late_channel_records_an_earlier_pressure(skew: float) -> None:
 
 
 def test_noise_and_codes_are_those_of_sensors_and_bus() -> None:
-    rest: Measured = once(noise=1.0).measured
+    measured: Signals = once(noise=1.0).measured
     standstill = slice(0, 14_000)
     for signal, sigma, step in (
-        (rest.rail_pressure, 0.1e6, 0.005e6),
-        (rest.line_pressure, 0.15e6, 0.005e6),
-        (rest.needle_lift, 0.4e-6, 0.01e-6),
+        (measured.rail_pressure, 0.1e6, 0.005e6),
+        (measured.line_pressure, 0.15e6, 0.005e6),
+        (measured.needle_lift, 0.4e-6, 0.01e-6),
     ):
         assert np.std(signal[standstill]) == pytest.approx(sigma, rel=0.03)
         codes = signal / step

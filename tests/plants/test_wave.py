@@ -72,17 +72,17 @@ def test_what_the_rail_gives_is_injected_or_stored(variant: Variant) -> None:
     lattice = lattice_of(part, Faults(), line, step)
     plant = WavePlant(part, line, rail, 1)
     n = plant.state.line.size // 2
-    given, injected, result = [0.0], [0.0], np.empty((1, 6))
+    supplied, injected, result = [0.0], [0.0], np.empty((1, 6))
     for k in range(3200):
         plant.advance(Faults(), strokes, Rail(-5e-5 + k * step, step, np.full(2, rail)), result)
         y = plant.state.line
-        given.append(y[0] + (rail - y[n]) / lattice.impedance[0])
+        supplied.append(y[0] + (rail - y[n]) / lattice.impedance[0])
         injected.append(result[0, 0])
     weights = np.tile(np.array([1.0, 5.0, 5.0, 1.0]) / 12.0, line.elements)
     swelling = (y[n : 2 * n] - rail) * weights * np.repeat(lattice.volume, 4)
     stored = (np.sum(swelling) + (y[2 * n] - rail) * lattice.end_volume) / part.bulk_modulus_line
     assert step * np.trapezoid(injected) > 4e-8
-    assert step * np.trapezoid(given) == pytest.approx(step * np.trapezoid(injected) + stored, rel=2e-5)
+    assert step * np.trapezoid(supplied) == pytest.approx(step * np.trapezoid(injected) + stored, rel=2e-5)
 
 
 @pytest.mark.parametrize("variant", [Variant.PLAIN, Variant.STEP])

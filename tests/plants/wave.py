@@ -1,4 +1,4 @@
-"""Injectors of the richer plant: what a fit must find out, and lines of which its structures know nothing.
+"""Injectors of the richer plant: what a fit must find out, and lines unknown to its structures.
 
 Imports nothing of `observer_rt`.
 """
@@ -61,7 +61,7 @@ def new_part() -> Injector:
 
 
 def real_part(seed: int) -> Injector:
-    """What is on the bench: stiffness, loss, flow coefficients and sac differ from the maker's."""
+    """The injector on the bench: stiffness, loss, flow coefficients and sac differ from the maker's."""
     rng = np.random.default_rng([seed, 0x7E57])
     stiffness, loss, seat, nozzle, sac = (1.0 + HIDDEN_SHARE * rng.uniform(-1.0, 1.0, 5)).tolist()
     part = new_part()

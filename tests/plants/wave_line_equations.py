@@ -29,7 +29,7 @@ class Lattice(NamedTuple):
     """The line in elements of equal length; arrays (elements,).
 
     inertance [kg/m4], volume [m3], impedance [Pa s/m3] and loss [1/m3] are those of an element; `stress` its
-    inertance times damping over the square of its length [Pa s/m3]. Friction that remembers (Kagawa): what is left of
+    inertance times damping over the square of its length [Pa s/m3]. Friction with memory (Kagawa): what remains of
     each of its parts after a step (elements, parts), what of a change of flow is added to it, and its pull [1/s].
     """
 

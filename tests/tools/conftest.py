@@ -23,5 +23,5 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def traffic(folder: Path) -> Traffic:
-    """Of which a daemon, or its peers, are sent frames again and again."""
+    """A loop of frames that is sent to a daemon, or its peers, again and again."""
     return make_traffic(folder)

@@ -1,4 +1,4 @@
-"""What all campaigns share: rows worked out once, what fails told, bars judged, tables by group, the exit code."""
+"""What all campaigns share: rows worked out once, failures reported, bars judged, tables by group, the exit code."""
 
 import json
 import math

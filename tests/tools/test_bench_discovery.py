@@ -32,7 +32,7 @@ RIG = Rig(Discrepancy.TAPER, False, 1)
 def answer(
     verdict: str, *names: str, confidence: float = 0.95, others: Sequence[str] = (), **more: Any
 ) -> Answer:
-    """An answer that names effects, each with a confidence and with what it cannot be told from."""
+    """An answer that names effects, each with a confidence and the effects it cannot be distinguished from."""
     claims = tuple({"id": n, "confidence": confidence, "indistinguishable_from": [*others]} for n in names)
     stated: dict[str, Any] = {
         "smallest": (),
@@ -140,7 +140,7 @@ def amended_model_of(parts: Parts) -> str:
 
 
 def answering(monkeypatch: pytest.MonkeyPatch, module: Any, parts: Parts) -> None:
-    """Have a campaign ask one who names these effects, and look at what that one is told."""
+    """Have a campaign ask one who names these effects, and check the request."""
 
     def ask(recordings: Sequence[Path], folder: Path, model: Path, choose: bool) -> Answer:
         request = " ".join(map(str, (*recordings, folder, model)))

@@ -1,4 +1,4 @@
-"""`tools/bench speed --only injectors`: what a windowed sender sends, and what is counted of several injectors."""
+"""`tools/bench speed --only injectors`: what a windowed sender sends, and the counts of several injectors."""
 
 import socket
 from concurrent.futures import ThreadPoolExecutor

@@ -53,7 +53,7 @@ def facts(
     with_rate: bool = True,
     **changes: Any,
 ) -> Row:
-    """Of a case, right unless told otherwise, with an answer."""
+    """Facts of a case, by default right, with an answer."""
     parts = () if asked is Query.HEALTHY else ((name, (0.1,)),)
     case = HiddenCase("0", asked, parts, with_rate, None, 1)
     return facts_of(case, replace(ANSWER, proposals=proposals, **changes))

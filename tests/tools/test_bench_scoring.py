@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.plants.plant import Measured, Outcome, Truth
+from tests.plants.plant import Outcome, Signals, Truth
 from tests.plants.windows import Windows, windows_of
 from tools.benchmarks.cases import make_case
 from tools.benchmarks.scoring import FROM, NOMINAL, OBSERVER, Estimate, Injection, Score
@@ -25,7 +25,7 @@ def factors(**at: float) -> np.ndarray:
 
 
 def score(mass_factor: Any = 1.0, **changes: Any) -> Score:
-    """Events of one injection of 50 mg, scored right unless told otherwise, valid from the third on."""
+    """Events of one injection of 50 mg, by default scored right, valid from the third on."""
     true = np.full(EVENTS, 50.0)
     valid = changes.setdefault("valid", (False, False, *(True,) * 18))
     made = Score(
@@ -54,7 +54,7 @@ def outcome_of(openings: list[tuple[int, int]], event_of: list[int], samples: in
         lift[first : last + 1] = 2e-4
     flat = np.zeros(samples)
     return Outcome(
-        Measured(time, flat, lift, flat),
+        Signals(time, flat, lift, flat),
         Truth(np.where(lift > 0.0, 40e-6, 0.0), flat, lift, flat, flat),
         np.array(openings),
         np.array(event_of),

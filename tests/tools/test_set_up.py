@@ -1,4 +1,4 @@
-"""What tools/test sets up and says: a C compiler where there is none; how many tests were skipped."""
+"""What tools/test sets up and says: a C compiler where the machine has none; how many tests were skipped."""
 
 import os
 import shlex

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tests.plants.arrays import Array
 from tests.plants.parameters import Injector
-from tests.plants.plant import LINE_NOISE, RAIL_NOISE, Measured
+from tests.plants.plant import LINE_NOISE, RAIL_NOISE, Signals
 
 SHUT_STEP = 0.1  # radians of the line's mode per step while nothing flows
 RESTING_VARIANCE = 1e-10  # of a sac known to be at chamber pressure
@@ -185,7 +185,7 @@ def lump_model(part: Injector) -> Model:
     )
 
 
-def stream_of(measured: Measured, part: Injector) -> Stream:
+def stream_of(measured: Signals, part: Injector) -> Stream:
     """The recording as the filter takes it."""
     interval = float(measured.time[1] - measured.time[0])
     opened = _open(measured.needle_lift)
@@ -206,7 +206,7 @@ def stream_of(measured: Measured, part: Injector) -> Stream:
     )
 
 
-def ukf_rate(measured: Measured) -> Array:
+def ukf_rate(measured: Signals) -> Array:
     """Injection rate [m3/s] (n,) by the nominal injector's filter; 0 from where its covariance stopped being one."""
     part = Injector()
     model, stream = lump_model(part), stream_of(measured, part)

@@ -29,7 +29,7 @@ class WatchedMessage:
 
 
 @dataclass
-class Heard:
+class FrameCount:
     """Frames of one identifier on one bus so far, and when the last one came [ns]."""
 
     frames: int
@@ -43,12 +43,12 @@ class Arrivals:
         self.sources = sources_of(bus)
         self.watched = (*bus.received, *bus.sent, *twins_of(bus))
         """Messages whose frames are counted."""
-        self._heard = {_key(layout): Heard(0, 0) for layout in self.watched}
+        self._counts = {_key(layout): FrameCount(0, 0) for layout in self.watched}
         inputs = {_key(layout) for layout in bus.received}  # one that is shared by mistake, `check` reports
         self._own = tuple(
-            (layout, self._heard[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs
+            (layout, self._counts[_key(layout)]) for layout in bus.sent if _key(layout) not in inputs
         )
-        self._inputs = tuple((source, self._heard[_key(source.layout)]) for source in self.sources)
+        self._inputs = tuple((source, self._counts[_key(source.layout)]) for source in self.sources)
         self._begin = 0
 
     def begin(self, now: int) -> None:
@@ -57,38 +57,38 @@ class Arrivals:
 
     def note(self, bus: int, frame_id: int, is_extended: bool, now: int) -> None:
         """Counts a frame."""
-        heard = self._heard.get((bus, frame_id, is_extended))
-        if heard is not None:
-            heard.frames += 1
-            heard.last = now
+        count = self._counts.get((bus, frame_id, is_extended))
+        if count is not None:
+            count.frames += 1
+            count.last = now
 
     def set(self, layout: MessageLayout, frames: int, last: int) -> None:
         """Sets how many frames of a message came so far, and when the last one did."""
-        heard = self._heard[_key(layout)]
-        heard.frames, heard.last = frames, last
+        count = self._counts[_key(layout)]
+        count.frames, count.last = frames, last
 
-    def heard_of(self, source: WatchedMessage) -> Heard:
+    def count_of(self, source: WatchedMessage) -> FrameCount:
         """Arrivals of an input message."""
-        return self._heard[_key(source.layout)]
+        return self._counts[_key(source.layout)]
 
     def has_twin(self, source: WatchedMessage) -> bool:
         """Whether frames came with its number only as an identifier of the other size, 11 bits or 29."""
-        twin = self._heard.get(_key(_twin(source.layout)))
-        return twin is not None and twin.frames > self.heard_of(source).frames == 0
+        twin = self._counts.get(_key(_twin(source.layout)))
+        return twin is not None and twin.frames > self.count_of(source).frames == 0
 
     @property
     def frames(self) -> int:
         """Frames of all input messages."""
-        return sum(heard.frames for _, heard in self._inputs)
+        return sum(count.frames for _, count in self._inputs)
 
     def age(self, source: WatchedMessage, now: int) -> float:
         """Time since its last frame [s]; nan: none came yet."""
-        heard = self.heard_of(source)
-        return (now - heard.last) / SECOND if heard.frames else math.nan
+        count = self.count_of(source)
+        return (now - count.last) / SECOND if count.frames else math.nan
 
     def silence(self, source: WatchedMessage, now: int) -> float:
         """Time since its last frame, or since the begin [s]."""
-        return (now - max(self.heard_of(source).last, self._begin)) / SECOND
+        return (now - max(self.count_of(source).last, self._begin)) / SECOND
 
     def age_of(self, role: Role, now: int) -> float:
         """Time since the last frame with a role [s]; nan: none came yet."""
@@ -101,21 +101,21 @@ class Arrivals:
     @property
     def is_complete(self) -> bool:
         """Whether every message with samples has come."""
-        return all(heard.frames for source, heard in self._inputs if source.streams)
+        return all(count.frames for source, count in self._inputs if source.streams)
 
     @property
-    def foreign(self) -> tuple[tuple[MessageLayout, Heard], ...]:
+    def foreign(self) -> tuple[tuple[MessageLayout, FrameCount], ...]:
         """Messages that we send and that others sent, too, with what came of them."""
-        return tuple((layout, heard) for layout, heard in self._own if heard.frames)
+        return tuple((layout, count) for layout, count in self._own if count.frames)
 
     @property
     def foreign_frames(self) -> int:
         """Frames that others sent under our identifiers."""
-        return sum(heard.frames for _, heard in self._own)
+        return sum(count.frames for _, count in self._own)
 
     def is_contested(self, now: int) -> bool:
         """Whether another node sends under our identifiers now."""
-        return any(heard.frames and now - heard.last < CONTESTED * SECOND for _, heard in self._own)
+        return any(count.frames and now - count.last < CONTESTED * SECOND for _, count in self._own)
 
     def as_text(self, now: int) -> str:
         """Messages that stay away, with their ages; of all where none does."""
@@ -168,9 +168,9 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
 
 def twins_of(bus: BusMap) -> list[MessageLayout]:
     """The inputs as messages with identifiers of the other size, 11 bits or 29, unless these are known as such."""
-    known = {_key(layout) for layout in (*bus.received, *bus.sent)}
+    own = {_key(layout) for layout in (*bus.received, *bus.sent)}
     twins = (_twin(layout) for layout in bus.received if layout.frame_id <= STANDARD_MASK)
-    return [twin for twin in twins if _key(twin) not in known]
+    return [twin for twin in twins if _key(twin) not in own]
 
 
 def _twin(layout: MessageLayout) -> MessageLayout:

@@ -20,7 +20,7 @@ ENOUGH_FRAMES = 100  # whose stamps tell a rate
 
 
 class _Fault(NamedTuple):
-    """A counter of frames, what it means, what to do, the messages it counts, the share from which it is told."""
+    """A counter of frames, what it means, what to do, the messages it counts, the share from which it is reported."""
 
     counter: str
     meaning: str
@@ -111,7 +111,7 @@ class FrameWatch:
             self._frames = self._came()
 
     def _came(self) -> Mapping[WatchedMessage, int]:
-        return {source: self._arrivals.heard_of(source).frames for source in self._arrivals.sources}
+        return {source: self._arrivals.count_of(source).frames for source in self._arrivals.sources}
 
     def _judged(self, lately: Counters) -> Iterator[Notice]:
         came = {source: frames - self._frames[source] for source, frames in self._came().items()}

@@ -47,7 +47,7 @@ class UnitWatch:
         self._named = {role: f"{source.text}: {role}" for source in sources for role in source.roles}
         self._named[SWAPPED] = "rail_pressure and line_pressure: each"
         self._begin()
-        self._found: Mapping[str, str] = {}
+        self._suspected: Mapping[str, str] = {}
         self._times = 0  # in a row that this was found
         self.reported: Mapping[str, str] = {}
         """Faults by signal, as reported, in words with their remedy."""
@@ -69,8 +69,8 @@ class UnitWatch:
         if not odd and (mixed_up := self._swapped()):
             odd = {SWAPPED: mixed_up}
         self._begin()
-        self._times = self._times + 1 if odd.keys() == self._found.keys() else 1
-        self._found = odd
+        self._times = self._times + 1 if odd.keys() == self._suspected.keys() else 1
+        self._suspected = odd
         if self._times < IN_A_ROW or odd.keys() == self.reported.keys():
             return []
         before, self.reported = self.reported, odd
@@ -90,7 +90,7 @@ class UnitWatch:
     def _swapped(self) -> str:
         """Whether rail and line pressure are swapped, in words; as before where no injection tells."""
         if self._survey.signals[Role.NEEDLE_LIFT.value].highest < OPEN:
-            return self._found.get(SWAPPED, "")
+            return self._suspected.get(SWAPPED, "")
         return "\n  remedy: ".join(swapped(self._swings) or ())
 
     def _take(self, survey_of_all: Survey, role: Role, values: NDArray[np.float64]) -> None:
@@ -213,9 +213,9 @@ class RestartWatch:
             for stream in source.streams[:1]
             if before and progress[stream] < before[stream]
         ]
-        found = "; ".join(back) or "sample index begins anew"
+        change = "; ".join(back) or "sample index begins anew"
         remedy = "nothing, if that was meant; else see to its power supply"
-        return [Notice(Topic.INPUT, f"a measuring device was restarted: {found}\n  remedy: {remedy}")]
+        return [Notice(Topic.INPUT, f"a measuring device was restarted: {change}\n  remedy: {remedy}")]
 
 
 class LearningWatch:
@@ -254,23 +254,23 @@ class LiftWatch:
         notices = []
         is_pressed = figures.crosstalk != 0.0
         if is_pressed != (before.crosstalk != 0.0):
-            found = "the line pressure shows in it no more"
+            finding = "the line pressure shows in it no more"
             if is_pressed:
                 size = figures.crosstalk * 10 * MEGAPASCAL / MICROMETRE
-                found = (
+                finding = (
                     f"the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
                     "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
                 )
-            notices.append(Notice(Topic.VALUE, f"needle_lift: {found}", not is_pressed))
+            notices.append(Notice(Topic.VALUE, f"needle_lift: {finding}", not is_pressed))
         if figures.is_to_scale != before.is_to_scale:
-            found = "as the injector file says"
+            finding = "as the injector file says"
             if not figures.is_to_scale:
-                found = (
+                finding = (
                     f"not at seat.max_lift = {figures.stop / MICROMETRE:.0f} um of the injector file\n"
                     "  remedy: calibrate the needle-lift sensor (or correct its factor), or correct seat.max_lift"
                 )
             at = f"{figures.at_stop / MICROMETRE:.0f} um"
-            text = f"needle_lift: long openings stay at {at}, {found}"
+            text = f"needle_lift: long openings stay at {at}, {finding}"
             notices.append(Notice(Topic.VALUE, text, figures.is_to_scale))
         return notices
 
@@ -336,7 +336,7 @@ class LogWatch:
         return [
             f"{source.text}: no frame in the log"
             for source in arrivals.sources
-            if source.streams and not arrivals.heard_of(source).frames
+            if source.streams and not arrivals.count_of(source).frames
         ]
 
     def notes(self, path: Path) -> list[str]:
@@ -347,7 +347,7 @@ class LogWatch:
             for source in arrivals.sources
             if source.streams and arrivals.age(source, self._now) > STALE
         ]
-        found = [*self._notes, *ended]
-        left = len(found) - MOST_NOTES
+        findings = [*self._notes, *ended]
+        left = len(findings) - MOST_NOTES
         more = [f"{left} more of the kind are left out"] if left > 0 else []
-        return [f"{path}: {text}" for text in (*found[:MOST_NOTES], *more)]
+        return [f"{path}: {text}" for text in (*findings[:MOST_NOTES], *more)]

@@ -52,10 +52,10 @@ class SilenceWatch:
     def look(self, now: int, progress: list[int], refused: Collection[WatchedMessage] = ()) -> list[Notice]:
         """Notices at a time [ns]; progress: the sample index every stream got to, as `alignment.memory.progress`.
 
-        refused: messages of which it is known why their frames cannot be used.
+        refused: messages whose frames cannot be used for a reason reported elsewhere.
         """
-        found = [*self._back(now), *self._silences(now), *self._useless(now, progress, refused)]
-        return [Notice(Topic.INPUT, text, is_over) for text, is_over in found]
+        findings = [*self._back(now), *self._silences(now), *self._useless(now, progress, refused)]
+        return [Notice(Topic.INPUT, text, is_over) for text, is_over in findings]
 
     def _silences(self, now: int) -> Iterator[tuple[str, bool]]:
         arrivals = self._arrivals
@@ -72,7 +72,7 @@ class SilenceWatch:
             self._together.clear()
             self._back_at = 0
         for source in new:
-            self._silent[source] = arrivals.heard_of(source).last
+            self._silent[source] = arrivals.count_of(source).last
         for source in filter(arrivals.has_twin, new):
             wrong, right = (11, 29) if source.layout.is_extended else (29, 11)
             yield (
@@ -94,7 +94,7 @@ class SilenceWatch:
             return
         for source in new:
             silence = arrivals.silence(source, now)
-            has_come = arrivals.heard_of(source).frames > 0
+            has_come = arrivals.count_of(source).frames > 0
             since = f"for {silence:.1f} s" if has_come else f"since the start {silence:.1f} s ago"
             yield (
                 f"{source.text}: no frame {since}\n"
@@ -104,7 +104,7 @@ class SilenceWatch:
 
     def _back(self, now: int) -> Iterator[tuple[str, bool]]:
         for source, last in list(self._silent.items()):
-            newest = self._arrivals.heard_of(source).last
+            newest = self._arrivals.count_of(source).last
             if newest <= last:
                 continue
             since = f"again after {(newest - last) / SECOND:.1f} s" if last else "now"
@@ -119,7 +119,7 @@ class SilenceWatch:
     ) -> Iterator[tuple[str, bool]]:
         for source, use in self._uses.items():
             got = tuple(progress[stream] for stream in source.streams)
-            frames = self._arrivals.heard_of(source).frames
+            frames = self._arrivals.count_of(source).frames
             if got != use.progress or frames == use.frames or source in refused:
                 if use.is_reported and got != use.progress:
                     yield f"{source.text}: its frames can be used again", True
@@ -138,7 +138,7 @@ class SilenceWatch:
 
 
 @dataclass
-class _Watched:
+class _WatchedRole:
     """One role: limits, and what the last looks found."""
 
     role: Role
@@ -169,7 +169,7 @@ class ValueWatch:
             limits = role_range(bus, role)
             step = role_resolution(bus, role, limits.highest)
             self._watched.append(
-                _Watched(role, sources[role.value], limits, step, getattr(noise, role.value))
+                _WatchedRole(role, sources[role.value], limits, step, getattr(noise, role.value))
             )
 
     def look(self, newest: NDArray[np.float64], samples: Samples) -> list[Notice]:
@@ -187,7 +187,7 @@ class ValueWatch:
             notices += self._constancy(samples)
         return notices
 
-    def _reading(self, watched: _Watched, reading: str) -> Iterator[Notice]:
+    def _reading(self, watched: _WatchedRole, reading: str) -> Iterator[Notice]:
         watched.looks = watched.looks + 1 if reading == watched.reading else 1
         watched.reading = reading
         if watched.looks >= LOOKS and reading != watched.reported:
@@ -223,13 +223,13 @@ class ValueWatch:
                 )
 
 
-def _is_frozen(watched: _Watched) -> bool:
+def _is_frozen(watched: _WatchedRole) -> bool:
     if watched.role is not Role.RAIL_PRESSURE:
         return watched.moved >= 1
     return watched.constant >= RAIL_LOOKS and watched.moved >= 3 and watched.noise >= watched.step
 
 
-def _oddity(watched: _Watched, value: float) -> str:
+def _oddity(watched: _WatchedRole, value: float) -> str:
     """Fault of a value in words; empty: none."""
     _, unit, size = SIGNALS[watched.role]
     limits, half = watched.limits, watched.step / 2

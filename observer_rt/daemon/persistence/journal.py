@@ -113,7 +113,7 @@ class JournalWriter:
             self.lost += 1
 
     def write(self) -> None:
-        """Write what waits; begun with nothing, the run itself. Raises `RunError`; what is not written waits on."""
+        """Write waiting entries, at first the run itself. Raises `RunError`; what it could not write waits on."""
         if self.lost != self._told_lost:
             self._told_lost = self.lost
             self._tell(
@@ -186,7 +186,7 @@ class JournalWriter:
             raise RunError(f"{self._path}: the journal cannot be written: {error}{advice}") from error
 
     def _give_up(self) -> None:
-        """Close what is open: the next write begins with a connection of its own."""
+        """Close the connection: the next write begins with its own."""
         if self._connection is not None:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
@@ -203,8 +203,8 @@ def is_at(path: Path, file: os.stat_result) -> bool:
 
 def utc(unix_ns: int) -> str:
     """Writes a Unix time [ns] as SQLite and people read it, to the millisecond."""
-    seconds, rest = divmod(unix_ns, 1_000_000_000)
-    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d}"
+    seconds, fraction = divmod(unix_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}.{fraction // 1_000_000:03d}"
 
 
 def require_journal(path: Path) -> None:
@@ -257,16 +257,16 @@ def make_tables(connection: sqlite3.Connection) -> None:
     """Make what a journal consists of, as far as it is not there."""
     connection.execute(_RUN)
     connection.execute(_INJECTION)
-    there = {name for _, name, *_ in connection.execute("PRAGMA table_info (injection)")}
+    existing = {name for _, name, *_ in connection.execute("PRAGMA table_info (injection)")}
     for name, kind in COLUMNS.items():  # of a journal begun by a version that learned less
-        if name not in there:
+        if name not in existing:
             connection.execute(f"ALTER TABLE injection ADD COLUMN {name} {_KINDS[kind]}")
     connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
     connection.execute(f"PRAGMA user_version = {SCHEMA}")
 
 
 class JournalReader:
-    """A journal that is read; what is written meanwhile is not seen half."""
+    """A journal that is read; an entry written meanwhile is seen whole or not at all."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
@@ -290,14 +290,14 @@ def reading_journal(path: Path) -> Iterator[JournalReader]:
     """A journal as it is now.
 
     Raises:
-        UserError: there is none, it is no journal, or it is damaged.
+        UserError: it does not exist, is no journal, or is damaged.
     """
     if not path.exists():
         raise UserError(str(path), "no such file", "name the file given to `observer-rt run --journal`")
     require_journal(path)
-    place = path.absolute().as_uri() + "?mode=ro"
+    address = path.absolute().as_uri() + "?mode=ro"
     try:
-        with contextlib.closing(sqlite3.connect(place, uri=True, timeout=PATIENCE)) as connection:
+        with contextlib.closing(sqlite3.connect(address, uri=True, timeout=PATIENCE)) as connection:
             connection.execute("BEGIN")  # one state of the file for all that is asked
             (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
             if not tables:  # a daemon may have been killed, or be, on the way to its first row

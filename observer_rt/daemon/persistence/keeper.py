@@ -49,7 +49,7 @@ def sole_writer(path: Path) -> Iterator[None]:
 
 
 def is_written(path: Path) -> bool:
-    """Whether some process is the sole writer of a file, in whichever container, or it may not be told."""
+    """Whether some process is the sole writer of a file, in whichever container, or this cannot be found out."""
     try:
         descriptor = os.open(os.path.realpath(path) + ".lock", os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
@@ -99,7 +99,7 @@ def _no_lock(lock: Path, error: OSError) -> UserError:
     )
 
 
-class Persisted(Protocol):
+class PersistentFile(Protocol):
     """Something on disk that follows the daemon. name: what it is, with its file."""
 
     name: str
@@ -112,16 +112,16 @@ class Persisted(Protocol):
 
 
 class RetryingWriter:
-    """Tries to write a file, and reports once what is in its way, and once that it is over."""
+    """Tries to write a file; reports a failure once, and once that it is over."""
 
-    def __init__(self, file: Persisted, interval: float, tell: Tell) -> None:
+    def __init__(self, file: PersistentFile, interval: float, tell: Tell) -> None:
         """interval [s]: after which it is tried again, for the message."""
         self.failures = 0
         self._file = file
         self._interval = interval
         self._tell = tell
         self._since = 0  # failures before those that go on
-        self._told = ""
+        self._reported = ""
 
     def attempt(self) -> None:
         """Write once."""
@@ -129,8 +129,8 @@ class RetryingWriter:
             self._file.write()
         except RunError as error:
             self.failures += 1
-            if str(error) != self._told:
-                self._told = str(error)
+            if str(error) != self._reported:
+                self._reported = str(error)
                 is_of_disk = isinstance(error.__cause__, OSError | sqlite3.Error)
                 remedy = "make room there, or mend the folder's rights" if is_of_disk else IMPLAUSIBLE
                 self._tell(
@@ -138,10 +138,10 @@ class RetryingWriter:
                     f"{self._interval:g} s"
                 )
         else:
-            if self._told:
+            if self._reported:
                 failed = self.failures - self._since
                 self._tell(f"{self._file.name} is written again, after {failed} failed attempts")
-                self._since, self._told = self.failures, ""
+                self._since, self._reported = self.failures, ""
 
     def finish(self) -> str:
         """Write a last time; what was in its way, empty: nothing."""
@@ -175,13 +175,13 @@ class Keeper:
 
     @contextlib.contextmanager
     def keeping(self, source: KnowledgeSource) -> Iterator[None]:
-        """While it lasts, write what is new, within `save_within_s`; at the end, a last time.
+        """While it lasts, write new results within `save_within_s`; at the end, a last time.
 
         Raises `RunError` when the last write fails.
         """
         # what comes just after a write waits for the next one, and for its end
         interval = self._fitted.config.state.save_within_s / 2
-        files: list[Persisted] = [] if self._journal is None else [self._journal]
+        files: list[PersistentFile] = [] if self._journal is None else [self._journal]
         if self.state is not None:
             files.insert(0, LearnedState(self.state, self._fitted, source))
         self._writers = [RetryingWriter(file, interval, self._tell) for file in files]

@@ -46,7 +46,7 @@ _json = partial(json.dumps, allow_nan=False, default=np.ndarray.tolist)
 
 
 def problem_of(knowledge: Knowledge, pressure_scale: float) -> str | None:
-    """Fault that makes knowledge impossible or implausible, in a few words; None if there is none.
+    """Fault that makes knowledge impossible or implausible, in a few words; None without a fault.
 
     pressure_scale: p_0 [Pa], by which the bounds are counted. A file sees to it that numbers are finite.
     """
@@ -92,10 +92,10 @@ def _problem_of_belief(learned: LearnedInjector, farthest: NDArray[np.float64]) 
 
 
 def _doubt_of(knowledge: Knowledge) -> str | None:
-    """Objection to restored knowledge that would be refused event after event, in a few words; None: there is none.
+    """Why restored knowledge would be refused event after event, in a few words; None if it would not.
 
-    While it is learned such a sensor is reported as a fault; of another run it may come from signals that are past.
-    An offset is none: one that follows the rail pressure is a gain, with which it goes on.
+    While it is learned such a sensor is reported as a fault; in another run the signals may have been others. An
+    offset is no reason: one that follows the rail pressure is a gain, with which learning goes on.
     """
     for theta in (knowledge.state.learned.belief.mean, knowledge.in_force):
         lag = sensor_lag(theta)
@@ -132,8 +132,8 @@ class _Content:
 
 
 @dataclass(frozen=True)
-class Restored:
-    """Knowledge that was found, None if there was none to use, and a message that says so."""
+class RestoredKnowledge:
+    """Knowledge of a file, None if it has none to use, and a message that says so."""
 
     knowledge: Knowledge | None
     message: str
@@ -204,7 +204,7 @@ def save_knowledge(path: Path, knowledge: Knowledge, model: InjectorParameters) 
         raise RunError(f"{path}: the learned state cannot be written: {error.strerror or error}") from error
 
 
-def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True) -> Restored:
+def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True) -> RestoredKnowledge:
     """Restore what `save_knowledge` wrote for the same model.
 
     A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
@@ -224,7 +224,7 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
     except FileNotFoundError:
         if not path.parent.is_dir():
             raise UserError(str(path), "is in no existing folder", "create the folder first") from None
-        return Restored(None, f"no learned state at {path}, starting from the prior")
+        return RestoredKnowledge(None, f"no learned state at {path}, starting from the prior")
     except OSError as error:
         raise UserError(str(path), f"cannot be read: {error.strerror}", "check path and rights") from None
     try:
@@ -238,14 +238,14 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
         warning = f"warning: learned state not restored, for {reason}; kept as {_set_aside(path)}"
         before = _set_aside_before(path, model)
         if before is None:
-            return Restored(None, f"{warning}\n  remedy: {BEGUN_ANEW}")
+            return RestoredKnowledge(None, f"{warning}\n  remedy: {BEGUN_ANEW}")
         return replace(before, message=f"{warning}\n{before.message}, which is of this model")
     return _restored(path, knowledge)
 
 
-def _restored(path: Path, knowledge: Knowledge) -> Restored:
+def _restored(path: Path, knowledge: Knowledge) -> RestoredKnowledge:
     learned = f"correction {knowledge.phi_version}, learned from {knowledge.state.events} events"
-    return Restored(knowledge, f"learned state restored from {path}: {learned}")
+    return RestoredKnowledge(knowledge, f"learned state restored from {path}: {learned}")
 
 
 def _usable(data: bytes, model: InjectorParameters) -> Knowledge:
@@ -255,7 +255,7 @@ def _usable(data: bytes, model: InjectorParameters) -> Knowledge:
     return knowledge
 
 
-def _set_aside_before(path: Path, model: InjectorParameters) -> Restored | None:
+def _set_aside_before(path: Path, model: InjectorParameters) -> RestoredKnowledge | None:
     """The newest state of this model among those set aside: its injector was mounted before. None without."""
     aside = [each for each in path.parent.iterdir() if each.name.startswith(path.name + ASIDE)]
     for older in sorted(aside, key=lambda each: each.stat().st_mtime, reverse=True):
@@ -322,11 +322,11 @@ def _knowledge_in(data: bytes, model: InjectorParameters) -> Knowledge:
 def _state_in(values: Mapping[str, Any], start: LearningState) -> LearningState:
     """State restored from what `plain` made of it; start: before any event."""
     hints = get_type_hints(LearningState, include_extras=True)
-    found = {name: restored(hints[name], values[name], getattr(start, name), name) for name in _WHOLE}
+    fields = {name: restored(hints[name], values[name], getattr(start, name), name) for name in _WHOLE}
     for name in values.keys() & set(kept_names(LearningState)) - set(_WHOLE):
         with suppress(NotAsExpectedError):
-            found[name] = restored(hints[name], values[name], getattr(start, name), name)
-    return replace(start, **found)
+            fields[name] = restored(hints[name], values[name], getattr(start, name), name)
+    return replace(start, **fields)
 
 
 def restored_knowledge(
@@ -338,9 +338,9 @@ def restored_knowledge(
     """
     if path is None:
         return None
-    found = load_knowledge(path, model, set_aside)
-    tell(found.message)
-    return found.knowledge if found.knowledge and found.knowledge.state.events else None
+    outcome = load_knowledge(path, model, set_aside)
+    tell(outcome.message)
+    return outcome.knowledge if outcome.knowledge and outcome.knowledge.state.events else None
 
 
 def learned_beside(injector_file: Path) -> Path:

@@ -71,7 +71,7 @@ def latency_of(memory: np.void) -> Latency | None:
     total, largest = int(counts.sum()), int(memory["largest_latency"])
     if not total:
         return None
-    place = int(np.searchsorted(np.cumsum(counts), MOST * total))
-    octave, quarter = divmod(place + 1, 4)
-    end = SHORTEST * 2**octave * (1.0 + 0.25 * quarter) if place + 1 < counts.size else largest
+    bin_number = int(np.searchsorted(np.cumsum(counts), MOST * total))
+    octave, quarter = divmod(bin_number + 1, 4)
+    end = SHORTEST * 2**octave * (1.0 + 0.25 * quarter) if bin_number + 1 < counts.size else largest
     return Latency(min(end, largest) * NANOSECOND, largest * NANOSECOND)

@@ -282,7 +282,7 @@ class FramePump:
         return end if isinstance(end, Feeder) and not end.is_ended else self._links[bus]
 
     def finish(self) -> Sequence[OutputFrame]:
-        """Ends the frames: returns results that wait for room, and what is complete, for the caller to send."""
+        """Ends the frames: returns results that wait for room, and complete ones, for the caller to send."""
         self._stop()
         self._note_what_came()
         fed = [frame for feeder in self._feeders for frame in feeder.end()]
@@ -357,7 +357,7 @@ class FramePump:
             self._unsent = unsent
 
     def _failed(self) -> Exception | None:
-        """Failure that the loop met on a bus that is served; None: there is none."""
+        """Failure that the loop met on a bus that is served; None without one."""
         for number, end in self._ends.items():
             code = int(self._pump.buses[number]["failure"])
             if code != 0 and number not in self._left_out:

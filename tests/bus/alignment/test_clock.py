@@ -1,4 +1,4 @@
-"""Clocks of devices by their stamps alone: offset, drift, and what is claimed of their certainty."""
+"""Clocks of devices by their stamps alone: offset, drift, and the uncertainty they claim."""
 
 import numpy as np
 import pytest

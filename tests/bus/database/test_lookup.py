@@ -1,4 +1,4 @@
-"""Loading bus databases, our own layout, and errors that name what is wrong."""
+"""Loading bus databases, our own layout, and errors that name the fault."""
 
 import hashlib
 import re

@@ -1,4 +1,4 @@
-"""Databases with parts that decoding does not need, or identifiers that cannot be: read leniently, and told."""
+"""Databases with parts that decoding does not need, or identifiers that cannot be: read leniently, and reported."""
 
 from pathlib import Path
 

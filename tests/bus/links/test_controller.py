@@ -1,4 +1,4 @@
-"""Error frames as linux/can/error.h describes them: what they make of the bus's condition, and what is said of it."""
+"""Error frames as linux/can/error.h describes them: what they make of the bus's condition, and how it is reported."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""From bench file and bus database to arrays: what is found, and refusals that name place and remedy."""
+"""From bench file and bus database to arrays; refusals name location and remedy."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Multiplexed inputs of a bench file: which frames carry which samples, and what is refused with its remedy."""
+"""Multiplexed inputs of a bench file: which frames carry which samples, and which are refused with a remedy."""
 
 from pathlib import Path
 

@@ -33,7 +33,7 @@ def counters() -> Counters:
     return Core(bench.injector, map_bus(bench), learning=False).counters
 
 
-def told(
+def messages_of_looks(
     arrivals: Arrivals,
     watch: FrameWatch,
     counters: Counters,
@@ -41,15 +41,15 @@ def told(
     looks: int,
     is_explained: bool = False,
 ) -> list[str]:
-    """What is said while each look finds `step` more, and as many frames of each message; the counters go on."""
-    found = []
+    """Messages of looks that find `step` more each, and as many frames of each message; the counters go on."""
+    message = []
     for _ in range(looks):
         for source in arrivals.sources:
-            frames = arrivals.heard_of(source).frames
+            frames = arrivals.count_of(source).frames
             arrivals.set(source.layout, frames + step.get("frames", 0), 0)
         vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
-        found += [notice.text for notice in watch.look(replace(counters), is_explained)]
-    return found
+        message += [notice.text for notice in watch.look(replace(counters), is_explained)]
+    return message
 
 
 @pytest.mark.parametrize(
@@ -75,29 +75,31 @@ def test_frames_of_no_use_are_told_once_by_their_share_and_when_it_is_over(
     arrivals: Arrivals, counters: Counters, counter: str, said: str
 ) -> None:
     watch = FrameWatch(arrivals, RATE)
-    assert told(arrivals, watch, counters, {"frames": 1000, counter: 1}, 2 * LOOKS + 1) == []
-    (found,) = told(
+    assert messages_of_looks(arrivals, watch, counters, {"frames": 1000, counter: 1}, 2 * LOOKS + 1) == []
+    (message,) = messages_of_looks(
         arrivals, watch, counters, {"frames": 1000, counter: 10 * int(said.split()[0])}, 4 * LOOKS
     )
-    assert found.startswith(f"{SAMPLE_BLOCK}: ")
-    assert said in found
-    (over,) = told(arrivals, watch, counters, {"frames": 1000}, 3 * LOOKS)
+    assert message.startswith(f"{SAMPLE_BLOCK}: ")
+    assert said in message
+    (over,) = messages_of_looks(arrivals, watch, counters, {"frames": 1000}, 3 * LOOKS)
     assert "no more frames that" in over
 
 
 def test_what_is_explained_already_is_not_told_again(arrivals: Arrivals, counters: Counters) -> None:
     watch = FrameWatch(arrivals, RATE)
     assert (
-        told(arrivals, watch, counters, {"frames": 1000, "crc_errors": 900}, 4 * LOOKS, is_explained=True)
+        messages_of_looks(
+            arrivals, watch, counters, {"frames": 1000, "crc_errors": 900}, 4 * LOOKS, is_explained=True
+        )
         == []
     )
 
 
 def test_an_outage_is_told_by_its_length(arrivals: Arrivals, counters: Counters) -> None:
     watch = FrameWatch(arrivals, RATE)
-    assert told(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
-    (found,) = told(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
-    assert f"{SAMPLE_BLOCK}: 20000 samples were lost at once, 0.2 s\n  remedy: see to cable" in found
+    assert messages_of_looks(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
+    (message,) = messages_of_looks(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
+    assert f"{SAMPLE_BLOCK}: 20000 samples were lost at once, 0.2 s\n  remedy: see to cable" in message
 
 
 def timing(drift: float) -> list[MessageTiming]:
@@ -108,15 +110,15 @@ def test_the_rate_that_the_bench_file_should_state_is_named() -> None:
     """It says 50 kHz and 100 kHz come: each of its samples takes half the time."""
     watch = RateWatch(50e3)
     assert not [*watch.look(timing(-0.5003), Reason.NONE)] * LASTING  # a recording at another speed
-    found = [
+    message = [
         notice.text
         for _ in range(3 * LASTING)
         for notice in watch.look(timing(-0.5003), Reason.MODEL_INADEQUATE)
     ]
-    assert len(found) == 1
-    assert "samples come at 100060 a second, sampling.rate_hz is 50000" in found[0]
-    assert "sampling.rate_hz is likely 100000;" in found[0]
-    assert watch.reported == found[0]
+    assert len(message) == 1
+    assert "samples come at 100060 a second, sampling.rate_hz is 50000" in message[0]
+    assert "sampling.rate_hz is likely 100000;" in message[0]
+    assert watch.reported == message[0]
     assert not [*watch.look(timing(1e-5), Reason.MODEL_INADEQUATE)]
     assert not watch.reported
 
@@ -141,9 +143,9 @@ def test_swapped_pressures_are_named_live() -> None:
         return [notice.text for _ in range(UNIT_LOOKS * IN_A_ROW) for notice in watch.look(newest, samples)]
 
     assert looks(rail, line, lift) == []
-    (found,) = looks(line, rail, lift)
-    assert "most likely the two are swapped" in found
-    assert "remedy: compare their columns or signals" in found
+    (message,) = looks(line, rail, lift)
+    assert "most likely the two are swapped" in message
+    assert "remedy: compare their columns or signals" in message
     assert [*watch.reported] == [SWAPPED]
     assert looks(line, rail, 0.0 * lift) == []  # without an injection nothing tells
     (over,) = looks(rail, line, lift)

@@ -33,7 +33,7 @@ Values = NDArray[np.float64]
 LIFT_ID = 0x111
 
 
-class Watched:
+class WatchedInputs:
     """Four seconds of a healthy bench."""
 
     def __init__(self, bench: Path) -> None:
@@ -51,19 +51,19 @@ class Watched:
         watch = InputWatch(loaded.injector, bus, core)
         due = frames[0].stamp_ns
         watch.arrivals.begin(due)
-        told: list[Notice] = []
+        notices: list[Notice] = []
         for frame in frames:
             while due < frame.stamp_ns - PERIOD:
                 due += PERIOD
-                told += watch.look(due)
+                notices += watch.look(due)
             core.handle(frame.frame_id, frame.is_extended, frame.payload, frame.stamp_ns)
             watch.arrivals.note(0, frame.frame_id, frame.is_extended, frame.stamp_ns)
             if frame.stamp_ns >= due:
                 due = frame.stamp_ns + PERIOD
-                told += watch.look(frame.stamp_ns)
+                notices += watch.look(frame.stamp_ns)
         for late in np.arange(0.0, silence, PERIOD / SECOND):
-            told += watch.look(frames[-1].stamp_ns + round(late * SECOND))
-        return [notice.text for notice in told]
+            notices += watch.look(frames[-1].stamp_ns + round(late * SECOND))
+        return [notice.text for notice in notices]
 
     def tells_of(self, role: str, law: Callable[[Values], Values]) -> list[str]:
         """What it says of another signal."""
@@ -72,8 +72,8 @@ class Watched:
 
 
 @pytest.fixture(scope="module")
-def watched(tmp_path_factory: pytest.TempPathFactory) -> Watched:
-    return Watched(block_bench(tmp_path_factory.mktemp("watch"), "virtual", ["watch"]))
+def watched(tmp_path_factory: pytest.TempPathFactory) -> WatchedInputs:
+    return WatchedInputs(block_bench(tmp_path_factory.mktemp("watch"), "virtual", ["watch"]))
 
 
 def frozen(values: Values) -> Values:
@@ -88,67 +88,67 @@ def overdriven(values: Values) -> Values:
     return np.where(np.arange(len(values)) > 60_000, 1e9, values)
 
 
-def test_of_a_healthy_bench_nothing_is_told(watched: Watched) -> None:
+def test_of_a_healthy_bench_nothing_is_told(watched: WatchedInputs) -> None:
     assert watched.tells(watched.frames, silence=1.9) == []
 
 
-def test_of_windows_filled_up_nothing_is_told(watched: Watched) -> None:
+def test_of_windows_filled_up_nothing_is_told(watched: WatchedInputs) -> None:
     """Frames come for 10 ms of every 100 ms only, as from a source that sends windows."""
     assert (
         watched.tells([frame for frame in watched.frames if frame.stamp_ns % 100_000_000 < 10_000_000]) == []
     )
 
 
-def test_a_message_that_never_comes(watched: Watched) -> None:
-    (told,) = watched.tells([frame for frame in watched.frames if frame.frame_id != LIFT_ID])
-    assert told.startswith(f"{LIFT}: no frame since the start 2.0 s ago\n  remedy: ")
+def test_a_message_that_never_comes(watched: WatchedInputs) -> None:
+    (notice,) = watched.tells([frame for frame in watched.frames if frame.frame_id != LIFT_ID])
+    assert notice.startswith(f"{LIFT}: no frame since the start 2.0 s ago\n  remedy: ")
 
 
-def test_a_message_that_comes_with_an_identifier_of_the_other_size(watched: Watched) -> None:
+def test_a_message_that_comes_with_an_identifier_of_the_other_size(watched: WatchedInputs) -> None:
     frames = [frame._replace(is_extended=frame.frame_id == LIFT_ID) for frame in watched.frames]
-    (told,) = watched.tells(frames)
-    assert told.startswith(
+    (notice,) = watched.tells(frames)
+    assert notice.startswith(
         f"{LIFT}: its frames come with an identifier of 29 bits, the database says 11\n  remedy: "
     )
 
 
-def test_a_message_that_stays_away_for_a_while(watched: Watched) -> None:
+def test_a_message_that_stays_away_for_a_while(watched: WatchedInputs) -> None:
     def is_heard(frame: TimedFrame) -> bool:
         return frame.frame_id != LIFT_ID or not 1e9 < frame.stamp_ns < 3.5e9
 
-    told = watched.tells([frame for frame in watched.frames if is_heard(frame)])
-    assert told[0].startswith(f"{LIFT}: no frame for 2.")
-    assert told[1:] == [f"{LIFT}: comes again after 2.5 s"]
+    notices = watched.tells([frame for frame in watched.frames if is_heard(frame)])
+    assert notices[0].startswith(f"{LIFT}: no frame for 2.")
+    assert notices[1:] == [f"{LIFT}: comes again after 2.5 s"]
 
 
-def test_all_stay_away(watched: Watched) -> None:
-    (told,) = watched.tells(watched.frames, silence=10.0)
-    assert told.startswith(f"no frame of any input for 2.1 s: {RAIL}, {LIFT}, {LINE}")
+def test_all_stay_away(watched: WatchedInputs) -> None:
+    (notice,) = watched.tells(watched.frames, silence=10.0)
+    assert notice.startswith(f"no frame of any input for 2.1 s: {RAIL}, {LIFT}, {LINE}")
 
 
-def test_one_that_stays_away_when_the_others_come_again(watched: Watched) -> None:
+def test_one_that_stays_away_when_the_others_come_again(watched: WatchedInputs) -> None:
     """All were silent; that one still is, is news."""
     before = [frame for frame in watched.frames if frame.stamp_ns < 1e9]
     after = later((f for f in watched.frames if f.stamp_ns >= 1e9 and f.frame_id != LIFT_ID), 3.0)
-    told = watched.tells([*before, *after])
-    assert told[0].startswith("no frame of any input for 2.")
-    assert [text.rpartition(" after ")[0] for text in told[1:3]] == [
+    notices = watched.tells([*before, *after])
+    assert notices[0].startswith("no frame of any input for 2.")
+    assert [text.rpartition(" after ")[0] for text in notices[1:3]] == [
         f"{n}: comes again" for n in (RAIL, LINE)
     ]
-    assert told[3].startswith(f"{LIFT}: no frame for 5.")
-    assert len(told) == 4
+    assert notices[3].startswith(f"{LIFT}: no frame for 5.")
+    assert len(notices) == 4
 
 
-def test_frames_that_cannot_be_used(watched: Watched) -> None:
+def test_frames_that_cannot_be_used(watched: WatchedInputs) -> None:
     """The CRC of one message is wrong, as with another E2EDataId."""
     spoilt = [
         f._replace(payload=b"\0\0" + f.payload[2:]) if f.frame_id == LIFT_ID else f for f in watched.frames
     ]
-    share, told = watched.tells(spoilt)
+    share, notices = watched.tells(spoilt)
     assert "33 % of frames have a wrong CRC" in share
-    assert told.startswith(f"{LIFT}: ")
-    assert "none could be used" in told
-    assert "E2EDataId" in told
+    assert notices.startswith(f"{LIFT}: ")
+    assert "none could be used" in notices
+    assert "E2EDataId" in notices
 
 
 @pytest.mark.parametrize(
@@ -162,23 +162,23 @@ def test_frames_that_cannot_be_used(watched: Watched) -> None:
     ],
 )
 def test_a_bad_sensor(
-    watched: Watched, role: str, name: str, fault: Callable[[Values], Values], said: str
+    watched: WatchedInputs, role: str, name: str, fault: Callable[[Values], Values], said: str
 ) -> None:
-    (told,) = watched.tells_of(role, fault)
-    assert told.startswith(f"{name}: {role} {said}")
+    (notice,) = watched.tells_of(role, fault)
+    assert notice.startswith(f"{name}: {role} {said}")
 
 
-def test_a_sensor_that_is_mended(watched: Watched) -> None:
+def test_a_sensor_that_is_mended(watched: WatchedInputs) -> None:
     def for_a_second(values: Values) -> Values:
         second = np.arange(len(values)) // round(SAMPLE_RATE)
         return np.where(second == 1, values[0], values)
 
-    told = watched.tells_of("line_pressure", for_a_second)
-    assert len(told) == 2
-    assert told[1] == f"{LINE}: line_pressure moves again"
+    notices = watched.tells_of("line_pressure", for_a_second)
+    assert len(notices) == 2
+    assert notices[1] == f"{LINE}: line_pressure moves again"
 
 
-def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: Watched) -> None:
+def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: WatchedInputs) -> None:
     """Its noise does not show while the needle is shut, and the line still swings then."""
     assert watched.tells_of("needle_lift", lambda lift: np.where(lift < 20e-6, 0.0, lift)) == []
 
@@ -195,24 +195,24 @@ def test_a_lift_that_is_cut_off_at_rest_is_not_called_frozen(watched: Watched) -
     ],
 )
 def test_a_pressure_in_another_unit_is_named_as_it_is_in_files(
-    watched: Watched, tmp_path: Path, unit: str, problem: str, likely: str
+    watched: WatchedInputs, tmp_path: Path, unit: str, problem: str, likely: str
 ) -> None:
     wrong = block_bench(tmp_path, "virtual", ["watch"])
     pattern = 'pattern = "LinePressure_{:02d}"'
     wrong.write_text(wrong.read_text().replace(pattern, f'{pattern}\nunit = "{unit}"'))
-    told = Watched(wrong).tells(watched.frames)
-    (named,) = (text for text in told if likely in text)
+    notices = WatchedInputs(wrong).tells(watched.frames)
+    (named,) = (text for text in notices if likely in text)
     assert named.startswith(f"{LINE}: line_pressure ")
     assert problem in named
 
 
-def test_an_input_with_an_invalid_protection_is_named_until_it_is_valid_again(watched: Watched) -> None:
+def test_an_input_with_an_invalid_protection_is_named_until_it_is_valid_again(watched: WatchedInputs) -> None:
     of_lift = [n for n, frame in enumerate(watched.frames) if frame.frame_id == LIFT_ID]
     frames = list(watched.frames)
     for n in of_lift[1000:6000]:
         frames[n] = damaged(frames[n], 40)
-    told = watched.tells(frames)
-    assert [text.split("\n")[0] for text in told] == [
+    notices = watched.tells(frames)
+    assert [text.split("\n")[0] for text in notices] == [
         f"{LIFT}: its end-to-end protection is INVALID, its values are not taken",
         f"{LIFT}: its end-to-end protection is VALID again",
     ]
@@ -224,8 +224,8 @@ FINE = LiftFigures(at_stop=0.3e-3, stop=0.3e-3)
 def test_crosstalk_is_told_once() -> None:
     watch = LiftWatch()
     pressed = LiftFigures(crosstalk=0.15e-12)
-    (found,) = watch.look(pressed)
-    assert "1.5 um per 10 MPa" in found.text
+    (notice,) = watch.look(pressed)
+    assert "1.5 um per 10 MPa" in notice.text
     assert watch.look(pressed) == []
     (over,) = watch.look(FINE)
     assert over.is_over
@@ -235,20 +235,20 @@ def test_scale_is_told_once() -> None:
     watch = LiftWatch()
     assert watch.look(LiftFigures()) == []
     short = LiftFigures(at_stop=0.27e-3, stop=0.3e-3)
-    (found,) = watch.look(short)
-    assert "270 um" in found.text
-    assert "seat.max_lift = 300 um" in found.text
-    assert not found.is_over
+    (notice,) = watch.look(short)
+    assert "270 um" in notice.text
+    assert "seat.max_lift = 300 um" in notice.text
+    assert not notice.is_over
     assert watch.look(short) == []
     assert [one.is_over for one in watch.look(FINE)] == [True]
 
 
-def test_a_restart_is_told_with_its_index(watched: Watched) -> None:
+def test_a_restart_is_told_with_its_index(watched: WatchedInputs) -> None:
     watch = RestartWatch(Arrivals(map_bus(load_bench(watched.bench))))
     assert watch.look([-1, -1, -1], 0) == []
     assert watch.look([95_000, 95_000, 95_000], 0) == []
-    (told,) = watch.look([95_100, 95_100, 27], 1)
-    assert told.text.startswith(
+    (notice,) = watch.look([95_100, 95_100, 27], 1)
+    assert notice.text.startswith(
         f"a measuring device was restarted: {LINE}: sample index 95000 -> 27\n  remedy: "
     )
     assert watch.look([27, 27, 54], 1) == []
@@ -257,8 +257,8 @@ def test_a_restart_is_told_with_its_index(watched: Watched) -> None:
 def test_learning_that_hangs_is_told_once_and_when_it_goes_on() -> None:
     watch, late = LearningWatch(), round(HUNG * SECOND)
     assert not watch.look(0, None) + watch.look(late, 3) + watch.look(late + late - 1, 3)
-    (told,) = watch.look(2 * late, 3)
-    assert "learning from an event has taken 5 s" in told.text
+    (notice,) = watch.look(2 * late, 3)
+    assert "learning from an event has taken 5 s" in notice.text
     assert not watch.look(9 * late, 3)
     (over,) = watch.look(9 * late, 4)
     assert over.is_over

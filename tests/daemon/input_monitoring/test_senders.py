@@ -1,4 +1,4 @@
-"""A second sender of our identifiers, while the daemon runs: told, counted, and nothing that is sent is valid."""
+"""A second sender of our identifiers, while the daemon runs: reported, counted, and no result is valid."""
 
 import time
 from collections.abc import Iterable
@@ -37,9 +37,9 @@ def test_it_is_told_counted_and_shown(bench: Path) -> None:
         until(lambda: link.statuses()[-1]["ForeignFrames"] == 6)
         until(lambda: any(notice.topic is Topic.SENDER and notice.is_over for notice in notes.notices))
         assert daemon.now()[1] is Reason.INPUT_TIMEOUT
-    told = [notice.text for notice in notes.notices if notice.topic is Topic.SENDER]
-    assert told[0].startswith("another node sends InjectionRate 0x200")
-    assert told[1:] == ["the other sender is silent after 6 frames"]
+    texts = [notice.text for notice in notes.notices if notice.topic is Topic.SENDER]
+    assert texts[0].startswith("another node sends InjectionRate 0x200")
+    assert texts[1:] == ["the other sender is silent after 6 frames"]
     status = link.statuses()
     assert (State.DEGRADED, Reason.SECOND_SENDER, 0) in {
         (int(s["State"]), int(s["Reason"]), int(s["Valid"])) for s in status
@@ -73,9 +73,9 @@ class FedLink(ScriptedLink):
 
     def taken(self, identifier: int) -> list[bytes]:
         """What was sent under an identifier since the last call."""
-        found = [frame.payload for frame in self.sent if frame.frame_id == identifier]
+        payloads = [frame.payload for frame in self.sent if frame.frame_id == identifier]
         self.sent = [frame for frame in self.sent if frame.frame_id != identifier]
-        return found
+        return payloads
 
 
 def marks(payloads: list[bytes]) -> set[tuple[int, int]]:
@@ -162,6 +162,6 @@ def test_the_log_says_all_reasons(bench: Path) -> None:
     with serving(daemon):
         link.feed([encoded(STATUS, bytes(64))])
         until(lambda: any(notice.topic is Topic.STATE for notice in daemon.notes.notices))
-    told = next(notice.text for notice in daemon.notes.notices if notice.topic is Topic.STATE)
-    assert told.startswith("WAITING_FOR_DATA: no input comes in; SECOND_SENDER: another node sends")
-    assert "; STARTING: the observer has just begun; SampleBlock 0x100" in told
+    text = next(notice.text for notice in daemon.notes.notices if notice.topic is Topic.STATE)
+    assert text.startswith("WAITING_FOR_DATA: no input comes in; SECOND_SENDER: another node sends")
+    assert "; STARTING: the observer has just begun; SampleBlock 0x100" in text

@@ -1,4 +1,4 @@
-"""The journal: what is written is read, by anyone, at any time; what cannot be written waits."""
+"""The journal: entries can be read by anyone, at any time; those that cannot be written wait."""
 
 import math
 import sqlite3
@@ -35,13 +35,13 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def told() -> list[str]:
+def messages() -> list[str]:
     return []
 
 
 @pytest.fixture
-def journal(path: Path, bench: Bench, told: list[str]) -> JournalWriter:
-    return JournalWriter(path, bench, told.append)
+def journal(path: Path, bench: Bench, messages: list[str]) -> JournalWriter:
+    return JournalWriter(path, bench, messages.append)
 
 
 def rows(path: Path) -> list[Row]:
@@ -188,14 +188,14 @@ def test_a_file_that_is_moved_away_is_whole_and_a_new_one_begun(path: Path, jour
 
 
 def test_a_journal_that_was_removed_is_told_and_counted(
-    path: Path, journal: JournalWriter, told: list[str]
+    path: Path, journal: JournalWriter, messages: list[str]
 ) -> None:
     """Nothing new need be written for that: the next one has the run at once."""
     write(journal, 1, 2, 3)
     path.unlink()
     journal.write()
     journal.write()
-    assert [text.split("\n")[0] for text in told] == [
+    assert [text.split("\n")[0] for text in messages] == [
         f"warning: journal {path}: the journal was removed, with 3 injections of this run"
     ]
     with reading_journal(path) as content:
@@ -217,15 +217,15 @@ def test_what_cannot_be_written_waits(path: Path, journal: JournalWriter, locked
 
 
 def test_too_many_waiting_are_counted_and_told(
-    path: Path, journal: JournalWriter, told: list[str], monkeypatch: pytest.MonkeyPatch
+    path: Path, journal: JournalWriter, messages: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("observer_rt.daemon.persistence.journal.MOST_WAITING", 100)
     write(journal, *range(1, 108))
     assert journal.lost == 7
-    assert told == [f"warning: journal {path}: 7 injections lost so far, for want of room to keep them"]
+    assert messages == [f"warning: journal {path}: 7 injections lost so far, for want of room to keep them"]
     assert numbers(path) == list(range(1, 101))
     journal.write()
-    assert len(told) == 1
+    assert len(messages) == 1
 
 
 def test_a_journal_of_a_version_that_learned_less_goes_on(
@@ -284,13 +284,13 @@ def test_a_damaged_journal_is_told_of(path: Path, journal: JournalWriter) -> Non
         rows(path)
 
 
-def test_the_keeper_writes_it_beside_the_loop(path: Path, bench: Bench, told: list[str]) -> None:
+def test_the_keeper_writes_it_beside_the_loop(path: Path, bench: Bench, messages: list[str]) -> None:
     quick = bench.with_sections(state=StateConfig(save_within_s=0.4))
-    with keeper_of(quick, None, path, told.append) as keeper, keeper.keeping(some_knowledge):
+    with keeper_of(quick, None, path, messages.append) as keeper, keeper.keeping(some_knowledge):
         (listener,) = keeper.listeners
         for number in range(1, 6):
             listener(some_report(number))
             until(lambda: path.exists() and numbers(path)[-1:] == [number])  # noqa: B023 - called at once
         listener(some_report(6))
     assert numbers(path) == list(range(1, 7))
-    assert told[-1] == f"6 injections in the journal {path}, 6 of this run"
+    assert messages[-1] == f"6 injections in the journal {path}, 6 of this run"

@@ -1,4 +1,4 @@
-"""The learned state follows the daemon, at a bounded rate, and trouble with the disk is told once."""
+"""The learned state follows the daemon, at a bounded rate, and trouble with the disk is reported once."""
 
 import errno
 import os
@@ -30,16 +30,16 @@ def bench() -> Bench:
 
 
 class Kept:
-    """A learner whose state is kept; told: what is said of it."""
+    """A learner whose state is kept; messages: what the keeper says."""
 
     def __init__(self, bench: Bench, folder: Path) -> None:
         self.bench, self.path = bench, folder / "state.json"
         self.knowledge = some_knowledge(events=1)
-        self.told: list[str] = []
+        self.messages: list[str] = []
 
     @contextmanager
     def kept(self) -> Iterator[Keeper]:
-        files = keeper_of(self.bench, self.path, None, self.told.append)
+        files = keeper_of(self.bench, self.path, None, self.messages.append)
         with files as keeper, keeper.keeping(lambda: self.knowledge):
             yield keeper
 
@@ -49,7 +49,7 @@ class Kept:
         until(lambda: self.events() == events)
 
     def events(self) -> int:
-        """Learned from, by what is restored from the file now; fails if that is damaged."""
+        """Events of the state in the file now; fails if that is damaged."""
         knowledge = load_knowledge(self.path, self.bench.injector.parameters, set_aside=False).knowledge
         return knowledge.state.events if knowledge else 0
 
@@ -64,7 +64,7 @@ def test_what_is_learned_is_saved_while_running(learner: Kept) -> None:
         assert keeper.state == learner.path
         for events in range(2, 5):
             learner.learn(events)
-    assert learner.told[-1] == f"learned state saved in {learner.path}"
+    assert learner.messages[-1] == f"learned state saved in {learner.path}"
     assert [*learner.path.parent.iterdir()] == [learner.path]
 
 
@@ -99,8 +99,8 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
             raise OSError(errno.ENOSPC, "No space left on device")
         fsync(descriptor)
 
-    def told() -> list[str]:
-        return [text for text in learner.told if "it took" not in text]  # a busy machine
+    def messages() -> list[str]:
+        return [text for text in learner.messages if "it took" not in text]  # a busy machine
 
     monkeypatch.setattr(os, "fsync", limited)
     with learner.kept() as keeper:
@@ -108,15 +108,15 @@ def test_a_full_disk_is_told_once_counted_and_tried_again(
         is_full.set()
         learner.knowledge = some_knowledge(events=3)
         until(lambda: len(tries) >= 4)
-        assert len(told()) == 1
+        assert len(messages()) == 1
         assert len(tries) - 1 <= keeper.failures <= len(tries)
-        assert re.search(r"No space left on device\n  remedy: make room there.* every 0.25 s", told()[0])
+        assert re.search(r"No space left on device\n  remedy: make room there.* every 0.25 s", messages()[0])
         assert learner.events() == 2  # the old file is whole
         is_full.clear()
         until(lambda: learner.events() == 3)
-        until(lambda: len(told()) == 2)
-        assert re.fullmatch(r"learned state in .* is written again, after \d+ failed attempts", told()[1])
-    assert re.fullmatch(r"learned state saved in .* \(\d+ attempts failed before\)", told()[2])
+        until(lambda: len(messages()) == 2)
+        assert re.fullmatch(r"learned state in .* is written again, after \d+ failed attempts", messages()[1])
+    assert re.fullmatch(r"learned state saved in .* \(\d+ attempts failed before\)", messages()[2])
 
 
 def test_what_cannot_be_true_is_not_blamed_on_the_disk(learner: Kept) -> None:
@@ -125,10 +125,10 @@ def test_what_cannot_be_true_is_not_blamed_on_the_disk(learner: Kept) -> None:
         belief = good.state.learned.belief
         belief = replace(belief, mean=np.full_like(belief.mean, 1e3))
         learner.knowledge = replace(good, state=good.state.each(lambda each: replace(each, belief=belief)))
-        until(lambda: bool(learner.told))
+        until(lambda: bool(learner.messages))
         learner.learn(2)
-    assert "the mean lies beyond what an injector can do\n  remedy: check the sensors" in learner.told[0]
-    assert "make room" not in learner.told[0]
+    assert "the mean lies beyond what an injector can do\n  remedy: check the sensors" in learner.messages[0]
+    assert "make room" not in learner.messages[0]
 
 
 def test_a_disk_too_slow_for_what_is_stated_is_told_once(
@@ -138,9 +138,11 @@ def test_a_disk_too_slow_for_what_is_stated_is_told_once(
     with learner.kept():
         for events in range(2, 5):
             learner.learn(events)
-        until(lambda: bool(learner.told))
-    assert len(learner.told) == 2
-    assert re.match(r"warning: it took \d\.\d s to write what is kept: a kill may cost more", learner.told[0])
+        until(lambda: bool(learner.messages))
+    assert len(learner.messages) == 2
+    assert re.match(
+        r"warning: it took \d\.\d s to write what is kept: a kill may cost more", learner.messages[0]
+    )
 
 
 def test_a_disk_that_is_full_at_the_end_is_an_error(learner: Kept, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
-from observer_rt.daemon.persistence.state_file import Restored, load_knowledge, model_hash, save_knowledge
+from observer_rt.daemon.persistence.state_file import (
+    RestoredKnowledge,
+    load_knowledge,
+    model_hash,
+    save_knowledge,
+)
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.disturbances.held_rail import HeldRail
@@ -52,12 +57,12 @@ class StateFile:
         self.path = folder / "state.json"
 
     def save(self, knowledge: Knowledge | None = None) -> Knowledge:
-        """What was saved: `some_knowledge` unless told otherwise."""
+        """The saved knowledge, by default `some_knowledge`."""
         knowledge = knowledge or some_knowledge()
         save_knowledge(self.path, knowledge, MODEL)
         return knowledge
 
-    def load(self) -> Restored:
+    def load(self) -> RestoredKnowledge:
         return load_knowledge(self.path, MODEL)
 
     def holds(self, knowledge: Knowledge) -> bool:
@@ -207,12 +212,14 @@ def test_what_cannot_be_used_is_set_aside(state: StateFile, change: Change, reas
     assert not state.path.exists()
 
 
-def without_held_rail(known: Knowledge) -> Knowledge:
-    return replace(known, state=replace(known.state, held_rail=HeldRail()))
+def without_held_rail(knowledge: Knowledge) -> Knowledge:
+    return replace(knowledge, state=replace(knowledge.state, held_rail=HeldRail()))
 
 
-def without_settled(known: Knowledge) -> Knowledge:
-    return replace(known, state=replace(known.state, account=replace(known.state.account, settled=())))
+def without_settled(knowledge: Knowledge) -> Knowledge:
+    return replace(
+        knowledge, state=replace(knowledge.state, account=replace(knowledge.state.account, settled=()))
+    )
 
 
 LOST: dict[str, tuple[Change, Callable[[Knowledge], Knowledge]]] = {

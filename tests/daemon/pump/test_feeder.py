@@ -13,7 +13,7 @@ from observer_rt.foundation.errors import RunError
 from tests.benches import SAMPLE_RATE
 from tests.bus.extended_bench import write_extended_bench
 from tests.daemon.end_to_end import RATE, payloads
-from tests.daemon.participants import Pumped, TroubledLink, bench_file, until
+from tests.daemon.participants import PumpRun, TroubledLink, bench_file, until
 from tests.device import core_of, frames_of, worn_recording
 
 BEGIN = 1_700_000_000_000_000_000  # ns
@@ -56,22 +56,22 @@ def test_stamps_are_kept_to_the_nanosecond(without_index: Path) -> None:
     alone = core_of(without_index)
     for frame, stamp in zip(frames, wanted, strict=True):
         alone.handle(frame.frame_id, frame.is_extended, frame.payload, stamp)
-    with Pumped(without_index, StampingLink(frames)) as it:
-        it.serve_until_taken(FRAMES)
-    clocks, expected = (core.compiled.pipeline.keeping.clocks for core in (it.core, alone))
+    with PumpRun(without_index, StampingLink(frames)) as run:
+        run.serve_until_taken(FRAMES)
+    clocks, expected = (core.compiled.pipeline.keeping.clocks for core in (run.core, alone))
     assert clocks.tobytes() == expected.tobytes()
-    assert it.core.processed == alone.processed > 0
+    assert run.core.processed == alone.processed > 0
 
 
 def test_rates_that_found_no_room_are_handed_over_in_order(path: Path) -> None:
     frames = device_frames(path)
     link = TroubledLink(frames)
     link.has_room = False
-    with Pumped(path, link) as it:
-        handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
+    with PumpRun(path, link) as run:
+        handed = [*run.serve_until_taken(len(frames)), *run.pump.finish()]
     assert payloads(handed, RATE) == published(path)
     assert not link.sent
-    assert not it.unsent
+    assert not run.unsent
 
 
 def test_some_sent_then_none_lost(path: Path) -> None:
@@ -84,8 +84,8 @@ def test_some_sent_then_none_lost(path: Path) -> None:
 
     frames = device_frames(path)
     link = HaltingLink(frames)
-    with Pumped(path, link) as it:
-        handed = [*it.serve_until_taken(len(frames)), *it.pump.finish()]
+    with PumpRun(path, link) as run:
+        handed = [*run.serve_until_taken(len(frames)), *run.pump.finish()]
     assert 0 < len(link.sent) <= 100
     assert payloads(link.sent, RATE) + payloads(handed, RATE) == published(path)
 
@@ -94,33 +94,33 @@ def test_rates_on_their_way_to_a_link_that_goes_down_are_counted(path: Path) -> 
     frames = device_frames(path)
     link = TroubledLink(frames)
     link.has_room = False
-    with Pumped(path, link) as it:
-        it.serve_until_taken(len(frames))
+    with PumpRun(path, link) as run:
+        run.serve_until_taken(len(frames))
         link.plugged.clear()
         with pytest.raises(BusDownError, match="can5 is down") as raised:
-            until(lambda: bool(it.pump.serve(1e-3)))
-        it.pump.leave_out(raised.value.bus)
-        handed = it.pump.finish()
-    assert sum(it.unsent) + len(payloads(handed, RATE)) == len(published(path))
-    assert sum(it.unsent) > 100
+            until(lambda: bool(run.pump.serve(1e-3)))
+        run.pump.leave_out(raised.value.bus)
+        handed = run.pump.finish()
+    assert sum(run.unsent) + len(payloads(handed, RATE)) == len(published(path))
+    assert sum(run.unsent) > 100
 
 
 def test_it_is_served_again_once_it_is_back(path: Path) -> None:
     frames = device_frames(path)
     link = TroubledLink(frames[:FRAMES])
-    with Pumped(path, link) as it:
+    with PumpRun(path, link) as run:
         for first in (FRAMES, 2 * FRAMES):
-            it.serve_until_taken(first)
+            run.serve_until_taken(first)
             link.plugged.clear()
             with pytest.raises(BusDownError):
-                until(lambda: bool(it.pump.serve(1e-3)))
-            it.pump.leave_out(0)
-            it.pump.serve(0.0)
+                until(lambda: bool(run.pump.serve(1e-3)))
+            run.pump.leave_out(0)
+            run.pump.serve(0.0)
             link.plugged.set()
             link.deliver(frames[first : first + FRAMES])
-            it.pump.take_back(0)
-        it.serve_until_taken(min(3 * FRAMES, len(frames)))
-    assert it.core.counters.lost_samples == 0
+            run.pump.take_back(0)
+        run.serve_until_taken(min(3 * FRAMES, len(frames)))
+    assert run.core.counters.lost_samples == 0
 
 
 @pytest.mark.parametrize(
@@ -134,18 +134,18 @@ def test_what_ends_it_is_raised_behind_the_frames_that_came(path: Path, failure:
             return super().receive(timeout_s)
 
     frames = device_frames(path)[:FRAMES]
-    with Pumped(path, FailingLink(frames)) as it:
+    with PumpRun(path, FailingLink(frames)) as run:
         with pytest.raises((type(failure), BusDownError), match=str(failure)):
-            until(lambda: bool(it.pump.serve(1e-3)))
-        assert it.core.counters.frames == FRAMES
+            until(lambda: bool(run.pump.serve(1e-3)))
+        assert run.core.counters.frames == FRAMES
 
 
 def test_it_ends_while_frames_wait(path: Path) -> None:
     """The loop waits for a verdict that nobody gives, the pair is full, and more frames are in the driver."""
     link = TroubledLink(device_frames(path))
-    with Pumped(path, link) as it:
-        until(lambda: bool(it.core.compiled.observer.memory[0]["judgement"]["waiting"]))
-        assert it.ends()
+    with PumpRun(path, link) as run:
+        until(lambda: bool(run.core.compiled.observer.memory[0]["judgement"]["waiting"]))
+        assert run.ends()
         assert not link.empty.is_set()
 
 
@@ -153,10 +153,10 @@ def test_other_results_come_behind_the_rates(path: Path) -> None:
     frames = device_frames(path)[:FRAMES]
     link = TroubledLink(frames)
     link.has_room = False
-    with Pumped(path, link) as it:
-        it.serve_until_taken(FRAMES)
-        until(lambda: it.core.counters.frames == FRAMES)
-        assert it.pump.sender(0).try_send(0x321, b"other", False, True)
+    with PumpRun(path, link) as run:
+        run.serve_until_taken(FRAMES)
+        until(lambda: run.core.counters.frames == FRAMES)
+        assert run.pump.sender(0).try_send(0x321, b"other", False, True)
         link.has_room = True
         until(lambda: bool(link.sent) and link.sent[-1].payload == b"other")
     assert len(link.sent) > 100

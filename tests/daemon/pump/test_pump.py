@@ -22,7 +22,7 @@ from observer_rt.engine.stream.verdict import Taken
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
-from tests.daemon.participants import Pumped, bench_file, serving, until
+from tests.daemon.participants import PumpRun, bench_file, serving, until
 from tests.daemon.slow_frames import bed, slow_bench
 from tests.device import RATES, Device, encoded, frames_of, inserted, run, simulated, worn_recording
 from tests.engine.service.test_fuel_temperature import bench as temperature_bench
@@ -83,11 +83,11 @@ def connected(path: Path) -> Iterator[tuple[FarEnd, Daemon]]:
 @contextmanager
 def pumped(
     path: Path, room: int | None = None, waits_for_verdicts: bool = True
-) -> Iterator[tuple[FarEnd, Pumped]]:
+) -> Iterator[tuple[FarEnd, PumpRun]]:
     """A device, which has read all that was sent in the end, and a pump that serves it; room: as of `paired`."""
     with paired(map_bus(load_bench(path)), room) as (device, link):
-        with Pumped(path, link, waits_for_verdicts) as it:
-            yield device, it
+        with PumpRun(path, link, waits_for_verdicts) as run:
+            yield device, run
         device.read()
 
 
@@ -125,15 +125,15 @@ def test_while_another_node_sends_the_same_no_rate_is_valid(tmp_path: Path) -> N
 def through_pump(path: Path, frames: Sequence[TimedFrame]) -> dict[int, list[bytes]]:
     """What comes of frames in lockstep, to the end, by identifier."""
     out: list[OutputFrame] = []
-    with pumped(path) as (device, it):
+    with pumped(path) as (device, run):
         for frame in frames:
             while not device.has_room():  # the loop may wait for a verdict
-                out += it.pump.serve(1e-3)
+                out += run.pump.serve(1e-3)
             device.send([frame])
-            out += it.pump.serve(0.0)
-        out += it.serve_until_taken(len(frames))
+            out += run.pump.serve(0.0)
+        out += run.serve_until_taken(len(frames))
         device.read()
-        out += it.pump.finish()
+        out += run.pump.finish()
     for frame_out in out:
         device.received.setdefault(frame_out.frame_id, []).append(frame_out.payload)
     return device.received
@@ -143,7 +143,7 @@ def warming_fuel(folder: Path) -> tuple[Path, list[TimedFrame]]:
     """Fuel that warms within events, is silent for longer than it counts, and is not known for a while."""
     frames = Device().send(simulated())
     quarter = len(frames) // 4
-    told = [
+    values = [
         (0, 40.0),
         (7, 43.0),
         (quarter, 60.0),
@@ -151,8 +151,8 @@ def warming_fuel(folder: Path) -> tuple[Path, list[TimedFrame]]:
         (2 * quarter, None),
         (3 * quarter, 20.0),
     ]
-    told += [(number, 50.0 + number % 7) for number in range(3 * quarter + 20, len(frames), 11)]
-    changes = [(number, sensor(celsius)) for number, celsius in told]
+    values += [(number, 50.0 + number % 7) for number in range(3 * quarter + 20, len(frames), 11)]
+    changes = [(number, sensor(celsius)) for number, celsius in values]
     return temperature_bench(folder, "timeout_ms = 60\n"), inserted(frames, changes)
 
 
@@ -160,8 +160,8 @@ def switched_learning(folder: Path) -> tuple[Path, list[TimedFrame]]:
     """Learning that is held up from before the first injection until after it, and again for the last."""
     frames = Device().send(simulated())
     quarter = len(frames) // 4
-    told = [(5, 0), (2 * quarter, 1), (3 * quarter, 0)]
-    changes = [(number, bed("LearnEnable", value)) for number, value in told]
+    values = [(5, 0), (2 * quarter, 1), (3 * quarter, 0)]
+    changes = [(number, bed("LearnEnable", value)) for number, value in values]
     return slow_bench(folder, {"learning_enable": ("Bed", "LearnEnable")}), inserted(frames, changes)
 
 
@@ -181,15 +181,15 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
     frames = frames_of(path, worn)
-    with pumped(path, waits_for_verdicts=False) as (device, it):
+    with pumped(path, waits_for_verdicts=False) as (device, run):
         device.send(frames)
-        until(lambda: it.core.counters.frames == len(frames))
-    observer = it.core.compiled.observer
+        until(lambda: run.core.counters.frames == len(frames))
+    observer = run.core.compiled.observer
     taken = int(observer.memory[0]["judgement"]["events_taken"])
     assert taken > 0
     assert (observer.events["taken"][:taken] == Taken.NOTHING).all()
     _, count = published_rates(device.received[RATE.frame_id], worn.samples)
-    assert (count[: it.core.processed - RATES] == 1).all()
+    assert (count[: run.core.processed - RATES] == 1).all()
 
 
 def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
@@ -198,33 +198,33 @@ def test_rates_that_wait_at_the_end_are_handed_over(tmp_path: Path) -> None:
     worn = worn_recording(2)
     bench = load_bench(path)
     handed: list[OutputFrame] = []
-    with pumped(path, LITTLE_ROOM) as (device, it):
+    with pumped(path, LITTLE_ROOM) as (device, run):
         for frame in frames_of(bench, worn):
             while not device.has_room():
-                handed += it.pump.serve(1e-3)
+                handed += run.pump.serve(1e-3)
             device.send([frame], listening=False)
-        while it.core.processed <= worn.samples - RATES:
-            handed += it.pump.serve(1e-3)
-        handed += it.pump.finish()
+        while run.core.processed <= worn.samples - RATES:
+            handed += run.pump.serve(1e-3)
+        handed += run.pump.finish()
     rates, late = payloads(evaluate(bench, [worn]).frames, RATE), payloads(handed, RATE)
     assert 0 < len(device.received[RATE.frame_id]) < len(rates) - 1
     assert device.received[RATE.frame_id] + late == rates
-    assert not it.unsent
+    assert not run.unsent
 
 
 def test_it_ends_while_the_stream_waits_for_a_verdict(tmp_path: Path) -> None:
     """Nobody gives one any more: the loop is not to wait for it."""
     path = bench_file(tmp_path, "0")
     worn = worn_recording(2)
-    with pumped(path) as (device, it):
-        waiting = it.core.compiled.observer.memory["judgement"]["waiting"]
+    with pumped(path) as (device, run):
+        waiting = run.core.compiled.observer.memory["judgement"]["waiting"]
         for frame in frames_of(path, worn):
             until(lambda: waiting[0] or device.has_room())
             if waiting[0]:
                 break
             device.send([frame])
         assert waiting[0]
-        assert it.ends()
+        assert run.ends()
 
 
 def test_a_device_that_goes_away_is_said(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.desk.check.given_files import log_findings
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.replay.framing import whole
-from tests.daemon.time_frames import END, Received, jitter, merged, send, write_time_bench
+from tests.daemon.time_frames import END, StampedFrame, jitter, merged, send, write_time_bench
 from tests.daemon.time_scenarios import GRID, ONE_BASE, OTHER, RATE, TWO_BASES
 from tests.desk.evaluation.test_logged import BENCH, frames, log_of, worn
 from tests.files.canlog.log_cases import write_log
@@ -23,7 +23,7 @@ def found(folder: Path, sent: list[LogFrame]) -> list[Finding]:
     return log_findings(BENCH, folder / "bus.log")
 
 
-def found_of(folder: Path, signals: dict[str, str], sent: list[Received]) -> list[Finding]:
+def found_of(folder: Path, signals: dict[str, str], sent: list[StampedFrame]) -> list[Finding]:
     """Of devices with clocks of their own, whose frames are late by chance."""
     bench = load_bench(write_time_bench(folder, RATE, signals))
     write_log(folder / "bus.log", [LogFrame(BusFrame(f.frame_id, f.payload, f.stamp_ns), "1") for f in sent])

@@ -13,7 +13,7 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.config.bench import load_bench
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
-from tests.daemon.end_to_end import Heard
+from tests.daemon.end_to_end import ResultFrames
 from tests.daemon.participants import BLOCK_ID, listening, until
 from tests.desk.cli.conftest import Command, Outcome
 from tests.device import frames_of
@@ -47,7 +47,7 @@ def run_and_stop(
     number: signal.Signals = signal.SIGTERM,
     *options: object,
     meanwhile: Callable[[], bool] = lambda: True,
-) -> tuple[Outcome, Heard]:
+) -> tuple[Outcome, ResultFrames]:
     """Play a recording, or frames, to the command over the virtual bus, then send it a signal.
 
     As fast as it can, from the first status on; the last two frames of samples may stay unprocessed. meanwhile: done
@@ -57,7 +57,7 @@ def run_and_stop(
     frames = frames_of(bench, sent) if isinstance(sent, Path) else list(sent)
     samples = 9 * (sum(frame.frame_id == BLOCK_ID for frame in frames) - 2)
     with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
-        heard = listener.heard
+        heard = listener.results
 
         def first() -> None:
             until(lambda: bool(heard.statuses))

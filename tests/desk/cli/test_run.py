@@ -32,7 +32,7 @@ from observer_rt.files.formats import read_recording
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.accuracy import Accuracy
-from tests.daemon.end_to_end import SUMMARY, Heard, decoded
+from tests.daemon.end_to_end import SUMMARY, ResultFrames, decoded
 from tests.daemon.participants import BLOCK_ID, ScriptedLink, give_link, until
 from tests.desk.cli.bench_engineer import run_and_stop
 from tests.desk.cli.conftest import Command, module
@@ -55,7 +55,7 @@ def bench(bench: Path, tmp_path: Path) -> Path:
     return bench
 
 
-def valid_injections(heard: Heard) -> list[float]:
+def valid_injections(heard: ResultFrames) -> list[float]:
     return [decoded(SUMMARY, payload)["Valid"] for payload in heard.summaries]
 
 

@@ -24,7 +24,7 @@ def test_commands_and_missing_injections_are_printed(
     text = (
         bench.read_text().replace('"can0"', f'"{tmp_path.name}"').replace("enabled = true", "enabled = false")
     )
-    bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{pulses.Told.TIME}')
+    bench.write_text(f'{text}\n[[dbc]]\nfile = "bed.dbc"\n[signals.energizing]\n{pulses.EnergizingBy.TIME}')
     frames = merged(frames_of(bench, worn), durations(PULSES))
     outcome, _ = run_and_stop(command, bench, frames)
     assert outcome.code == 0

@@ -27,7 +27,7 @@ from tests.three_injectors import (
     three_on,
 )
 
-Heard = dict[int, list[bytes]]
+Payloads = dict[int, list[bytes]]
 RESULTS: list[can.typechecking.CanFilter] = [{"can_id": RATE_ID, "can_mask": 0x700, "extended": False}]
 SLOWED_DOWN = 0.05  # user-mode Linux has one processor for all who take part
 LOOK_AHEAD = 100  # samples, and more, that wait for those behind them
@@ -39,9 +39,9 @@ def bench(tmp_path: Path) -> Path:
 
 
 @contextmanager
-def listening(interface: str, channel: str) -> Iterator[Heard]:
+def listening(interface: str, channel: str) -> Iterator[Payloads]:
     """Payloads of results on the bus by identifier."""
-    heard: Heard = {}
+    heard: Payloads = {}
     stop = threading.Event()
     with can.Bus(interface=interface, channel=channel, fd=True, can_filters=RESULTS) as bus:
 
@@ -59,13 +59,13 @@ def listening(interface: str, channel: str) -> Iterator[Heard]:
             thread.join()
 
 
-def processed(heard: Heard, number: int) -> float:
+def processed(heard: Payloads, number: int) -> float:
     """Samples of an injector, as it says; -1 before it says anything."""
     statuses = heard.get(STATUS_ID + number * STEP)
     return decoded(STATUS, statuses[-1])["SamplesProcessed"] if statuses else -1.0
 
 
-def assert_as_alone(heard: Heard, three: Three, number: int) -> None:
+def assert_as_alone(heard: Payloads, three: Three, number: int) -> None:
     """Bit for bit what its own recording gives."""
     for identifier, payloads in three.results_alone(number).items():
         assert heard[identifier] == payloads

@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.accuracy import Accuracy
-from tests.observed_plants import Observed, bench_at, observed
+from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot
@@ -18,7 +18,7 @@ MM3_PER_MS = 1e-6
 WRONG = 0.03
 
 
-def control_flow(found: Observed) -> tuple[float, float]:
+def control_flow(found: ObservedRun) -> tuple[float, float]:
     """As it is believed after the last event, and its standard deviation [mm3/ms]; Q_0 is 60."""
     flow = found.reports[-1].indicators["control_flow"]
     assert flow.sigma is not None
@@ -33,7 +33,7 @@ def learned(
     laws: Laws = NO_LAWS,
     seed: int = 3,
     accuracy: Accuracy | None = None,
-) -> Observed:
+) -> ObservedRun:
     """The events after the first pass over the points.
 
     flow: at 100 MPa [mm3/ms]; accuracy: that the injector file states, None: of a simulation.

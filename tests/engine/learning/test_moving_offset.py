@@ -13,7 +13,7 @@ from observer_rt.engine.stream.state import Reason
 from tests.engine.learning.worn_injector import recorded
 from tests.observed_plants import bench_at, recording_of
 from tests.plants.parameters import Injector
-from tests.plants.plant import Measured
+from tests.plants.plant import Signals
 from tests.plants.windows import windows_of
 
 EVENTS = 12
@@ -25,24 +25,24 @@ def drift(size: float) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     return lambda time: size * np.sin(2.0 * math.pi * 0.4 * time)
 
 
-def line_drift(measured: Measured) -> Measured:
+def line_drift(measured: Signals) -> Signals:
     return replace(measured, line_pressure=measured.line_pressure + drift(1e6)(measured.time))
 
 
-def rail_drift(measured: Measured) -> Measured:
+def rail_drift(measured: Signals) -> Signals:
     return replace(measured, rail_pressure=measured.rail_pressure + drift(0.5e6)(measured.time))
 
 
-def line_gain(share: float) -> Callable[[Measured], Measured]:
+def line_gain(share: float) -> Callable[[Signals], Signals]:
     return lambda m: replace(m, line_pressure=(1.0 + share) * m.line_pressure)
 
 
-def rail_gain(share: float) -> Callable[[Measured], Measured]:
+def rail_gain(share: float) -> Callable[[Signals], Signals]:
     return lambda m: replace(m, rail_pressure=(1.0 + share) * m.rail_pressure)
 
 
 def evaluated(
-    disturbance: Callable[[Measured], Measured], accuracy_percent: float = 0.7
+    disturbance: Callable[[Signals], Signals], accuracy_percent: float = 0.7
 ) -> tuple[Evaluation, NDArray[np.float64]]:
     """With the relative mass errors of all events."""
     recording = recording_of(
@@ -62,7 +62,7 @@ def are_valid(evaluation: Evaluation) -> list[bool]:
 @pytest.mark.parametrize("accuracy", [0.0, 0.7])
 @pytest.mark.parametrize("disturbance", [line_drift, rail_drift], ids=["line", "rail"])
 def test_an_offset_that_drifts_is_followed(
-    disturbance: Callable[[Measured], Measured], accuracy: float
+    disturbance: Callable[[Signals], Signals], accuracy: float
 ) -> None:
     evaluation, errors = evaluated(disturbance, accuracy)
     assert are_valid(evaluation) == [True] * (EVENTS - 2)
@@ -75,7 +75,7 @@ def test_an_offset_that_drifts_is_followed(
     ids=["line +", "line -", "rail +", "rail -"],
 )
 def test_gains_that_differ_are_shared_between_both_sensors(
-    disturbance: Callable[[Measured], Measured],
+    disturbance: Callable[[Signals], Signals],
 ) -> None:
     """Whose gain is wrong is not known: the masses are wrong by half of it, and their intervals say so."""
     evaluation, errors = evaluated(disturbance)

@@ -10,7 +10,7 @@ from tests.daemon.pulses import (
     BED,
     PILOT_AND_MAIN,
     SOURCES,
-    Told,
+    EnergizingBy,
     durations,
     index_at,
     injected,
@@ -54,7 +54,7 @@ def test_a_stamp_that_is_late_makes_the_delay_too_short(
 ) -> None:
     """Even below zero; it is the same command all the same, that of a pilot too. What is stated is made up for."""
     pulses, recording = injected(2, PILOT_AND_MAIN)
-    bench = pulse_bench(tmp_path, Told.TIME_BY_STAMP + stated)
+    bench = pulse_bench(tmp_path, EnergizingBy.TIME_BY_STAMP + stated)
     watched = watch(bench, recording, later(durations(pulses), late))
     assert watched.energized == ([1, 2, 3, 4], [], [])
     for report in watched.reports:
@@ -68,7 +68,7 @@ def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float)
     pulses, recording = injected(28)
     frames = merged(samples(recording), durations(pulses))
     stamped = [one._replace(time=one.time + step) if one.time > 0.96 else one for one in frames]
-    watched = run(pulse_bench(tmp_path, Told.TIME_BY_STAMP), stamped, learning=False)
+    watched = run(pulse_bench(tmp_path, EnergizingBy.TIME_BY_STAMP), stamped, learning=False)
     assert watched.notes.mismatches == []
     assert watched.commands[:16] == [*range(1, 17)]
     assert watched.commands[-2:] == [27, 28]
@@ -92,7 +92,9 @@ def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
     """Commands told 40 us too late and too early in turn."""
     pulses, recording = injected(4)
     moved = [(start + 40e-6 * (-1) ** n, duration) for n, (start, duration) in enumerate(pulses)]
-    figures = watch(pulse_bench(tmp_path, Told.TIME), recording, durations(moved)).core.optional.energizing
+    figures = watch(
+        pulse_bench(tmp_path, EnergizingBy.TIME), recording, durations(moved)
+    ).core.optional.energizing
     assert figures is not None
     assert figures.commands == 4
     assert figures.mean_delay == pytest.approx(DELAY, abs=1.5 * SAMPLE)

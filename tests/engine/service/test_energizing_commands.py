@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, Energizing
 from observer_rt.config.bench import load_bench
 from observer_rt.engine.service.energizing import Command, CommandReader
 from tests.benches import SAMPLE_RATE
-from tests.daemon.pulses import LEVELS, Told, pulse_bench
+from tests.daemon.pulses import LEVELS, EnergizingBy, pulse_bench
 
 INDICES = 1 << 32
 FIRST = st.sampled_from([0, 12345, INDICES - 70])  # of the samples: the count may begin again among them
@@ -22,7 +22,7 @@ STRETCHES = st.lists(st.integers(1, 45), min_size=1, max_size=10)
 
 @pytest.fixture(scope="module")
 def in_blocks(tmp_path_factory: pytest.TempPathFactory) -> EnergizingLayout:
-    return energizing(tmp_path_factory.mktemp("blocks"), Told.LEVELS_IN_BLOCK)
+    return energizing(tmp_path_factory.mktemp("blocks"), EnergizingBy.LEVELS_IN_BLOCK)
 
 
 def energizing(folder: Path, lines: str) -> EnergizingLayout:
@@ -94,7 +94,7 @@ def test_what_is_lost_is_known_to_be(
 
 
 def test_a_cyclic_level_changed_in_the_middle_between_two_frames(tmp_path: Path) -> None:
-    reader = CommandReader(energizing(tmp_path, Told.CYCLIC), SAMPLE_RATE)
+    reader = CommandReader(energizing(tmp_path, EnergizingBy.CYCLIC), SAMPLE_RATE)
     found = []
     for millisecond, level in enumerate((0, 0, 1, 1, 0)):
         found += reader.read(EnergizingSignal(None, millisecond * 10**6, np.array([level], float), None))
@@ -106,5 +106,5 @@ def test_a_cyclic_level_changed_in_the_middle_between_two_frames(tmp_path: Path)
 
 @pytest.mark.parametrize("nothing", [0.0, -1e-3, np.nan, np.inf])
 def test_no_duration_is_no_command(tmp_path: Path, nothing: float) -> None:
-    reader = CommandReader(energizing(tmp_path, Told.TIME), SAMPLE_RATE)
+    reader = CommandReader(energizing(tmp_path, EnergizingBy.TIME), SAMPLE_RATE)
     assert reader.read(EnergizingSignal(100, 0, np.array([nothing]), None)) == []

@@ -17,8 +17,8 @@ from tests.daemon.pulses import (
     MAIN,
     PILOT_AND_MAIN,
     SOURCES,
+    EnergizingBy,
     Pulses,
-    Told,
     blocks,
     cyclic,
     duration_frame,
@@ -139,45 +139,45 @@ def windows(pulses: Pulses, second: float = 5e-3) -> list[tuple[float, float]]:
 CASES = {
     # nor does its second opening take the command of a pilot that misfired
     "a needle that bounces has no second command": Case(
-        *(Told.LEVEL, on_change, ([1, 2, 4, None], [3], [4]), 2, PILOT_AND_MAIN),
+        *(EnergizingBy.LEVEL, on_change, ([1, 2, 4, None], [3], [4]), 2, PILOT_AND_MAIN),
         sent=lambda r, p: misfired(r, (p[2][0], p[3][0]), (p[3][0] + 0.9e-3, p[3][0] + 0.9e-3 + 0.2e-3)),
     ),
     "an opening after missing_after_ms is not the command's": Case(
-        Told.LEVEL + "missing_after_ms = 0.2\n", on_change, ([None, None], [1, 2], [1, 2]), 2
+        EnergizingBy.LEVEL + "missing_after_ms = 0.2\n", on_change, ([None, None], [1, 2], [1, 2]), 2
     ),
     "a damaged frame is a lost one, a repeated one none": Case(
-        Told.SAFE, spoilt, ([1, None, 2, 3], [], [2]), crc_errors=1
+        EnergizingBy.SAFE, spoilt, ([1, None, 2, 3], [], [2]), crc_errors=1
     ),
     "a pulse generator that restarts costs nothing": Case(
-        Told.SAFE, lambda p: [*safe_durations(p[:2]), *safe_durations(p[2:])], ([1, 2, 3, 4], [], [])
+        EnergizingBy.SAFE, lambda p: [*safe_durations(p[:2]), *safe_durations(p[2:])], ([1, 2, 3, 4], [], [])
     ),
     "a lost start costs one alarm": Case(
-        Told.LEVEL, lambda p: but(on_change(p), 2), ([1, None, 2, 3], [], [2])
+        EnergizingBy.LEVEL, lambda p: but(on_change(p), 2), ([1, None, 2, 3], [], [2])
     ),
     "lost blocks with a start cost none": Case(
-        Told.LEVELS_IN_BLOCK,
+        EnergizingBy.LEVELS_IN_BLOCK,
         lambda p: without(blocks(p, 0.0, 0.35), p[1][0], p[1][0] + 0.8e-3),
         ([1, None, 2, 3], [], []),
     ),
     "a cyclic source that falls silent is not believed": Case(
-        Told.CYCLIC, lambda p: without(cyclic(p, 0.35), 0.19, 1.0), ([1, None, None, None], [], [])
+        EnergizingBy.CYCLIC, lambda p: without(cyclic(p, 0.35), 0.19, 1.0), ([1, None, None, None], [], [])
     ),
-    "repeated and overtaken frames are no command": Case(Told.TIME, repeated, ([1, 2, 3], [], []), 3),
+    "repeated and overtaken frames are no command": Case(EnergizingBy.TIME, repeated, ([1, 2, 3], [], []), 3),
     # an index places them
     "a command may come long after its samples": Case(
-        Told.TIME, lambda p: later(durations(p), 20e-3), ([1, 2, 3], [], []), 3
+        EnergizingBy.TIME, lambda p: later(durations(p), 20e-3), ([1, 2, 3], [], []), 3
     ),
     "a command after its report is not missing too": Case(
-        Told.TIME, with_one_late, ([1, None, 3, 4], [], [2])
+        EnergizingBy.TIME, with_one_late, ([1, None, 3, 4], [], [2])
     ),
     # when energizing started is not known, nor whether it had an injection
     "a level that was high before the first frame misses nothing": Case(
-        *(Told.LEVELS_IN_BLOCK, lambda p: blocks(p, p[1][0] + 0.4e-3, 0.3), ([None, 1], [], []), 3),
+        *(EnergizingBy.LEVELS_IN_BLOCK, lambda p: blocks(p, p[1][0] + 0.4e-3, 0.3), ([None, 1], [], []), 3),
         sent=lambda r, p: misfired(r, (p[1][0], p[1][0] + 5e-3)),
     ),
     # the needle is shut in a legal pause; so it is where one begins 2 ms after a command
     "a window that ends in a pause is seen": Case(
-        Told.LEVEL,
+        EnergizingBy.LEVEL,
         on_change,
         ([1, 3], [2], []),
         injections=3,
@@ -185,13 +185,13 @@ CASES = {
     ),
     # in the pause before its window an injection had no command; not so if blocks were lost
     "protected blocks of a windowed source tell of a pause": Case(
-        Told.SAFE_BLOCK,
+        EnergizingBy.SAFE_BLOCK,
         lambda p: safe_blocks([*p[:2], p[3]], *windows(p)),
         ([1, 2, None, 3], [], [3]),
         sent=lambda r, p: samples(r, *windows(p)),
     ),
     "protected blocks of a windowed source tell of a loss": Case(
-        Told.SAFE_BLOCK,
+        EnergizingBy.SAFE_BLOCK,
         lambda p: without(
             safe_blocks([*p[:2], p[3]], *windows(p)), windows(p)[2][0], windows(p)[2][0] + 0.5e-3
         ),
@@ -254,7 +254,7 @@ def test_it_changes_no_result(tmp_path: Path, kind: str) -> None:
 
 
 def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Path) -> None:
-    core = core_of(pulse_bench(tmp_path, Told.SAFE))
+    core = core_of(pulse_bench(tmp_path, EnergizingBy.SAFE))
     told = safe_durations([(1e-3 * n, 0.5e-3) for n in range(READINGS + 5)])
     block = block_of([BusFrame(one.bus, Frame(one.frame_id, one.payload, one.stamp_ns)) for one in told])
     number = 0
@@ -272,7 +272,7 @@ def test_index_of_a_device_that_restarts(tmp_path: Path, first: int) -> None:
     length = recording.samples / SAMPLE_RATE
     sent = [*samples(recording, index=first), *later(samples(recording), length)]
     told = on_change(pulses, first), later(on_change(pulses), length)
-    assert watch(pulse_bench(tmp_path, Told.LEVEL), sent, *told).energized == ([1, 2, 3, 4], [], [])
+    assert watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, *told).energized == ([1, 2, 3, 4], [], [])
 
 
 def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None:
@@ -282,6 +282,6 @@ def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None
     shut = misfired(recording, (0.0, recording.samples / SAMPLE_RATE))
     sent = [*samples(recording, (0.0, end)), *later(samples(shut), end)]
     told = [*on_change([(0.1, lasts)]), on_change([(start, lasts)])[0]]
-    watched = watch(pulse_bench(tmp_path, Told.LEVEL), sent, told)
+    watched = watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, told)
     assert watched.core.counters.restarts == 1
     assert watched.energized[1] == [1]

@@ -23,7 +23,16 @@ from tests.daemon.participants import (
     serving,
     until,
 )
-from tests.daemon.pulses import BED, Told, durations, injected, misfired, pulse_bench, samples, triple_bench
+from tests.daemon.pulses import (
+    BED,
+    EnergizingBy,
+    durations,
+    injected,
+    misfired,
+    pulse_bench,
+    samples,
+    triple_bench,
+)
 from tests.desk.evaluation.documents import recording_json
 from tests.device import EPOCH, frames_of, merged
 from tests.files.canlog.log_cases import sent_log, write_log
@@ -48,11 +57,16 @@ def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
 @pytest.mark.parametrize(
     ("lines", "mapping", "level", "accuracy"),
     [
-        (Told.LEVEL, "PulseLevel 0x330, Energized, energized while it is not 0", Level.OK, BY_INDEX),
-        (Told.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, BY_INDEX),
-        (Told.LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, BY_INDEX),
-        (Told.TIME_BY_STAMP + "delay_us = 50\n", "energizing time", Level.WARNING, "stamps, 50 us after it"),
-        (Told.CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
+        (EnergizingBy.LEVEL, "PulseLevel 0x330, Energized, energized while it is not 0", Level.OK, BY_INDEX),
+        (EnergizingBy.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, BY_INDEX),
+        (EnergizingBy.LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, BY_INDEX),
+        (
+            EnergizingBy.TIME_BY_STAMP + "delay_us = 50\n",
+            "energizing time",
+            Level.WARNING,
+            "stamps, 50 us after it",
+        ),
+        (EnergizingBy.CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
     ],
 )
 def test_check_says_what_to_expect(
@@ -66,15 +80,15 @@ def test_check_says_what_to_expect(
     [(found, text)] = findings(bench, "time", "opening delays")
     assert found is level
     assert accuracy in text
-    assert bool(findings(bench, "time", "misses shorter energizing")) == (lines == Told.CYCLIC)
+    assert bool(findings(bench, "time", "misses shorter energizing")) == (lines == EnergizingBy.CYCLIC)
 
 
 @pytest.mark.parametrize(
     ("lines", "place", "word"),
     [
         ('message = "PulseVolts"\nsignal = "Volts"\n', "signals.energizing", "'V'"),
-        (Told.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
-        (Told.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
+        (EnergizingBy.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
+        (EnergizingBy.LEVEL + 'time_base = "other"\n', "signals.energizing.index", "stamps"),
         (
             f'message = "SampleBlock"\n{TWO.format("RailPressure")}unit = "-"\n',
             "signals.energizing",
@@ -92,7 +106,7 @@ def test_mistakes_name_the_key(tmp_path: Path, lines: str, place: str, word: str
 
 
 def test_document_of_a_log(tmp_path: Path) -> None:
-    bench = load_bench(pulse_bench(tmp_path, Told.TIME))
+    bench = load_bench(pulse_bench(tmp_path, EnergizingBy.TIME))
     log = tmp_path / "bus.log"
     write_log(log, sent_log(traffic(), EPOCH))
     evaluation = evaluate(bench, [LoggedSignals(bench, log)], learning=False).evaluations[0]
@@ -126,7 +140,9 @@ def test_frames_of_a_recording_say_nothing_of_it(tmp_path: Path, signal: str, co
 
 def test_view_and_status(tmp_path: Path) -> None:
     """Of a daemon on a bench whose status message has the counts."""
-    path = pulse_bench(tmp_path, Told.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n')
+    path = pulse_bench(
+        tmp_path, EnergizingBy.TIME, '[outputs]\nstatus = "BedStatus"\n[learning]\nenabled = false\n'
+    )
     frames = traffic()
     link = ScriptedLink(frames)
     daemon = HeardDaemon(path, link)

@@ -176,7 +176,7 @@ def test_a_line_at_rest_stays_so() -> None:
 
 
 def test_what_leaves_the_line_was_in_it() -> None:
-    """Without a rail to feed it, what the line's fuel expands by is what is injected and what fills the sac."""
+    """Without a rail to feed it, the expansion of the line's fuel is injected or fills the sac."""
     parameters = injector(3e-9, end_volume=2e-8)
     c = effective_model(parameters).coefficients
     line = c.line._replace(a3=1e-9 * c.line.a3)  # so heavy that nothing moves along it

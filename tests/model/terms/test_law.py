@@ -1,4 +1,4 @@
-"""Laws: read and printed, evaluated, what is refused."""
+"""Laws: read and printed, evaluated, refused."""
 
 import pickle
 

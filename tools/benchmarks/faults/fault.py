@@ -10,7 +10,7 @@ from numpy.random import Generator
 
 from observer_rt.bus.mapping.bus_map import BusMap
 from tests.plants.arrays import Array
-from tests.plants.plant import Bench, Measured
+from tests.plants.plant import Bench, Signals
 
 MPA, UM, US, KHZ = 1e6, 1e-6, 1e-6, 1e3
 SCALES = {"MPa": MPA, "um": UM, "us": US, "ms": 1e-3, "kHz": KHZ, "%": 0.01}  # by the first word of a unit
@@ -66,7 +66,7 @@ class BenchFault(Fault):
 class Part:
     """The samples (n,) in which a fault of a sensor is there; current: the coil's, 0 or 1; size in SI."""
 
-    seen: Measured
+    seen: Signals
     current: Array
     size: float
     chance: Generator
@@ -76,7 +76,7 @@ class Part:
 class SensorFault(Fault):
     """Changes signals while it is there, ahead of the noise or after it."""
 
-    change: Callable[[Part], Measured] = lambda part: part.seen
+    change: Callable[[Part], Signals] = lambda part: part.seen
     after_noise: bool = False
 
 
@@ -132,26 +132,26 @@ class PlacedFault:
             return bench
         moments, around = energizing(bench), bench.around
 
-        def step(seen: Measured) -> Measured:
+        def step(seen: Signals) -> Signals:
             return self._seen(seen, moments)
 
         if self.fault.after_noise:
             return replace(bench, around=replace(around, after_noise=(*around.after_noise, step)))
         return replace(bench, around=replace(around, before_noise=(*around.before_noise, step)))
 
-    def _seen(self, seen: Measured, moments: tuple[Array, Array]) -> Measured:
+    def _seen(self, seen: Signals, moments: tuple[Array, Array]) -> Signals:
         assert isinstance(self.fault, SensorFault)
         during = (seen.time >= self.begin) & (seen.time < self.end)
         time = seen.time[during]
         if time.size < 2:
             return seen
         begun, over = (np.searchsorted(t, time, "right") for t in moments)
-        inside = Measured(*(values[during] for values in vars(seen).values()))
+        inside = Signals(*(values[during] for values in vars(seen).values()))
         part = Part(inside, (begun - over).astype(np.float64), self.size * self.fault.scale, self.chance)
         signals = {name: values.copy() for name, values in vars(seen).items()}
         for name, values in vars(self.fault.change(part)).items():
             signals[name][during] = values
-        return Measured(**signals)
+        return Signals(**signals)
 
 
 def energizing(bench: Bench) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ from observer_rt.engine.stream.state import Reason
 from observer_rt.files.replay.framing import Framer, whole
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
-from tests.plants.plant import Measured
+from tests.plants.plant import Signals
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import Fault, Frames, PlacedFault, Sent, Where
 from tools.benchmarks.faults.frames import BLOCK_SAMPLES, with_frame_fault
@@ -89,7 +89,7 @@ class Results:
     crash: str = ""
 
 
-def play(scenario: Scenario, measured: Measured, bench: Bench) -> Results:
+def play(scenario: Scenario, measured: Signals, bench: Bench) -> Results:
     """What the service publishes of a scenario; bench: as the bench file says."""
     bus = map_bus(bench)
     recording = Recording(measured.time, measured.rail_pressure, measured.needle_lift, measured.line_pressure)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tests.plants import plant
 from tests.plants.arrays import Array
-from tests.plants.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, SIGNALS, Measured
+from tests.plants.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, SIGNALS, Signals
 from tools.benchmarks.cases import sign
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import KHZ, US, Part, SensorFault, Stated, Where
@@ -40,10 +40,10 @@ Wave = Callable[[Array, Array, float, Generator], Array]
 """What becomes of a signal (n,): of its times [s], values, a size in SI, and chance."""
 
 
-def on(wave: Wave, *roles: str) -> Callable[[Part], Measured]:
+def on(wave: Wave, *roles: str) -> Callable[[Part], Signals]:
     """The change of some signals by a wave each."""
 
-    def change(part: Part) -> Measured:
+    def change(part: Part) -> Signals:
         time = part.seen.time
         signals = {role: wave(time, getattr(part.seen, role), part.size, part.chance) for role in roles}
         return replace(part.seen, **signals)
@@ -51,7 +51,7 @@ def on(wave: Wave, *roles: str) -> Callable[[Part], Measured]:
     return change
 
 
-def adding(role: str, added: Callable[[Part], Array]) -> Callable[[Part], Measured]:
+def adding(role: str, added: Callable[[Part], Array]) -> Callable[[Part], Signals]:
     """The change of one signal by what all signals and the current add to it."""
     return lambda part: replace(part.seen, **{role: getattr(part.seen, role) + added(part)})
 
@@ -78,10 +78,10 @@ def _pink(time: Array, values: Array, size: float, rng: Generator) -> Array:
     return values + np.asarray(size * noise / np.std(noise), np.float64)
 
 
-def louder(*roles: str, since: float = 0.0) -> Callable[[Part], Measured]:
+def louder(*roles: str, since: float = 0.0) -> Callable[[Part], Signals]:
     """Noise of the plant's kind, `size` times it together with it, from a share of the time on."""
 
-    def change(part: Part) -> Measured:
+    def change(part: Part) -> Signals:
         is_there = np.arange(part.seen.time.size) >= since * part.seen.time.size
         extra = math.sqrt(part.size**2 - 1.0) * part.chance.normal(size=(len(roles), is_there.size))
         signals = {
@@ -118,14 +118,14 @@ _bursts = _at_moments(
 )
 
 
-def dropouts(share: float) -> Callable[[Part], Measured]:
+def dropouts(share: float) -> Callable[[Part], Signals]:
     """All signals at a share of their range for `size` samples, now and then."""
 
     def wave(role: str) -> Wave:
         level = share * (_LOWEST[role] + SPAN[role])
         return _at_moments(20.0, lambda size, *_: round(size), lambda *_: level)
 
-    def change(part: Part) -> Measured:
+    def change(part: Part) -> Signals:
         for role in SIGNALS:
             part = replace(part, seen=on(wave(role), role)(part))
         return part.seen
@@ -133,10 +133,10 @@ def dropouts(share: float) -> Callable[[Part], Measured]:
     return change
 
 
-def edge_spikes(*roles: str) -> Callable[[Part], Measured]:
+def edge_spikes(*roles: str) -> Callable[[Part], Signals]:
     """Spikes of the size, on the lift in proportion, of 1 to 3 samples at every edge of the energizing."""
 
-    def change(part: Part) -> Measured:
+    def change(part: Part) -> Signals:
         signals = {role: getattr(part.seen, role).copy() for role in roles}
         for first in np.flatnonzero(np.diff(part.current)) + 1:
             length, way = int(part.chance.integers(1, 4)), sign(part.chance)
@@ -171,7 +171,7 @@ def _coarse(time: Array, values: Array, size: float, rng: Generator) -> Array:
     return np.asarray(size * np.rint(values / size), np.float64)
 
 
-def few_bits(part: Part) -> Measured:
+def few_bits(part: Part) -> Signals:
     """Converters of `size` bits."""
     ranges = {RAIL: 250e6, LINE: 250e6, LIFT: 500e-6}
     coarse = {
@@ -190,7 +190,7 @@ def _late(time: Array, values: Array, size: float, rng: Generator) -> Array:
     return np.interp(time - size, time, values)
 
 
-def jitter(part: Part) -> Measured:
+def jitter(part: Part) -> Signals:
     """All channels are sampled at moments `size` (one sigma) off."""
     time = part.seen.time
     moments = time + part.chance.normal(0.0, part.size, time.size)
@@ -391,7 +391,7 @@ def _large_ones() -> list[SensorFault]:
             )
             for shape, its_unit, its_sizes, wave, reasons in shapes
         ]  # fmt: skip
-    swaps: dict[str, Callable[[Measured], Measured]] = {
+    swaps: dict[str, Callable[[Signals], Signals]] = {
         "swapped_pressures": lambda m: replace(
             m, rail_pressure=m.line_pressure, line_pressure=m.rail_pressure
         ),

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import Reason
-from tests.observed_plants import Observed, bench_at, observed
+from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import (
     FIRST_EVENT,
@@ -34,7 +34,7 @@ def seen(
     events: int,
     around: Surroundings = Surroundings(),  # noqa: B008
     accuracy_percent: float = 0.0,
-) -> Observed:
+) -> ObservedRun:
     """Single injections at changing operating points, of an injector with such faults."""
     schedule = tuple(
         Event(RAIL_PRESSURES[k % 5], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), faults_at(k))

@@ -8,7 +8,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from observer_rt.model.accuracy import Accuracy
-from tests.observed_plants import Observed, bench_at, observed
+from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings
 
@@ -31,7 +31,7 @@ def seen(
     pressures: tuple[float, ...] = RAIL_PRESSURES,
     dips: bool = False,
     seed: int = 1,
-) -> Observed:
+) -> ObservedRun:
     shots = [(Shot(7e-6 * (k % 5), DURATIONS[k % 3]),) for k in range(EVENTS)]
     events = tuple(Event(pressures[k % len(pressures)], shot, faults) for k, shot in enumerate(shots))
     plant = Bench(injector, Needle(), events, seed=seed)

@@ -83,11 +83,12 @@ class _Event:
 
 @dataclass(frozen=True, eq=False)
 class _Again:
-    """An event run again with theta (m,), which has an error of this covariance (m, m)."""
+    """An event run again with theta (m,), which has an error of this covariance (m, m); rails: of events [p_0]."""
 
     event: Resimulated
     theta: Theta
     covariance: Matrix
+    rails: Sequence[float]
 
 
 class SecondLook:
@@ -171,7 +172,8 @@ class SecondLook:
         unknown = min(event.unknown, self._events[-1].unknown)  # later events told
         systematic = math.hypot(event.systematic, far)
         again = replace(again, systematic=systematic, unknown=unknown, calibration=event.calibration)
-        return _Again(again, theta, gated.covariance + np.diag(event.unseen))
+        rails = [point.rail_pressure for point in learned_at]
+        return _Again(again, theta, gated.covariance + np.diag(event.unseen), rails)
 
 
 class _Listened:
@@ -220,7 +222,8 @@ def _report_by(report: InjectionReport, again: _Again, window: slice, is_judged:
         mass_ci95=(low * report.density, high * report.density),
         peak_rate=float(again.event.run.rate[window].max()),
         indicators=indicators_of(
-            again.theta, again.covariance, report.middle_x, report.middle_u, again.event.calibration
+            *(again.theta, again.covariance, report.middle_x, report.middle_u),
+            *(again.event.calibration, again.rails),
         ),
         budget=budget,
     )

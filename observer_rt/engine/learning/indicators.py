@@ -13,6 +13,7 @@ from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import HIDDEN
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
+SIGNIFICANT = 2.0  # standard deviations, beyond which a nozzle changed otherwise at another rail pressure
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
 LEAST_SEAT_SIGMA = 0.008
 _NOZZLE, _WEIGHTS = int(Parameter.NOZZLE_BIAS), int(Parameter.NOZZLE_WEIGHT)
@@ -44,16 +45,21 @@ def indicators_of(
     x: NDArray[np.float64],
     u: NDArray[np.float64],
     calibration: StatedAccuracy = EXACT,
+    rails: Sequence[float] = (),
 ) -> Indicators:
     """Indicators by theta (m,) at state x (3,) and inputs u (2,), sigmas from its covariance (m, m).
 
-    None but those of nozzle and seat enters Q_H^; these are no better known than the level, by `calibration`.
+    None but those of nozzle and seat enters Q_H^; these are no better known than the level, by `calibration`. rails:
+    pressures [p_0] of recent events; by what the nozzle's change is another there, it is no wear.
     """
     nozzle, slopes = nozzle_change(theta, x, u)
 
     def estimate(effect: str, column: int) -> Estimate:
         if effect == NOZZLE:
-            value, variance = nozzle, None if covariance is None else slopes @ covariance @ slopes
+            value, variance = nozzle, None
+            if covariance is not None:
+                elsewhere = [_elsewhere(theta, covariance, x, u, rail) for rail in rails]
+                variance = slopes @ covariance @ slopes + max(elsewhere, default=0.0)
         else:
             value, variance = theta[column], None if covariance is None else covariance[column, column]
             if variance is not None and effect == SEAT:
@@ -63,6 +69,21 @@ def indicators_of(
         return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
 
     return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown()}
+
+
+def _elsewhere(
+    theta: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    x: NDArray[np.float64],
+    u: NDArray[np.float64],
+    rail: float,
+) -> float:
+    """Square by which the nozzle's change is another at a rail pressure [p_0], beyond what may be an error of it."""
+    here, slopes = nozzle_change(theta, x, u)
+    ratio = rail / max(float(u[0]), LEAST_SAC_PRESSURE)
+    there, others = nozzle_change(theta, ratio * x, np.array([rail, u[1]]))
+    apart = others - slopes
+    return max(float((there - here) ** 2 - SIGNIFICANT**2 * (apart @ covariance @ apart)), 0.0)
 
 
 def nozzle_change(

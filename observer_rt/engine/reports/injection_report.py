@@ -145,7 +145,9 @@ def report_of(
     middle = injection["middle_x"], injection["middle_u"]
     theta = judged.known.in_force if outcome is None else outcome.estimate
     covariance = None if outcome is None else outcome.covariance
-    indicators = indicators_of(theta, covariance, *middle, judged.fuel.constants.calibration)
+    points = () if outcome is None else outcome.knowledge.state.learned.learned_at
+    rails = [point.rail_pressure for point in points]
+    indicators = indicators_of(theta, covariance, *middle, judged.fuel.constants.calibration, rails)
     volume = float(injection["volume"])
     interval, sigma, budget, revised = None, None, None, False
     belongs = injection["event"] == event["number"]

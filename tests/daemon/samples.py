@@ -11,7 +11,7 @@ from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
-from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account.account import Account, MassDoubt
 from observer_rt.engine.learning.account.hypotheses import Mode, Possibility
 from observer_rt.engine.learning.account.scatter import Scatter
 from observer_rt.engine.learning.account.unexplained import UnexplainedPressure
@@ -80,9 +80,9 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
             ),
             settled=(learned,),
             unobjected=4,
-            wander=Wander(point=learned.learned_at[0]),
-            unexplained=UnexplainedPressure(1e-5, 3.0),
-            scatter=Scatter(6.0, 7.0),
+            doubt=MassDoubt(
+                Wander(point=learned.learned_at[0]), UnexplainedPressure(1e-5, 3.0), Scatter(6.0, 7.0)
+            ),
         ),
         noise=noise,
         lag_doubt=no_doubt(PARAMETERS),

@@ -30,7 +30,7 @@ from observer_rt.foundation.file_kinds import LEARNED_STATE, refuse_other_kind
 from observer_rt.foundation.outputs import replacing
 from observer_rt.model.parameters import InjectorParameters
 
-VERSION = 6
+VERSION = 7
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
 LARGEST_FILE = 1 << 20  # bytes, far more than any state takes

@@ -1,6 +1,6 @@
 """Figures of evaluated recordings: curves of some injections, masses and wear of all, as axes and as files."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
+from observer_rt.engine.learning.account.hypotheses import BEFORE
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.foundation.figures import NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
@@ -28,6 +29,8 @@ WEAR = {NOZZLE: ("nozzle flow, v_H", "#d62728", "-"), SEAT: ("seat flow, v_S", "
 PERCENT = 100.0
 DPI = 130
 LEAST_SHOWN = 0.1  # % of a mass: what differs less is drawn as equal
+CERTAIN = 0.95  # probability: where every event is so surely as before, no posterior is drawn
+EXPECTED = "#d9d9d9"  # colour of events as before; other hypotheses have the colours of recordings
 COLUMNS = 4  # of curves side by side
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
@@ -43,6 +46,7 @@ class MassRow:
     valid: bool
     ci95: tuple[float, float] | None = None
     wear: Mapping[str, Estimate] = field(default_factory=dict)
+    posterior: Sequence[tuple[str, float]] = ()
 
 
 @dataclass(frozen=True)
@@ -161,6 +165,25 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
     axes.grid(alpha=0.3)
 
 
+def draw_posterior(axes: Axes, rows: Sequence[MassRow]) -> None:
+    """Probability of every hypothesis of what an event was, stacked, an injection a bar."""
+    table = pd.DataFrame([dict(row.posterior) for row in rows], index=[row.number for row in rows]).fillna(
+        0.0
+    )
+    table = table[[BEFORE.name, *table.columns.drop(BEFORE.name, errors="ignore")]]
+    height = np.zeros(len(table))
+    for name, colour in zip(table, (EXPECTED, *RECORDINGS, *RECORDINGS), strict=False):
+        axes.bar(table.index, table[name], 0.76, height, color=colour, label=name)
+        height += table[name].to_numpy()
+    axes.set(xlabel="injection", ylabel="probability of what\nthe event was", ylim=(0.0, 1.0))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, ncols=6)
+
+
+def _has_doubt(rows: Sequence[MassRow]) -> bool:
+    """Whether an event was perhaps not as before."""
+    return any(row.posterior and dict(row.posterior).get(BEFORE.name, 0.0) < CERTAIN for row in rows)
+
+
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
     """Write the figure of `injections_figure`, format by suffix."""
     save_figure(injections_figure(recordings, reference), path, DPI)
@@ -169,20 +192,27 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
 def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     """Draw curves of injections above, masses and wear of all injections below.
 
-    Several recordings share all axes, each in a colour of its own. reference: what the estimates are compared with
+    One recording shows what its events were, too, where one was perhaps not as before. Several recordings share all
+    axes, each in a colour of its own. reference: what the estimates are compared with
     ("true", "measured").
     """
     numbers = sorted({number for one in recordings for number in one.curves})
     has_line = any(curve.line is not None for one in recordings for curve in one.curves.values())
     has_wear = any(row.wear for one in recordings for row in one.masses)
+    panels: list[tuple[float, Callable[[Axes], None]]] = [
+        (2.9, lambda axes: draw_masses(axes, recordings, reference))
+    ]
+    if has_wear:
+        panels.append((2.6, lambda axes: draw_wear(axes, recordings)))
+    if len(recordings) == 1 and _has_doubt(recordings[0].masses):
+        panels.append((1.6, lambda axes: draw_posterior(axes, recordings[0].masses)))
+    heights = [height for height, _ in panels]
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
     figure = NotebookFigure(
-        figsize=(max(8.8, 4.1 * columns), rows * (3.4 + 2.2 * has_line) + 2.9 + 2.6 * has_wear + 0.8),
+        figsize=(max(8.8, 4.1 * columns), rows * (3.4 + 2.2 * has_line) + sum(heights) + 0.8),
         layout="constrained",
     )
-    parts = figure.add_gridspec(
-        rows + 1, 1, height_ratios=[3.4 + 2.2 * has_line] * rows + [2.9 + 2.6 * has_wear]
-    )
+    parts = figure.add_gridspec(rows + 1, 1, height_ratios=[3.4 + 2.2 * has_line] * rows + [sum(heights)])
     for row in range(rows):
         grid = parts[row].subgridspec(1 + has_line, columns, height_ratios=(3.4, 2.2)[: 1 + has_line])
         for column, number in enumerate(numbers[row * COLUMNS : (row + 1) * COLUMNS]):
@@ -190,13 +220,13 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
             _draw_injection(axes, recordings, number, reference, labelled=column == 0)
             if row == column == 0:
                 _legend(figure, axes, recordings, reference)
-    below = parts[rows].subgridspec(1 + has_wear, 1, height_ratios=(2.9, 2.6)[: 1 + has_wear])
-    masses = figure.add_subplot(below[0])
-    draw_masses(masses, recordings, reference)
-    if has_wear:
-        wear = figure.add_subplot(below[1], sharex=masses)
-        draw_wear(wear, recordings)
-        masses.set_xlabel("")
+    below = parts[rows].subgridspec(len(panels), 1, height_ratios=heights)
+    of_all: list[Axes] = []
+    for number, (_, draw) in enumerate(panels):
+        of_all.append(figure.add_subplot(below[number], sharex=of_all[0] if of_all else None))
+        draw(of_all[-1])
+    for upper in of_all[:-1]:
+        upper.set_xlabel("")
     if len(recordings) == 1:
         figure.suptitle(recordings[0].title, x=0.01, ha="left")
     return figure
@@ -299,4 +329,5 @@ def _mass_row(result: InjectionResult) -> MassRow:
         report.valid,
         report.mass_ci95,
         {effect: report.indicators[effect] for effect in (NOZZLE, SEAT)},
+        report.posterior,
     )

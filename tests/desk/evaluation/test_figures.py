@@ -1,5 +1,7 @@
 """The picture of evaluated recordings: what is drawn can be seen, and nothing lies on anything else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -55,6 +57,20 @@ def test_errors_are_those_of_the_reference_where_there_is_one() -> None:
     draw_masses(axes, [picture("one", reference=1.02)], "measured")
     assert {text.get_text() for text in axes.texts} == {"-0.98"}
     assert "mass error against measured" in axes.get_ylabel()
+
+
+@pytest.mark.parametrize("changed", [0.0, 0.97])
+def test_what_the_events_were_is_drawn_where_one_was_not_as_before(changed: float) -> None:
+    ordinary = picture("one")
+    posterior = (("changed", changed), ("as before", 1.0 - changed))
+    rows = [ordinary.masses[0], replace(ordinary.masses[1], posterior=posterior)]
+    figure = injections_figure([replace(ordinary, masses=rows)], "measured")
+    drawn = [axes for axes in figure.axes if axes.get_ylabel().startswith("probability")]
+    assert len(drawn) == (changed > 0.0)
+    for axes in drawn:
+        bars = [bar for bar in axes.patches if isinstance(bar, Rectangle)]
+        heights = {round(bar.get_x() + 0.5 * bar.get_width()): bar.get_height() for bar in bars[-2:]}
+        assert heights == pytest.approx({1: 0.0, 2: changed})
 
 
 def test_an_interval_that_tells_nothing_does_not_flatten_the_curves() -> None:

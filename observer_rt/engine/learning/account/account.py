@@ -12,19 +12,27 @@ from observer_rt.engine.learning.memory import Count
 
 
 @dataclass(frozen=True, eq=False)
+class MassDoubt:
+    """What makes a mass less certain than a belief says."""
+
+    wander: Wander = field(default_factory=Wander)
+    unexplained: UnexplainedPressure = field(default_factory=UnexplainedPressure)
+    scatter: Scatter = field(default_factory=Scatter)
+
+
+@dataclass(frozen=True, eq=False)
 class Account:
     """Hypotheses, the one that is carried first: one belief in its modes.
 
-    settled: the last beliefs that nothing objected to for some events, which may come back; unobjected: events in a
-    row without objection; wander, unexplained, scatter: what makes a mass less certain than a belief says.
+    settled: the last beliefs that nothing objected to for some events, which may come back, and with them
+    `settled_doubt`; unobjected: events in a row without objection.
     """
 
     hypotheses: tuple[Possibility, ...]
     settled: tuple[LearnedInjector, ...] = ()
     unobjected: Count = 0
-    wander: Wander = field(default_factory=Wander)
-    unexplained: UnexplainedPressure = field(default_factory=UnexplainedPressure)
-    scatter: Scatter = field(default_factory=Scatter)
+    doubt: MassDoubt = field(default_factory=MassDoubt)
+    settled_doubt: MassDoubt = field(default_factory=MassDoubt)
 
     @classmethod
     def of(cls, learned: LearnedInjector) -> "Account":

@@ -135,8 +135,8 @@ def carried_on(found: Sequence[Continued]) -> list[Continued]:
 def settled_after(account: Account, learned: LearnedInjector, is_as_believed: bool) -> Account:
     """Account that remembers a belief with which some events came as believed, and without objection."""
     unobjected = account.unobjected + 1 if is_as_believed else 0
-    settled = account.settled
-    if unobjected >= c.SETTLED_AFTER:
-        others = [each for each in settled if not is_compatible(each.belief, learned.belief)]
-        settled = (learned, *others)[: c.MOST_SETTLED]
-    return replace(account, settled=settled, unobjected=unobjected)
+    account = replace(account, unobjected=unobjected)
+    if unobjected < c.SETTLED_AFTER:
+        return account
+    others = [each for each in account.settled if not is_compatible(each.belief, learned.belief)]
+    return replace(account, settled=(learned, *others)[: c.MOST_SETTLED], settled_doubt=account.doubt)

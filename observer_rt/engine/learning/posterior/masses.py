@@ -110,11 +110,11 @@ def shares_of(mass: EventMass, account: Account, found: ExplainedEvent, systemat
     """
     by_belief = mass.variance(found.carried[0][1].learned.gated.covariance)
     known = by_belief + mass.by_inputs + systematic**2
-    factor = account.scatter.factor
-    whole = known + (factor - 1.0) * by_belief + account.unexplained.variance
+    factor = account.doubt.scatter.factor
+    whole = known + (factor - 1.0) * by_belief + account.doubt.unexplained.variance
     mixed = _between(mass, by_belief, factor, found)
     whole = max(whole + mixed, c.LEAST_OF_MIXED * whole)
-    return Shares(math.sqrt(known), account.wander.widened(whole))
+    return Shares(math.sqrt(known), account.doubt.wander.widened(whole))
 
 
 def _between(mass: EventMass, by_belief: float, factor: float, found: ExplainedEvent) -> float:

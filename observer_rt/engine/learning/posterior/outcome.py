@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c
-from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.hypotheses import BELIEVED, QUICK
+from observer_rt.engine.learning.account.account import Account, MassDoubt
+from observer_rt.engine.learning.account.hypotheses import BELIEVED, QUICK, SETTLED
 from observer_rt.engine.learning.account.velocity import FLOWS, Velocity
 from observer_rt.engine.learning.interval import resimulated
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
@@ -78,12 +78,15 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
 
 
 def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: EventReader) -> Account:
-    """Account after an explained event was compared with what was believed and carried before it."""
+    """Account after an explained event was compared with what was believed and carried before it.
+
+    One that is as when settled is compared with nothing: the doubt of what came after is forgotten, too.
+    """
     (explanation, _), carried, point = found.carried[0], account.lead, found.point
-    first, setting = reader.burn_in, mass.setting
-    unexplained = account.unexplained.after(found.window, setting, mass.theta, first)
-    wander, scatter = account.wander.at(point), account.scatter
-    if explanation.kind in BELIEVED and not carried.learned.is_prior:
+    doubt = account.settled_doubt if explanation.kind is SETTLED else account.doubt
+    unexplained = doubt.unexplained.after(found.window, mass.setting, mass.theta, reader.burn_in)
+    wander, scatter = doubt.wander.at(point), doubt.scatter
+    if explanation.kind in BELIEVED and explanation.kind is not SETTLED and not carried.learned.is_prior:
         theta = carried.learned.theta.copy()
         if carried.velocity is not None:
             theta[list(FLOWS)] += carried.velocity.mean
@@ -91,10 +94,10 @@ def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: 
         if explanation.kind is QUICK:
             belief = belief.widened(reader.widths(QUICK))
         variance = mass.variance(replace(carried.learned, belief=belief).gated.covariance)
-        wander = account.wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
+        wander = wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
     if explanation.score_as_believed is not None:
         scatter = scatter.after(explanation.score_as_believed)
-    return replace(account, unexplained=unexplained, wander=wander, scatter=scatter)
+    return replace(account, doubt=MassDoubt(wander, unexplained, scatter))
 
 
 def _apart(found: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:

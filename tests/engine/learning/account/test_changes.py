@@ -96,3 +96,15 @@ def test_an_injector_that_comes_back_is_known() -> None:
     changed = (BEGINS, BEGINS + 6)
     assert found.valid[WARM:] == [k not in changed for k in range(WARM, BEGINS + 10)]
     assert found.reports[BEGINS + 6].posterior[0][0] == "as when settled"
+
+
+def test_doubt_of_masses_is_forgotten_with_what_came_after() -> None:
+    """Two events whose line pressure is 10 % low are learned as another sensor; then wear goes on, slowly."""
+
+    def faults(k: int) -> Faults:
+        low = -0.1 if k in (BEGINS, BEGINS + 1) else 0.0
+        return Faults(orifice_area=0.008 * max(k - BEGINS - 4, 0), line_pressure_sensor_gain=low)
+
+    found = seen(faults, BEGINS + 16)
+    assert "as when settled" in {report.posterior[0][0] for report in found.reports}
+    assert all(found.valid[BEGINS + 5 :])

@@ -36,9 +36,7 @@ POOLING = 0.85  # weight of the statistics before this event
 # Standard deviations up to which they count, so that a passing trouble is over with the next event.
 REMEMBERED = 5.0
 LARGEST_OFFSET = 1.5e6  # Pa, between line and rail pressure
-# Standard deviations: of the stated accuracy, up to which a gain is a good sensor's; of what of it may be an offset,
-# which is then allowed on top.
-LARGEST_GAIN, UNTOLD = 3.0, 2.5
+UNTOLD = 2.5  # standard deviations of what of a gain may be an offset, which is then allowed on top
 # Of the logarithm of 1 + r; and standard deviations of the line's own inertance.
 LEAST_SCALE, LINE_SCALE = 0.03, 3.0
 LARGEST_LAG = 0.2e-3  # s

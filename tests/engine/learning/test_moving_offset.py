@@ -88,7 +88,7 @@ def test_gains_that_differ_are_shared_between_both_sensors(
         assert high - low < 0.03 * report.mass
 
 
-@pytest.mark.parametrize("share", [0.035, -0.035])
+@pytest.mark.parametrize("share", [0.022, -0.022])
 def test_gains_that_differ_by_much_are_refused_as_an_offset(share: float) -> None:
     evaluation, _ = evaluated(line_gain(share))
     assert {report.reason for report in evaluation.reports[LEARNED:]} == {Reason.PRESSURE_OFFSET}

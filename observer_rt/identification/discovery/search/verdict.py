@@ -14,6 +14,7 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.search.adequacy import cells_of, worst
 from observer_rt.identification.discovery.search.fits import FitMemory, Fitter, best_of_each
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.in_part import with_parts
 from observer_rt.identification.discovery.search.proposals import Proposer
 from observer_rt.identification.discovery.search.results import (
@@ -52,7 +53,7 @@ _PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
 
 _BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
 """Places at which fuel may leave, or seem to, while the needle is shut."""
-RANKED, MOST_PROPOSED = 8, 4  # candidates and laws listed
+RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
 MASS_APART = 0.3 * MILLIGRAM  # kg of an injection, from which on laws that explain as much leave it open
 MODEL_SHARE = 0.01
 """Standard deviation of a size, as a share: a fitted model answers to an effect no more exactly than to an injection.
@@ -295,7 +296,7 @@ class _Verdict:
         """The winner's effects. explained: share of the disagreement."""
         winner = self._found.winner
         whole, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
-        gains = [self._gain(effect_id) for effect_id in winner.ids]
+        gains = [self._gain(number) for number in range(len(winner.ids))]
         result = []
         for number, (effect, gain) in enumerate(zip(winner.hypothesis.effects, gains, strict=True)):
             instead = [
@@ -313,11 +314,15 @@ class _Verdict:
             )
         return tuple(result)
 
-    def _gain(self, effect_id: str) -> float:
+    def _gain(self, number: int) -> float:
         """Rise of -2 log L without one of the winner's effects."""
         winner = self._found.winner
-        rest = frozenset(winner.ids) - {effect_id}
-        return min(one.statistic for one in self._found.fitted if rest == set(one.ids)) - winner.statistic
+        effects, sizes = winner.hypothesis.effects, list(winner.hypothesis.split(winner.theta))
+        rest = Hypothesis(effects[:number] + effects[number + 1 :])
+        known = [one for one in self._found.fitted if set(one.ids) == set(rest.ids)]
+        del sizes[number]  # of two out of three nobody fitted what the search did not ask for
+        known = known or [*self._fitter.laws([(rest, np.concatenate(sizes))]), self._found.nominal]
+        return min(one.statistic for one in known) - winner.statistic
 
     def _with_intervals(self, one: Candidate) -> Candidate:
         """A candidate with the intervals of its sizes: by the information at the minimum, by how much the effect
@@ -336,9 +341,9 @@ class _Verdict:
         return consequence([recorded.measurement for recorded in self._likelihood.recordings], before, after)
 
     def _ranking(self) -> tuple[Candidate, ...]:
-        """Leaders by -2 log L, the winner, its rivals and the nominal model among them."""
+        """Leaders by what they cost, the winner, its rivals and the nominal model among them, by -2 log L."""
         found = self._found
-        leaders = best_of_each(found.fitted, attrgetter("statistic"))[:RANKED]
+        leaders = best_of_each(found.fitted, attrgetter("price"))[:RANKED]
         shown = (*leaders, found.winner, *self._names, *found.left, found.nominal)
         chosen = {one.key: one for one in shown}.values()
         return tuple(

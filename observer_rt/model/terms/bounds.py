@@ -2,7 +2,8 @@
 
 At run time a term is held within its equation's bounds. One that is far beyond them somewhere, or undefined, is
 refused. Feedback of a term on itself is limited: with the line of the nominal injector each limit lets a disturbance
-grow by a factor of e in 11 ms, where nothing else damps it.
+grow by a factor of e in 11 ms, where nothing else damps it; in
+1.9 ms, as long as an injection, at 100 mm3/ms.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from observer_rt.model.terms.variable import Variable
 
 FAR = 5.0  # times the equation's bounds
 LEAST_LOSS_SLOPE = -0.005  # of the pressure lost by line_flow, the line's own included, MPa/(mm3/ms)
+FLOWING_SLOPE = -2.4e-4  # that more of it is left to each mm3/ms that flows: an injection is soon over
 LEAST_OUTFLOW_SLOPE = -0.1  # of the outflow by line_pressure, mm3/ms/MPa
 LARGEST_REST = 0.01  # mm, by which a needle seen to be shut may be held open
 _FEEDBACK = {
@@ -104,16 +106,16 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
             problem = f"holds a shut needle open by {held[at]:.3g} mm, more than {LARGEST_REST:g},"
             raise _unsound(term, domain, at, problem, "multiply by open what holds while it is open only")
     if term.equation in _FEEDBACK:
-        variable, least = _FEEDBACK[term.equation]
-        damping = domain.friction * np.abs(domain.points[Variable.LINE_FLOW.word])
+        variable, lowest = _FEEDBACK[term.equation]
+        flow, least = np.abs(domain.points[Variable.LINE_FLOW.word]), np.full(_POINTS, lowest)
         for law in dict.fromkeys((term.law, term.law.settled())):
             slope = _slope(law, variable, term, domain)
             if term.equation is TermEquation.LINE_FLOW:
-                slope = slope + damping
-            at = int(np.argmin(slope))
-            if slope[at] < least - _ROUNDED:
+                slope, least = slope + domain.friction * flow, lowest + FLOWING_SLOPE * flow
+            at = int(np.argmin(slope - least))
+            if slope[at] < least[at] - _ROUNDED:
                 fall = f"{-slope[at]:.3g} {term.equation.unit} per {variable.unit} of {variable.word}"
-                problem = f"falls by {fall}, more than {-least:g}, so that it feeds back on itself,"
+                problem = f"falls by {fall}, more than {-least[at]:.3g}, so that it feeds back on itself,"
                 raise _unsound(term, domain, at, problem)
 
 

@@ -119,7 +119,7 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
         ("needle_lift", "0.05", 1.0, "holds a shut needle open by 0.05 mm, more than 0.01"),
         ("rail_pressure", "c * rail_pressure", -0.5, "is -125 MPa"),
         ("line_flow", "-0.006 * line_flow", 1.0, "falls by 0.006 MPa per mm3/ms of line_flow"),
-        ("line_flow", "-2e-4 * line_flow * abs(line_flow)", 1.0, "at line_flow = 150"),
+        ("line_flow", "-4e-4 * line_flow * abs(line_flow)", 1.0, "at line_flow = 150"),
         ("line_flow", "-0.006 * lagged(line_flow, 5)", 1.0, "feeds back"),
         ("line_pressure", "-0.11 * line_pressure", 1.0, "falls by 0.11 mm3/ms per MPa of line_pressure"),
         ("line_pressure", "c * sqrt(line_pressure - chamber_pressure)", -0.4, "feeds back"),

@@ -35,6 +35,7 @@ class Shape(Enum):
     STEP = "step"
     BUMP = "bump"
     RINGING = "ringing"
+    SATURATION = "saturation"
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class Axis:
             *(
                 [] if self is PRESSURE else [Form("exp(-((u - A)/W)^2)", (places, widths[1:]), Shape.BUMP)]
             ),  # few are tried
-            *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3")),
+            *(Form(law) for law in ("1", "u", "u*abs(u)", "u^3", "sqrt(u)")),
+            *(Form(law, (widths,), Shape.SATURATION) for law in ("u/(abs(u) + A)", "1 - exp(-abs(u)/A)")),
             *(self._even_and_odd(places, widths) if self.knots[0] < 0.0 else ()),
             *([RINGING] if self is SINCE else []),
         )

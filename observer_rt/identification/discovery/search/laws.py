@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from operator import attrgetter
 
@@ -19,7 +20,7 @@ from observer_rt.identification.discovery.search.tables import tables
 from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.identification.likelihood.likelihood import Pool
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import TermLaw, term_effect
+from observer_rt.model.term_effect import TermLaw, is_term, term_effect
 from observer_rt.model.terms.term import TermEquation
 
 REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
@@ -103,15 +104,32 @@ class LawSearch:
         """effects: with one size each, of the library and of the vocabulary."""
         self._fits, self._effects, self._is_adequate = fits, tuple(effects), adequate
         self._nothing = fits.nothing()
-        self._first: Scores | None = None  # of the model as it is
         self._curves: dict[tuple[tuple[str, ...], tuple[TermEquation, ...]], list[FreeCurve]] = {}
+
+    @cached_property
+    def _alone(self) -> list[Candidate]:
+        """Fits of an effect, or two of one equation, beside nothing else."""
+        return self._next(self._nothing)
+
+    def leaves_nothing_to(self, single: Candidate) -> bool:
+        """Whether an effect explains the recordings alone, and twice as much as a single name, and beside it no name
+        promises as much as decides: no two names would do as well."""
+        best = self._simplest(self._alone)
+        explained = self._nothing.statistic - best.statistic
+        if not self._is_adequate(best) or self._nothing.statistic - single.statistic > 0.5 * explained:
+            return False
+        again = self._scored_again(best)
+        names = [
+            gain for effect, gain in zip(again.effects, again.validated, strict=True) if not is_term(effect)
+        ]
+        return max(names, default=0.0) < TIE * best.spread
 
     def run(self, near: Sequence[Candidate] = ()) -> Laws:
         """See `Laws`. near: found together before, to which one may be wanting."""
         best, tried = self._nothing, list[Candidate]()
         adequate = self._is_adequate(best)
         if not adequate:
-            tried = self._next(best)
+            tried = [*self._alone]
             firsts = [*self._firsts(tried), *near]
             for first in sorted(firsts, key=lambda one: (not self._is_adequate(one), one.price)):
                 grown = self._grown(first, tried)
@@ -166,15 +184,23 @@ class LawSearch:
 
     def _scores(self, about: Candidate) -> Scores:
         """Scores about a fit, further ones of the effects that promise most by their first signatures."""
-        if self._first is None:
-            self._first = self._fits.scores(about, self._effects)
+        if not about.ids:
             return self._first
-        first, here = self._first, self._fits.residuals(about)
-        assert here is not None  # it was fitted
-        again = scored(first.effects, first.numbers, first.slopes, here)
-        promising = (first.effects[row] for row in np.argsort(-again.validated).tolist())
+        again = self._scored_again(about)
+        promising = (again.effects[row] for row in np.argsort(-again.validated).tolist())
         others = [one for one in promising if one.id not in about.ids]
         return self._fits.scores(about, others[:SHORTLIST])
+
+    @cached_property
+    def _first(self) -> Scores:
+        """Scores of all effects about the model as it is."""
+        return self._fits.scores(self._nothing, self._effects)
+
+    def _scored_again(self, about: Candidate) -> Scores:
+        """Scores about a fit by the first signatures."""
+        first, here = self._first, self._fits.residuals(about)
+        assert here is not None  # it was fitted
+        return scored(first.effects, first.numbers, first.slopes, here)
 
     def _added(self, about: Candidate, scores: Scores, rows: Sequence[tuple[int, ...]]) -> list[Candidate]:
         """Fits with the effects of these rows more, from what their signatures say of their sizes."""

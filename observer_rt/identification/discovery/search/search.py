@@ -112,7 +112,8 @@ class Search:
         single = self._best(singles, nominal, best, ratio)
         if single is not None:
             best, ratio = single, self._ratio(single)
-        pairs = self._pairs(singles, best, ratio)
+        by_law = ratio > 1.0 and self._law_search.leaves_nothing_to(singles[0])
+        pairs = [] if by_law else self._pairs(singles, best, ratio)
         pair = self._best(pairs, nominal, best, ratio, singles)
         if pair is not None:
             best, ratio = pair, self._ratio(pair)
@@ -149,12 +150,16 @@ class Search:
         scores = self._fitter.scores(best, self._library)
         return bool(np.max(scores.validated, initial=0.0) > UNNAMED * best.spread)
 
-    def _laws(self, pairs: Sequence[Candidate]) -> Laws:
-        """Laws beside effects of one size; a third is sought beside the best pair, too."""
+    @cached_property
+    def _law_search(self) -> LawSearch:
+        """Laws beside effects of one size."""
         named = (effect for effect in self._effects if len(effect.parameters) == 1)
-        effects = [*self._library, *named]
+        return LawSearch(self._fitter, [*self._library, *named], self._adequate)
+
+    def _laws(self, pairs: Sequence[Candidate]) -> Laws:
+        """Laws; a third is sought beside the best pair, too."""
         near = sorted((one for one in pairs if len(one.sizes) == PAIR), key=attrgetter("price"))[:1]
-        return LawSearch(self._fitter, effects, self._adequate).run(near)
+        return self._law_search.run(near)
 
     def _posterior(
         self, best: Candidate, explains: Sequence[Candidate]

@@ -20,7 +20,6 @@ from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
 from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.signals import Role, SignalConfig
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
 SIGNALS = "".join(
     f'[signals.{role}]\nmessage = "SampleBlock"\npattern = "{name}_{{:02d}}"\n'
@@ -104,14 +103,6 @@ def test_example_bench_shows_every_key_with_its_default(tmp_path: Path) -> None:
     for section in ("link", "sampling", "noise", "outputs", "learning"):
         model = type(getattr(defaults, section))
         assert set(shown[section]) == {n for n, f in model.model_fields.items() if f.default is not None}
-
-
-def test_example_injector_is_the_nominal_one() -> None:
-    injector = load_injector(NOMINAL_INJECTOR)
-    assert injector.line_outflow is LineOutflow.NOZZLE
-    assert injector.line.model == "lump"
-    assert injector.nozzle.sac_volume == 75e-9
-    assert injector.chamber.pressure == 5e6
 
 
 def test_files_are_found_beside_the_bench_file(tmp_path: Path) -> None:
@@ -209,14 +200,3 @@ def test_for_files_a_layout_is_all_it_takes(
     example = load_bench().injector.config
     assert config.signals.needle_lift == example.signals.needle_lift.model_copy(update={"delay_us": 20.0})
     assert config.sampling == example.sampling
-
-
-def test_outflow_by_name(tmp_path: Path) -> None:
-    path = injector_file(tmp_path, "[fluid]", 'line_outflow = "seat"\n[fluid]')
-    assert load_injector(path).line_outflow is LineOutflow.SEAT
-
-
-def test_parameters_do_not_change_once_read() -> None:
-    injector: InjectorParameters = load_injector()
-    with pytest.raises(ValueError, match="frozen"):
-        injector.line.volume = 1.0

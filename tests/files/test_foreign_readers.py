@@ -8,13 +8,12 @@ from pathlib import Path
 import can
 import cantools.database
 import numpy as np
-import pandas as pd
 import pytest
 from asammdf import MDF
 from cantools.database.can import Database
 
 from observer_rt.config.bench import load_bench
-from observer_rt.files.formats import open_log, open_writer, read_recording, write_recording
+from observer_rt.files.formats import open_log, open_writer
 from tests.daemon.participants import bench_file
 from tests.device import frames_of, worn_recording
 from tests.files.traffic import BEGIN, Observed, traffic, write_log
@@ -22,9 +21,6 @@ from tests.pages import ROOT, Page
 
 DATABASE = ROOT / "dbc" / "observer_fd.dbc"
 NO_RATE = 555.34  # mm3/ms, beyond which lies the code for it
-RATES = [f"InjectionRate_{number:02}" for number in range(28)]
-DENSITY = 0.83  # mg/mm3, of the example injector's fuel
-PERIOD = 0.02  # ms, of a sample
 
 
 @pytest.fixture(scope="module")
@@ -60,21 +56,6 @@ def decoded(messages: Iterator[can.Message], name: str) -> list[dict[str, float]
     ]
 
 
-@pytest.mark.parametrize("suffix", [".log", ".blf", ".asc"])
-def test_python_can_and_cantools_find_the_mass_in_the_rates(log: Path, suffix: str) -> None:
-    """The sum of the rates over an injection's samples is the mass that its summary states."""
-    path = converted(log, suffix)
-    with can.LogReader(path) as reader:
-        messages = list(reader)
-    rates = np.array([[frame[name] for name in RATES] for frame in decoded(iter(messages), "InjectionRate")])
-    summaries = decoded(iter(messages), "InjectionSummary")
-    assert [summary["InjectionNumber"] for summary in summaries] == [1, 2, 3, 4]
-    assert [bool(summary["Valid"]) for summary in summaries][2:] == [True, True]
-    for summary in summaries:
-        injected = rates.ravel()[int(summary["SampleIndex"]) : int(summary["EndIndex"]) + 1]
-        assert injected.sum() * PERIOD * DENSITY == pytest.approx(summary["Mass"], rel=0.002)
-
-
 def test_asammdf_decodes_a_log_by_our_database(log: Path) -> None:
     with can.LogReader(log) as reader:
         expected = decoded(iter(reader), "InjectionRate")
@@ -89,22 +70,6 @@ def test_asammdf_decodes_a_log_by_our_database(log: Path) -> None:
             assert np.isnan(values[0])  # before the observer has settled
             np.testing.assert_allclose(rate.samples, values, atol=0.006)
         assert signals.get("Mass").unit == "mg"
-
-
-def test_asammdf_and_pandas_read_recordings_with_their_units(tmp_path: Path) -> None:
-    recording = worn_recording(2)
-    write_recording(tmp_path / "worn.mf4", recording)
-    write_recording(tmp_path / "worn.parquet", recording)
-    with MDF(tmp_path / "worn.mf4") as file:
-        for name, unit in (("rail_pressure", "Pa"), ("needle_lift", "m"), ("line_pressure", "Pa")):
-            channel = file.get(name)
-            assert channel.unit == unit
-            np.testing.assert_array_equal(channel.samples, getattr(recording, name))
-            np.testing.assert_allclose(channel.timestamps, recording.time, atol=1e-12)
-    table = pd.read_parquet(tmp_path / "worn.parquet")
-    np.testing.assert_array_equal(
-        table["line_pressure_Pa"], read_recording(tmp_path / "worn.mf4").line_pressure
-    )
 
 
 def test_the_programs_of_the_page(log: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Drives the alignment as the service does, with samples whose values tell where they belong."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -76,14 +76,12 @@ class Block:
 class Aligner:
     """The alignment driven as the service does it.
 
-    `roles` of every message; `bad` values instead of those of a role at an index; the functions are for mutants.
+    `roles` of every message; `bad` values instead of those of a role at an index.
     """
 
     roles: Sequence[Sequence[int]]
     rows: list[Row] = field(default_factory=list)
     bad: dict[tuple[int, int], float] = field(default_factory=dict)
-    place_at: Callable[[int], int] = lambda index: index
-    role_of: Callable[[int], int] = lambda role: role
 
     def __post_init__(self) -> None:
         self._alignment = make_alignment([None] * len(self.roles), CLOSED_LIFT, make_recorded())
@@ -98,7 +96,7 @@ class Aligner:
                     if k >= block.count - block.missing:
                         number = np.nan
                     number = self.bad.get((role, block.index + k), number)
-                    store_value(self._alignment, self.place_at(start + k), self.role_of(role), number)
+                    store_value(self._alignment, start + k, role, number)
             decide_samples(self._alignment)
         take_rows(self._alignment, self.rows)
         return Placing(placing)

@@ -1,6 +1,6 @@
 """Alignment under any sequence of faults, against a plain reference made of sets and sorting."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,11 +146,6 @@ def test_any_faults_of_one_message(blocks: list[Block]) -> None:
     compare(Aligner(ONE).take_all(blocks), reference(ONE, blocks))
 
 
-@given(traffic([4, 4, 4]))
-def test_any_faults_of_three_messages(blocks: list[Block]) -> None:
-    compare(Aligner(THREE).take_all(blocks), reference(THREE, blocks))
-
-
 @given(traffic([4, 6, 3]))
 def test_any_faults_of_three_messages_of_different_length(blocks: list[Block]) -> None:
     compare(Aligner(THREE).take_all(blocks), reference(THREE, blocks))
@@ -186,22 +181,3 @@ def test_any_restarts(epochs: list[tuple[int, list[str]]], roles: list[list[int]
                 for epoch in range(len(epochs))
             ]
             assert row.values in of_epoch
-
-
-@pytest.mark.parametrize(
-    "mutant",
-    [
-        {"place_at": lambda index: index + 1},
-        {"place_at": lambda index: index - 1},
-        {"role_of": lambda role: (1, 0, 2)[role]},
-        {"role_of": lambda role: (0, 2, 1)[role]},
-    ],
-    ids=["one late", "one early", "rail and lift swapped", "lift and line swapped"],
-)
-@pytest.mark.parametrize("roles", [ONE, THREE], ids=["one message", "three messages"])
-def test_mutations_are_caught(roles: list[list[int]], mutant: dict[str, Callable[[int], int]]) -> None:
-    """So that the comparison above can fail."""
-    blocks = [Block(m, start, 9) for start in range(0, 90, 9) for m in range(len(roles))]
-    compare(Aligner(roles).take_all(blocks), reference(roles, blocks))
-    with pytest.raises(AssertionError):
-        compare(Aligner(roles, **mutant).take_all(blocks), reference(roles, blocks))  # type: ignore[arg-type]

@@ -70,34 +70,6 @@ def test_only_the_protected_length_counts() -> None:
     assert not check_frame(buffer, 64, protection_of(PROFILE_5, DATA_ID))
 
 
-def test_every_single_bit_flip_is_caught() -> None:
-    frame = protected()
-    for bit in range(8 * 64):
-        frame[bit // 8] ^= 1 << (bit % 8)
-        assert not check_frame(frame, 64, protection_of(PROFILE_5, DATA_ID)), f"bit {bit}"
-        frame[bit // 8] ^= 1 << (bit % 8)
-    assert check_frame(frame, 64, protection_of(PROFILE_5, DATA_ID))
-
-
-@pytest.mark.parametrize("first", range(0, 64, 9))
-def test_bursts_up_to_sixteen_bits_are_caught(first: int) -> None:
-    frame = protected()
-    for burst in range(1, 1 << 16, 97):
-        damaged = frame.copy()
-        damaged[first % 63] ^= burst & 0xFF
-        damaged[first % 63 + 1] ^= burst >> 8
-        assert not check_frame(damaged, 64, protection_of(PROFILE_5, DATA_ID))
-
-
-def test_another_messages_frame_is_caught() -> None:
-    frame = protected()
-    assert not any(
-        check_frame(frame, 64, protection_of(PROFILE_5, other))
-        for other in range(0x10000)
-        if other != DATA_ID
-    )
-
-
 def test_frames_of_the_wrong_length_fail() -> None:
     frame = protected()
     assert not check_frame(frame, 63, protection_of(PROFILE_5, DATA_ID))
@@ -121,17 +93,6 @@ def test_every_counter_boundary(profile: int, modulus: int, most: int) -> None:
 def test_the_first_frame_is_initial_whatever_its_counter(counter: int) -> None:
     assert status_by_counter(counter, counter, False, 1, PROFILE_5) == E2EStatus.INITIAL
     assert status_by_counter(counter, 0, False, 1, PROFILE_5) == E2EStatus.INITIAL
-
-
-def test_profile_1_catches_every_flipped_bit_and_every_burst_of_eight_bits_in_the_contents() -> None:
-    frame = np.arange(8, dtype=np.uint8)
-    protect_frame(frame, 8, protection_of(PROFILE_1, DATA_ID), 7)
-    good = int.from_bytes(frame.tobytes(), "big")
-    bursts = [burst << first for first in range(49) for burst in range(1, 256, 2)]
-    for damage in (*bursts, *(1 << bit for bit in range(64))):
-        assert not check_frame(
-            frame_of((good ^ damage).to_bytes(8, "big")), 8, protection_of(PROFILE_1, DATA_ID)
-        ), hex(damage)
 
 
 def test_profile_1_needs_two_bytes() -> None:

@@ -166,14 +166,6 @@ def test_many_injections_are_written_in_several_batches(path: Path, journal: Jou
     assert journal.written == 1201
 
 
-def test_it_is_read_while_it_is_written(path: Path, journal: JournalWriter) -> None:
-    write(journal, 1)
-    with reading_journal(path) as content:
-        write(journal, 2)
-        assert len(list(content.injections())) == 1  # one state of the file
-    assert numbers(path) == [1, 2]
-
-
 def test_a_file_that_is_moved_away_is_whole_and_a_new_one_begun(path: Path, journal: JournalWriter) -> None:
     write(journal, 1)
     moved = path.with_name("old.sqlite")

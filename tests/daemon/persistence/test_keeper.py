@@ -59,15 +59,6 @@ def learner(bench: Bench, tmp_path: Path) -> Kept:
     return Kept(bench, tmp_path)
 
 
-def test_what_is_learned_is_saved_while_running(learner: Kept) -> None:
-    with learner.kept() as keeper:
-        assert keeper.state == learner.path
-        for events in range(2, 5):
-            learner.learn(events)
-    assert learner.messages[-1] == f"learned state saved in {learner.path}"
-    assert [*learner.path.parent.iterdir()] == [learner.path]
-
-
 def test_the_last_save_is_made_whether_or_not_anything_was_learned(learner: Kept) -> None:
     with learner.kept():
         time.sleep(2 * INTERVAL)

@@ -2,10 +2,6 @@
 
 import hashlib
 import json
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -300,49 +296,6 @@ def test_what_could_not_be_restored_does_not_replace_a_good_file(state: StateFil
     with pytest.raises(RunError, match="not finite"):
         state.save(with_learned(good, belief=belief))
     assert state.holds(good)
-
-
-KILLED_BEFORE_RENAME = """
-import os, signal, sys
-from pathlib import Path
-from observer_rt.config.bench import load_injector
-from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.learning.knowledge import no_knowledge
-from observer_rt.daemon.persistence.state_file import save_knowledge
-os.replace = lambda source, target: os.kill(os.getpid(), signal.SIGKILL)
-save_knowledge(Path(sys.argv[1]), no_knowledge(NoiseLevels(1e5, 1e5, 1e-6), 1e8), load_injector())
-"""
-
-
-def test_a_kill_before_the_rename_leaves_the_old_file(state: StateFile) -> None:
-    old = state.save()
-    command = [sys.executable, "-c", KILLED_BEFORE_RENAME, str(state.path)]
-    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
-    assert state.holds(old)
-    assert state.holds(
-        state.save(some_knowledge(2))
-    )  # what the killed process left behind is in nobody's way
-    assert [path for path in state.path.parent.iterdir() if path.name[0] != "."] == [state.path]
-
-
-def test_a_failed_write_leaves_the_old_file(state: StateFile, monkeypatch: pytest.MonkeyPatch) -> None:
-    old = state.save()
-
-    def disk_is_full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", disk_is_full)
-    with pytest.raises(RunError, match="No space left"):
-        state.save(some_knowledge(2))
-    assert state.holds(old)
-    assert [*state.path.parent.iterdir()] == [state.path]
-
-
-def test_a_symbolic_link_stays_one(state: StateFile, tmp_path: Path) -> None:
-    (tmp_path / "link.json").symlink_to(state.path)
-    save_knowledge(tmp_path / "link.json", some_knowledge(), MODEL)
-    assert (tmp_path / "link.json").is_symlink()
-    assert state.holds(some_knowledge())
 
 
 def test_paths_that_are_no_file(tmp_path: Path) -> None:

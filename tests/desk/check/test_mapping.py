@@ -6,7 +6,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role
 from observer_rt.desk.check.findings import Finding, Level
-from observer_rt.desk.check.injector import channel_findings, observer_findings, time_findings
+from observer_rt.desk.check.injector import channel_findings, time_findings
 from tests.benches import bench_with
 from tests.daemon.time_frames import write_time_bench
 from tests.daemon.time_scenarios import NIBBLE, ONE_BASE, SLOW, STAMPS, TWO_BASES, slow
@@ -52,15 +52,3 @@ def test_what_is_stated_is_said_channel_by_channel() -> None:
     assert "lag of 15.9 us" in found[0].text
     assert "22.5 us late" in found[1].text
     assert "lag" not in found[1].text
-
-
-def test_the_dead_band_is_that_of_the_louder_lift() -> None:
-    """0.4 um times sqrt(1 + (15.9 us / 10 us)^2 / 2), five times; and one sample more must be known."""
-    plain, slow = (
-        {one.topic: one.text for one in observer_findings(bench.injector)}
-        for bench in (load_bench(), bench_with(needle_lift={"lag_us": 15.9}))
-    )
-    assert "opens above 2 um" in plain["dead band"]
-    assert "opens above 3.01 um" in slow["dead band"]
-    before, after = (int(texts["look-ahead"].split()[0]) for texts in (plain, slow))
-    assert after == before + 1

@@ -50,13 +50,6 @@ def test_evaluate_does_not_wait_for_libraries_of_other_formats(resting: Path) ->
     assert re.fullmatch(r"set\(\) [\d.]+", done.stderr.splitlines()[-1])
 
 
-def test_as_a_module_mistake_of_the_user() -> None:
-    process = module("evaluate", "nowhere.csv")
-    said = "error: nowhere.csv: no such file or folder\n  remedy: check the path\n"
-    assert process.communicate() == ("", said)
-    assert process.returncode == 2
-
-
 def test_results_that_cannot_be_written() -> None:
     with Path("/dev/full").open("w") as full:
         process = module("run", "--print-example-bench", stdout=full.fileno())

@@ -196,15 +196,6 @@ def test_the_interface_is_brought_up_as_check_tells(tmp_path: Path) -> None:
     assert next(line for line in NOT_RUN if "ip link add vcan0" in line) in str(missing)
 
 
-def test_the_state_section_is_one(tmp_path: Path) -> None:
-    (section,) = (block for block in Page("docs/journal.md").indented() if block.startswith("[state]"))
-    path = tmp_path / "bench.toml"
-    text = re.sub(r"^\[state\]\n(?:.+\n)*", "", EXAMPLE_BENCH.read_text(), flags=re.M)
-    path.write_text(text + section)
-    fitted = load_bench(path).injector
-    assert (fitted.state, fitted.journal) == (tmp_path / "learned.json", tmp_path / "injections.sqlite")
-
-
 def test_the_keys_of_a_signal_are_those_there_are() -> None:
     text = Page("docs/time.md").text
     keys = set(re.findall(r"`(\w+_(?:us|ms|hz|base)|index|counter)\b", text))
@@ -387,7 +378,7 @@ def test_the_commands_on_several_injectors(
     for line in several_injectors.PAGE.commands:
         if line.startswith("observer-rt ") and not needs_bus(line):
             command.done(*words_of(line)[0])
-    assert {"engine_left.png", "engine_right.png", "right.csv"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"left.png", "right.csv"} <= {path.name for path in tmp_path.iterdir()}
     assert read_recording(tmp_path / "right.csv").samples > 10_000
 
 

@@ -38,18 +38,6 @@ def indices(messages: list[can.Message]) -> list[int]:
     return [int(BLOCK.decode(bytes(m.data), scaling=False)["SampleIndex"]) for m in messages]
 
 
-def test_recording_arrives_block_by_block(command: Command, bus: can.BusABC, worn: Path) -> None:
-    outcome = command.done("replay", worn, *ON_BUS, "--speed", "0")
-    messages = received(bus)
-    samples = len(worn.read_text().splitlines()) - 1
-    assert indices(messages) == list(range(0, samples, 9))
-    assert all(m.is_fd and m.arbitration_id == BLOCK.frame_id for m in messages)
-    assert f"{len(messages)} frames" in outcome.out
-    values = BLOCK.decode(bytes(messages[0].data))
-    first = worn.read_text().splitlines()[1].split(",")
-    assert values["RailPressure_00"] == pytest.approx(float(first[1]), abs=0.0025)
-
-
 def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -> None:
     part = ("--start", "0.1", "--stop", "0.11", "--loop", "2", "--json")
     outcome = command.done("replay", worn, *ON_BUS, "--speed", "1", *part)

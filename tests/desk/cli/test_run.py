@@ -9,11 +9,10 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 
-from observer_rt.bus.links.link import Frame, Link, LinkDownError
+from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.config.bench import (
     EXAMPLE_BENCH,
     NOMINAL_INJECTOR,
@@ -118,47 +117,6 @@ def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
     outcome, heard = run_and_stop(command, bench, worn, signal.SIGTERM)
     assert "learned with all the same" in outcome.err
     assert valid_injections(heard) == [0, 0, 1, 1]
-
-
-def test_link_that_fails_ends_with_the_state_saved(
-    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    state = tmp_path / "learned.json"
-    give_link(monkeypatch, ScriptedLink(frames_of(bench, worn), RunError("vcan9 went away")))
-    outcome = command("run", "--bench", bench, "--state", state)
-    assert outcome.code == 1
-    assert "error: vcan9 went away" in outcome.err
-    restored = load_knowledge(state, load_injector()).knowledge
-    assert restored is not None
-    assert restored.state.events == 4
-
-
-def test_trouble_on_the_link_is_told(
-    command: Command, bench: Path, worn: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class TroubledLink(ScriptedLink):
-        warnings = ("a small receive buffer",)
-        failures: ClassVar = [LinkDownError("vcan9 is down"), RunError("vcan9 failed for good")]
-
-        def receive(self, timeout_s: float) -> Frame | None:
-            frame = super().receive(0.0)
-            if frame is None:
-                raise self.failures.pop(0)
-            return frame
-
-    give_link(monkeypatch, TroubledLink(frames_of(bench, worn)))
-    outcome = command("run", "--bench", bench)
-    assert outcome.code == 1
-    channel = load_bench(bench).config.link.channel
-    told = [
-        "WARNING link: a small receive buffer",
-        "ready",
-        "vcan9 is down",
-        f"{channel} is back",
-        "for good",
-    ]
-    places = [outcome.err.index(text) for text in told]
-    assert places == sorted(places)
 
 
 def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench: Path, worn: Path) -> None:

@@ -110,13 +110,3 @@ def test_rates_are_those_of_quick_channels_at_their_times() -> None:
     quick = rmse(bench_with(**keys(on_time)), recorded(on_time))
     assert rmse(bench_with(**keys(LATE)), recorded(LATE)) < 1.5 * quick
     assert rmse(load_bench(), recorded(LATE)) > 8.0 * quick
-
-
-@pytest.mark.parametrize("role", LATE)
-def test_each_delay_by_itself(role: str) -> None:
-    alone = dict.fromkeys(LATE, 0.0) | {role: LATE[role]}
-    on_time = dict.fromkeys(LATE, 0.0)
-    right, wrong = (rmse(bench_with(**keys(stated)), recorded(alone)) for stated in (alone, on_time))
-    assert right < 1.5 * rmse(bench_with(**keys(on_time)), recorded(on_time))
-    if role != "rail_pressure":  # at rest it has no time
-        assert wrong > 2.0 * right

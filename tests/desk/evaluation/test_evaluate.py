@@ -12,7 +12,6 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.desk.evaluation.evaluate import Evaluation, History, evaluate, evaluate_stream
 from observer_rt.desk.simulation.schedule import Shot, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
-from observer_rt.engine.stream.state import State
 from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
@@ -48,15 +47,6 @@ def test_healthy_injector_without_noise_is_estimated_exactly(sample_rate: float)
         window = error[report.start_index : report.end_index + 1]
         assert np.sqrt(np.mean(window**2)) <= 0.3
     assert [report.event for report in found.reports] == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
-
-
-def test_without_learning_the_rate_is_the_nominal_one() -> None:
-    (found,) = evaluate(BENCH, [worn().recording], learning=False).evaluations
-    np.testing.assert_array_equal(found.trace.injection_rate, found.trace.nominal_rate)
-    assert not np.nan_to_num(found.trace.phi).any()
-    assert found.counters.adoptions == 0
-    assert set(found.trace.state) == {State.STARTING, State.RUNNING_NOMINAL, State.DEGRADED}
-    assert not found.trace.valid.any()  # worn, as the events show, and nothing is learned of it
 
 
 def test_published_rate_is_the_balance_of_state_and_phi() -> None:
@@ -139,16 +129,6 @@ def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
     assert checks["rail_line_offset"]["passed"] is passed
 
 
-def test_history_knows_the_zero_of_the_lift() -> None:
-    recording = worn().recording
-    drifted = Recording(
-        recording.time, recording.rail_pressure, recording.needle_lift + 9e-6, recording.line_pressure
-    )
-    known = evaluate(BENCH, [drifted]).knowledge.lift
-    assert known.zero == pytest.approx(9e-6, abs=0.2e-6)
-    assert known.crosstalk == 0.0
-
-
 def test_missing_samples_are_counted_and_left_out() -> None:
     """Three milliseconds of a dead sensor: not available, and back soon after."""
     recording = worn().recording
@@ -198,11 +178,6 @@ def pilots() -> Recording:
 
 def judged(recording: Recording, learning: bool) -> Evaluation:
     return evaluate(load_bench(EXAMPLE_BENCH), [recording], learning=learning).evaluations[0]
-
-
-def test_as_long_as_nothing_is_learned_it_is_the_observer(pilots: Recording) -> None:
-    trace = judged(pilots, learning=False).trace
-    np.testing.assert_array_equal(trace.nominal_rate, trace.injection_rate)
 
 
 def test_once_something_is_learned_it_stays_nominal(pilots: Recording) -> None:

@@ -8,13 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench, load_injector
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate, evaluate_stream
-from observer_rt.desk.evaluation.figures import picture_of
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import Shot, make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.files.replay.framing import bench_for
 from observer_rt.model.effective import coefficients
 from observer_rt.model.effects import sized
 from tests.desk.evaluation.documents import recording_json
@@ -156,17 +154,3 @@ def test_mean_half_width_of_the_rate_in_the_document() -> None:
         mean = 1.96 * made.found.trace.injection_rate_sigma[window][flows].mean()
         assert injection["rate_ci95_halfwidth_mm3_per_ms"] == pytest.approx(mean / 1e-6)
     assert injection["rate_ci95_halfwidth_mm3_per_ms"] < 1.5
-
-
-def test_figure_gets_the_sigma_of_its_injections() -> None:
-    made = run(3, 0.3)
-    results = made.found.injections
-    bench = bench_for(BENCH, made.found.source)
-    (streamed,), _ = evaluate_stream(bench, [made.found.source], curves_of=C)
-    picture = picture_of(streamed, {1, 3})
-    assert set(picture.curves) == {1, 3}
-    assert [row.ci95 for row in picture.masses] == [result.report.mass_ci95 for result in results]
-    for curve in picture.curves.values():
-        assert curve.sigma is not None
-        assert curve.sigma.shape == curve.estimated.shape
-        assert np.isfinite(curve.sigma).all()

@@ -74,13 +74,6 @@ def test_error_is_that_of_parameters_that_stand_still() -> None:
         assert np.all(np.diag(belief.error_covariance) <= np.diag(belief.covariance) * 1.0001)
 
 
-def test_the_first_is_as_good_as_the_last() -> None:
-    events = filtered([np.array([1.0, 2.0])] * 4)
-    first, *_, last = smoothed(events)
-    assert np.trace(first.covariance) < 0.6 * np.trace(events[0].after.covariance)
-    np.testing.assert_array_equal(last.covariance, events[-1].after.covariance)
-
-
 @pytest.mark.parametrize("replaced", ["narrower", "elsewhere"])
 def test_a_belief_that_was_replaced_says_nothing_of_what_was_before(replaced: str) -> None:
     events = filtered([np.array([1.0, 2.0])] * 4)

@@ -71,14 +71,6 @@ def test_masses_are_those_of_the_command(
     assert len(masses) == 6
 
 
-def test_valid_masses_are_true(worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult) -> None:
-    valid = result.injections[result.injections.valid]
-    true = true_masses(worn[1], valid)
-    np.testing.assert_allclose(valid.mass_mg, true, rtol=0.01)
-    assert (abs(valid.mass_mg - true) < valid.mass_bound_mg).all()
-    assert len(valid) >= 3
-
-
 @pytest.mark.parametrize("form", ["frame", "arrays", "si", "list"])
 def test_every_form_of_a_recording_gives_the_same_masses(
     worn: tuple[Recording, pd.DataFrame], result: ort.EvaluationResult, form: str, tmp_path: Path
@@ -136,15 +128,6 @@ def test_learned_state_goes_on(
     assert again.injections.valid.sum() > result.injections.valid.sum()
     with pytest.raises(ort.UserError, match="no such file"):
         ort.Injector.load().evaluate(worn[0], state=tmp_path / "other.state")
-
-
-def test_chained_recordings_are_one_history(worn: tuple[Recording, pd.DataFrame]) -> None:
-    injector, recording = ort.Injector.load(), worn[0]
-    apart, chained = (
-        injector.evaluate([recording, recording], chain=chain, twice=False) for chain in (False, True)
-    )
-    assert list(apart.injections.recording.unique()) == ["recording 1", "recording 2"]
-    assert chained.valid_share > apart.valid_share
 
 
 @pytest.mark.parametrize("block", [61, 5000])
@@ -339,8 +322,3 @@ def test_fit_gives_an_injector_that_explains_its_recordings(tmp_path: Path) -> N
     assert again == fitted
     assert repr(again.calibration) == repr(fitted.calibration)
     assert fitted.evaluate(recordings[0], chain=True).valid_share > 0
-
-
-def test_observer_refuses_a_state_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(ort.UserError, match="no such file"):
-        ort.Observer(ort.Injector.load(), state=tmp_path / "other.state")

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -159,12 +158,6 @@ def test_full_stroke_keeps_delays_and_speeds(rail_pressure: float) -> None:
     assert s.closed - s.closing == pytest.approx(fall, rel=1e-9)
 
 
-def test_plateau_is_the_stop() -> None:
-    s = placed(1.9e-3)
-    plateau = np.linspace(s.top + CORNER_ROUNDING / 2, s.closing - CORNER_ROUNDING / 2, 50)
-    np.testing.assert_allclose(lift(plateau, s), 0.3e-3, rtol=1e-9)
-
-
 def test_ballistic_stroke_turns_before_the_stop() -> None:
     s = placed(0.25e-3)
     rise = 0.25e-3 + 0.27e-3 - 0.32e-3
@@ -192,31 +185,6 @@ def test_rounded_lift_is_the_mean_of_the_straight_one(
         window, [s.opening, s.top, s.closing, s.closed], [0.0, s.peak_lift, s.peak_lift, 0.0]
     )
     assert lift_of_stroke(time, s) == pytest.approx(straight.mean(), abs=1e-11)
-
-
-@pytest.mark.parametrize("duration", [0.2e-3, 0.6e-3, 1.9e-3])
-def test_rounding_keeps_the_area_and_the_speeds(duration: float) -> None:
-    s = placed(duration)
-    times = np.linspace(s.opening - 1e-4, s.closed + 1e-4, 40_001)
-    values = lift(times, s)
-    straight = s.peak_lift * ((s.closing - s.top) + (s.top - s.opening) / 2 + (s.closed - s.closing) / 2)
-    assert np.trapezoid(values, times) == pytest.approx(straight, rel=1e-6)
-    speeds = np.diff(values) / np.diff(times)
-    assert speeds.max() == pytest.approx(0.8, rel=1e-3)
-    assert speeds.min() == pytest.approx(-0.9, rel=1e-3)
-
-
-def test_lift_is_exactly_zero_outside_the_stroke() -> None:
-    s = placed(1.0e-3)
-    outside = np.array([0.0, s.opening - CORNER_ROUNDING / 2, s.closed + CORNER_ROUNDING / 2, 10.0])
-    assert not lift(outside, s).any()
-
-
-def test_strokes_are_in_order() -> None:
-    schedule = make_schedule([60e6, 140e6], 4, 0.02, shots=[Shot(1e-3), Shot(0.3e-3, -2e-3)])
-    found = strokes(schedule, NOMINAL)
-    assert len(found) == 8
-    assert all(a.closed < b.opening for a, b in pairwise(found))
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,6 @@ from observer_rt.desk.simulation.simulate import (
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import Effect, SizedEffect
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from tests.desk.simulation.test_effect_laws import Effects, reference
 
 NOMINAL = load_injector()
 DENSITY = NOMINAL.fluid.density_nozzle
@@ -66,25 +65,6 @@ def test_check_masses_of_the_nominal_injector(
     time = np.arange(600) / 100e3
     truth = run_plant(effective_model(NOMINAL), [needle], time, np.full(600, rail_pressure))
     assert mass(truth) == pytest.approx(expected, rel=0.03)
-
-
-@pytest.mark.parametrize(
-    ("rail_pressure", "v_h", "v_s"), [(40e6, 0.0, 0.0), (100e6, 0.3, 0.0), (140e6, -0.3, -0.2)]
-)
-def test_rate_agrees_with_an_independent_integration(rail_pressure: float, v_h: float, v_s: float) -> None:
-    effects = (sized("orifice_area", v_H=v_h), sized("seat_area", v_S=v_s))
-    truth = run(make_schedule([rail_pressure], 1, 0.05, [1.1e-3]), effects)
-    window = (truth.time > 0.1499) & (truth.time < 0.154)
-    sizes = Effects({"orifice_area": {"v_H": v_h}, "seat_area": {"v_S": v_s}})
-    expected, _ = reference(rail_pressure, sizes, truth.time[window])
-    np.testing.assert_allclose(truth.injection_rate[window], expected, atol=0.002e-6)
-
-
-@pytest.mark.parametrize(("v_h", "nominal_error"), [(0.3, -0.21), (-0.3, 0.38)])
-def test_wear_changes_the_mass_as_known(v_h: float, nominal_error: float) -> None:
-    schedule = make_schedule([100e6], 1, 0.05, [1.9e-3])
-    worn = run(schedule, (sized("orifice_area", v_H=v_h),))
-    assert mass(run(schedule)) / mass(worn) - 1 == pytest.approx(nominal_error, abs=0.02)
 
 
 def test_truth_does_not_depend_on_the_sample_rate() -> None:
@@ -261,10 +241,6 @@ def test_out_of_range_is_clipped_below_the_error_code(
 def values(texts: list[str]) -> dict[str, tuple[float, ...]]:
     """What was parsed, SI, by id."""
     return {item.effect.id: item.values for item in parse_effects(texts)}
-
-
-def test_parameter_may_be_left_out() -> None:
-    assert parse_effects(["orifice_area=0.3"]) == parse_effects(["orifice_area:v_H=0.3"])
 
 
 @pytest.mark.parametrize("effect", VOCABULARY.values(), ids=VOCABULARY)

@@ -3,7 +3,6 @@
 import math
 import threading
 import time
-import uuid
 from collections.abc import Iterator
 
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.bus.links.opening import open_link
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import LatenessCounter, play
 from observer_rt.foundation.errors import RunError
@@ -79,10 +77,6 @@ def test_statistics_for_screen_and_program() -> None:
     assert statistics.as_json()["lateness_median_s"] == statistics.lateness.median
 
 
-def test_nothing_to_play() -> None:
-    assert play([], Sink(), 1.0).frames == 0
-
-
 def test_stop_ends_a_long_wait() -> None:
     class Stopping(Sink):
         def on_sent(self, frame: Frame) -> None:
@@ -125,15 +119,6 @@ def test_a_failing_link_ends_the_replay() -> None:
 
     with pytest.raises(RunError, match="went away"):
         play(at(0.0), Broken(), 1.0)
-
-
-def test_frames_reach_the_other_side_of_a_bus() -> None:
-    channel = uuid.uuid4().hex
-    with open_link("virtual", channel, True, []) as sender, open_link("virtual", channel, True) as receiver:
-        frames = [TimedFrame(n / 1e4, 0x100 + n, False, True, bytes([n] * 64)) for n in range(100)]
-        play(frames, sender, math.inf)
-        received = [receiver.receive(1.0) for _ in frames]
-    assert [(f.frame_id, f.payload) for f in received if f] == [(f.frame_id, f.payload) for f in frames]
 
 
 @given(st.lists(st.integers(0, 10**10), min_size=1, max_size=200))

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
+from observer_rt.config.bench import load_bench
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.recording_frames import RecordingPart
 from observer_rt.files.signals.recording import Recording
@@ -184,23 +184,3 @@ def test_memory_does_not_depend_on_the_length(bus: BusMap, windowed: bool) -> No
 
     peak(3)
     assert peak(300) < 1.1 * peak(30)
-
-
-def changed_map(folder: Path, **changes: tuple[str, str]) -> BusMap:
-    """The example bench, with changes of its database."""
-    text = EXAMPLE_BENCH.with_name("observer_fd.dbc").read_text(encoding="utf-8")
-    for old, new in changes.values():
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "observer_fd.dbc").write_text(text, encoding="utf-8")
-    (folder / "bench.toml").write_text(EXAMPLE_BENCH.read_text(encoding="utf-8"), encoding="utf-8")
-    return map_bus(load_bench(folder / "bench.toml"))
-
-
-def test_a_long_block_is_can_fd_whatever_the_database_says(tmp_path: Path) -> None:
-    bus = changed_map(
-        tmp_path,
-        bus=('"BusType" "CAN FD"', '"BusType" "CAN"'),
-        block=('Format" BO_ 256 14', 'Format" BO_ 256 0'),
-    )
-    assert {frame.is_fd for frame in part_of(recording_of(100), bus, False).frames()} == {True}

@@ -19,6 +19,7 @@ NAMED = {
     "orifice_area": ("v_H",),
     "seat_area": ("v_S",),
     "guide_leakage": ("c",),
+    "control_flow": ("c", "d_on", "d_off"),
     "line_friction": ("k",),
     "seat_outflow": (),
     "bulk_modulus": ("r",),

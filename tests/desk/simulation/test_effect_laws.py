@@ -23,6 +23,7 @@ SIZES: Mapping[str, Mapping[str, float]] = {
     "orifice_area": {"v_H": -0.3},
     "seat_area": {"v_S": 0.4},
     "guide_leakage": {"c": 3e-14},
+    "control_flow": {"c": 4e-6, "d_on": 40e-6, "d_off": -30e-6},
     "line_friction": {"k": 3.0},
     "seat_outflow": {},
     "bulk_modulus": {"r": 0.3},
@@ -82,6 +83,14 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
         share = 1 - of("chamber_pressure_rise", "s") * (1 - opened)
         return NOMINAL.chamber.pressure + of("chamber_pressure_rise", "dp") * share
 
+    times = np.arange(0.1499, 0.155, 1e-7)
+    lifts = np.array([lift_of_stroke(time, needle) for time in times.tolist()])
+    opens = times[lifts > 15e-6][0] - 0.25e-3 - of("control_flow", "d_on")
+    shuts = times[lifts > lifts.max() - 15e-6][-1] - 0.2e-3 - of("control_flow", "d_off")
+
+    def pilot_valve(time: float) -> float:
+        return 0.25 * (1 + math.tanh((time - opens) / 20e-6)) * (1 + math.tanh((shuts - time) / 20e-6))
+
     def nozzle_flow(time: float, p_sac: float) -> float:
         coefficient = nozzle.flow_coefficient * (1 + of("orifice_area", "v_H"))
         drop = p_sac - chamber(time)
@@ -99,6 +108,7 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
         q_seat = orifice(coefficient, area, p_line - p_sac)
         q_nozzle = nozzle_flow(time, p_sac)
         leak = of("guide_leakage", "c") * (p_line - NOMINAL.chamber.pressure)
+        leak += of("control_flow", "c") * pilot_valve(time) * math.sqrt(p_line / 100e6)
         drain = q_seat if "seat_outflow" in of.sizes else q_nozzle
         stiffness = fluid.bulk_modulus_line * (1 + of("bulk_modulus", "r"))
         stiffness += of("pressure_dependent_bulk_modulus", "n") * (p_line - 100e6)

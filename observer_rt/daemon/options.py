@@ -32,9 +32,7 @@ class RunOptions:
     view: Annotated[bool, Option("Show the live terminal view.")] = False
     json: Annotated[bool, Option("Write every injection as a line of JSON to stdout.")] = False
     log: Annotated[
-        Path | None,
-        Option("Also append the log to this file."),
-        Writes("lines of the log", Standing.OWN),
+        Path | None, Option("Also append the log to this file."), Writes("lines of the log", Standing.OWN)
     ] = None
     injector: Injector = None
     lenient: Lenient = False

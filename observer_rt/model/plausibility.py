@@ -51,8 +51,7 @@ def implausible(injector: InjectorParameters) -> tuple[ImplausibleNumber, ...]:
     """Implausible numbers, in the order of the file."""
     return tuple(
         ImplausibleNumber(
-            name,
-            f"{name} = {value:.6g}{unit} is beyond what injectors have, {lowest:g} to {highest:g}{unit}",
+            name, f"{name} = {value:.6g}{unit} is beyond what injectors have, {lowest:g} to {highest:g}{unit}"
         )
         for name, lowest, highest, unit in _PLAUSIBLE
         if not lowest <= (value := _value(injector, name)) <= highest

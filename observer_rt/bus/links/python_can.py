@@ -132,13 +132,7 @@ class PythonCanLink(Link):
         return True
 
     def _send(
-        self,
-        frame_id: int,
-        payload: bytes,
-        is_extended: bool,
-        is_fd: bool,
-        flags: FdFlags,
-        timeout_s: float,
+        self, frame_id: int, payload: bytes, is_extended: bool, is_fd: bool, flags: FdFlags, timeout_s: float
     ) -> None:
         message = can.Message(
             arbitration_id=frame_id,

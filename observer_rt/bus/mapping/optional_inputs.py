@@ -142,10 +142,7 @@ class SlowMessage:
 
 
 def map_optional(
-    fitted: BenchInjector,
-    databases: BenchDatabases,
-    tables: InputTables,
-    timing: NDArray[np.void],
+    fitted: BenchInjector, databases: BenchDatabases, tables: InputTables, timing: NDArray[np.void]
 ) -> tuple[SlowMessage, ...]:
     """Add the optional inputs to the tables: the messages that carry them; timing: of all streams.
 

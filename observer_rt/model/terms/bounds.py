@@ -169,8 +169,4 @@ def _unsound(
     ]
     size = f", c = {term.coefficient:g}" if term.law.has_coefficient else ""
     where = f" at {', '.join(words)}" if words else ""
-    return UserError(
-        f"{term.equation} = {term.law}{size}",
-        (problem + where).removesuffix(","),
-        remedy,
-    )
+    return UserError(f"{term.equation} = {term.law}{size}", (problem + where).removesuffix(","), remedy)

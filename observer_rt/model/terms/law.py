@@ -112,8 +112,7 @@ class Law:
         return self.replaced(
             {
                 variable: Applied(
-                    Operation.MIN,
-                    (Applied(Operation.MAX, (Quantity(variable), Number(low))), Number(high)),
+                    Operation.MIN, (Applied(Operation.MAX, (Quantity(variable), Number(low))), Number(high))
                 )
                 for variable, (low, high) in seen.items()
             }

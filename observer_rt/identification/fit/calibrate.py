@@ -230,17 +230,13 @@ class Calibrated:
     def mass_share(self) -> float:
         """Standard deviation of a mass, as a share, that learning will not remove.
 
-        From what a recording left out changes, from structures that explain the recordings as well, from edges of the
-        lift between slow instants, and, where the absolute level is measured, from how well it was determined.
+        From what a recording left out changes, from structures that explain the recordings as well, and from edges of
+        the lift between slow instants. How well a measured level was determined is in `level_share`.
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
-        determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
-        level = sum(
-            2.0 * float(sigma) for one, sigma in determined if one is INERTANCE
-        )  # an area, of a diameter
         between = max(map(share_between_samples, self.found))
-        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, level, between)
+        return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, between)
 
     @property
     def level_share(self) -> float | None:
@@ -251,7 +247,9 @@ class Calibrated:
         if self.level is FlowLevel.FILE:
             return None
         determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
-        by_fit = sum(2.0 * float(sigma) for one, sigma in determined if one is INERTANCE)
+        by_fit = sum(
+            2.0 * float(sigma) for one, sigma in determined if one is INERTANCE
+        )  # an area, of a diameter
         weighed = [fold.weighed for fold in self.fitted.calibration.folds if fold.weighed is not None]
         by_rate = math.hypot(GAIN_ERROR, 0.01 * self.file.accuracy.fuel_density_percent)
         return math.hypot(by_fit, own_accuracy(weighed) if weighed else by_rate)

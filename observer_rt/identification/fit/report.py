@@ -193,7 +193,7 @@ def _masses(done: Calibrated) -> Iterable[str]:
     before = np.array([one.file_mass_mg for one in masses], float)
     if np.isfinite(before).all():
         yield f"mass of an injection, mean: {np.mean(before):.2f} -> {np.mean(after):.2f} mg"
-    because = "what a recording left out changes, structures that do as well, slow instants, a level measured"
+    because = "what a recording left out changes, structures that do as well, slow instants"
     yield f"mass uncertain by the model: {done.mass_share:.2%} (1 sigma; {because})"
 
 

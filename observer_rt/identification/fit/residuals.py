@@ -20,7 +20,7 @@ from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.fit.cross_validation import Fold
-from observer_rt.identification.fit.problem import Calibration, OneFold
+from observer_rt.identification.fit.problem import INERTANCE, Calibration, OneFold
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.likelihood import (
     JointLikelihood,
@@ -147,7 +147,7 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
 
 
 def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) -> NDArray[np.float64]:
-    """theta by all folds but some, their own offsets as they are."""
+    """theta by all folds but some, their own offsets as they are, and the level, which may be measured in one."""
     information, gradient = at.information.copy(), at.gradient.copy()
     for number in left_out:
         own = calibration.residuals_of(at.theta, number)
@@ -155,8 +155,9 @@ def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) ->
         alone = linearise(OneFold(calibration, number), at.theta, own, calibration.ranges)
         information -= alone.information
         gradient -= alone.gradient
-    theirs = [len(calibration.free) + number for number in left_out]
-    kept = np.setdiff1d(np.arange(at.theta.size), theirs)
+    held = [len(calibration.free) + number for number in left_out]
+    held += [place for place, one in enumerate(calibration.free) if one is INERTANCE]
+    kept = np.setdiff1d(np.arange(at.theta.size), held)
     theta = at.theta.copy()
     theta[kept] -= np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True) @ gradient[kept]
     lowest = np.array([r.lowest for r in calibration.ranges])

@@ -66,4 +66,5 @@ def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     accuracy = load_injector(tmp_path / "fitted.toml").accuracy
     assert accuracy.mass_percent is not None
     assert 0.3 <= accuracy.mass_percent < 0.6
+    assert done.mass_share < 0.002  # the level's is not in both
     assert StatedAccuracy.of(0.7, 0.7, accuracy).is_calibrated

@@ -1,10 +1,11 @@
 """Fits of explanations: each made once, several at a time, and what any further effect would gain beside them."""
 
+import math
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import combinations, product
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -39,8 +40,10 @@ from observer_rt.model.baseline import Appearance
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import form_freed, form_settled, is_term
+from observer_rt.model.terms.term import TermEquation
 
 WORTH_FITTING = 10.0  # predicted gain from which on a second effect is fitted
+PROMISED = 0.5  # of a gain that is needed: a promise is linear, and not exact
 MOST_SECONDS = 6  # second effects fitted to one leader
 ROUGH_ITERATIONS = 3  # of the first fit of every effect
 ROUGH_SHARE = 0.5  # of what the best single explains: those that leave more of it unexplained stay rough
@@ -53,6 +56,7 @@ KEPT = 24  # candidates whose residuals are kept
 
 ROUGH, FREED = "rough", "freed"
 
+_TINY = 1e-30
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
@@ -170,16 +174,22 @@ class Fitter:
         here = self.residuals(about)
         assert here is not None  # it was fitted
         weights = weights_of(here)
+        left = np.asarray(weights * here.z, np.float32)
 
         def signature(effect: Effect) -> Signature | None:
             size, hypothesis = effect.parameters[0], about.hypothesis.with_effect(effect)
             small = hypothesis.ranges()[-1].step if is_term(effect) else 0.5 * size.dead_zone
+            found: list[tuple[float, Signature]] = []
             for step in (small, -small):
                 if size.lowest <= step <= size.highest:
                     there = self._sizing(hypothesis).residuals(np.append(about.theta, step))
                     if there is not None:
-                        return np.asarray(weights * (here.z - there.z) / step, np.float32)
-            return None
+                        slope = np.asarray(weights * (here.z - there.z) / step, np.float32)
+                        gain = max(float(slope @ left) * math.copysign(1.0, step), 0.0) ** 2
+                        found.append((gain / max(float(slope @ slope), _TINY), slope))
+                if found and equation_of(effect) != TermEquation.NEEDLE_LIFT:
+                    break  # but a needle is shut or open: little more is not little less the other way round
+            return max(found, key=itemgetter(0))[1] if found else None
 
         found = [
             (number, one)
@@ -268,9 +278,12 @@ class Fitter:
         hypotheses = [Hypothesis((effect,)) for effect in effects]
         return self._refined([_Task(h, h.starts()) for h in hypotheses], nominal)
 
-    def pairs(self, leaders: Sequence[Candidate], effects: Sequence[Effect]) -> list[Candidate]:
-        """Each leader with the second effects that promise something, fitted together as the singles are."""
-        tasks = [task for leader in leaders for task in self._seconds(leader, effects)]
+    def pairs(self, leaders: Sequence[Candidate], effects: Sequence[Effect], goal: float) -> list[Candidate]:
+        """Each leader with the second effects that promise something, fitted together as the singles are.
+
+        goal: price that a pair must come near.
+        """
+        tasks = [task for leader in leaders for task in self._seconds(leader, effects, goal)]
         return self._refined(tasks, min(leaders, key=attrgetter("statistic")))
 
     def _refined(self, tasks: Sequence["_Task"], before: Candidate) -> list[Candidate]:
@@ -288,7 +301,7 @@ class Fitter:
         )
         return refined + rough[leaders:]
 
-    def _seconds(self, leader: Candidate, effects: Sequence[Effect]) -> list["_Task"]:
+    def _seconds(self, leader: Candidate, effects: Sequence[Effect], goal: float) -> list["_Task"]:
         """The leader with each second effect that promises something, and where to begin."""
         base = self.residuals(leader)
         if base is None:
@@ -298,7 +311,8 @@ class Fitter:
         others = [effect for effect in effects if effect not in leader.hypothesis.effects]
         promises = self.each(lambda effect: self._promise(leader, base, spanned, effect), others)
         ranked = sorted(zip(promises, others, strict=True), key=lambda item: -item[0].gain)
-        worthwhile = [item for item in ranked if item[0].gain > WORTH_FITTING][:MOST_SECONDS]
+        least = max(WORTH_FITTING, PROMISED * (leader.price - goal))
+        worthwhile = [item for item in ranked if item[0].gain > least][:MOST_SECONDS]
         return [
             _Task(leader.hypothesis.with_effect(effect), promise.starts, probed=True)
             for promise, effect in worthwhile

@@ -20,7 +20,7 @@ from observer_rt.identification.discovery.search.tables import tables
 from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.identification.likelihood.likelihood import Pool
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import TermLaw, is_term, term_effect
+from observer_rt.model.term_effect import TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation
 
 REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
@@ -36,9 +36,10 @@ SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
 TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
 REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
 EXACT = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
+_LOSSES = {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE}
 _ALIKE = (
     {TermEquation.LINE_FLOW, TermEquation.INERTANCE},
-    {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE},
+    _LOSSES,
     {TermEquation.SEAT_FLOW, TermEquation.NEEDLE_LIFT},
     {TermEquation.SEAT_FLOW, TermEquation.NOZZLE_FLOW},
     {TermEquation.NOZZLE_FLOW, TermEquation.CHAMBER_PRESSURE},
@@ -111,18 +112,11 @@ class LawSearch:
         """Fits of an effect, or two of one equation, beside nothing else."""
         return self._next(self._nothing)
 
-    def leaves_nothing_to(self, single: Candidate) -> bool:
-        """Whether an effect explains the recordings alone, and twice as much as a single name, and beside it no name
-        promises as much as decides: no two names would do as well."""
+    @cached_property
+    def enough(self) -> Candidate | None:
+        """The simplest effect, or two of one equation, that explains the recordings alone."""
         best = self._simplest(self._alone)
-        explained = self._nothing.statistic - best.statistic
-        if not self._is_adequate(best) or self._nothing.statistic - single.statistic > 0.5 * explained:
-            return False
-        again = self._scored_again(best)
-        names = [
-            gain for effect, gain in zip(again.effects, again.validated, strict=True) if not is_term(effect)
-        ]
-        return max(names, default=0.0) < TIE * best.spread
+        return best if self._is_adequate(best) else None
 
     def run(self, near: Sequence[Candidate] = ()) -> Laws:
         """See `Laws`. near: found together before, to which one may be wanting."""
@@ -261,6 +255,8 @@ class LawSearch:
         if not isinstance(law, TermLaw):
             return []
         others = [other for other in TermEquation if {law.equation, other} in _ALIKE]
+        if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
+            others = [other for other in others if {law.equation, other} != _LOSSES]
         alike = [(Hypothesis((term_effect(other, law.form, law.numbers),)), np.zeros(1)) for other in others]
         half = 0.5 * (self._nothing.statistic - best.statistic)
         promising = [one for one in self._fits.laws(alike) if one.statistic < best.statistic + half]

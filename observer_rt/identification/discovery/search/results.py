@@ -32,6 +32,8 @@ INTERVAL_MARGIN = (
     1.08  # for what a steady gain does not know: errors on independent plants are that much larger
 )
 PRICE = 10.0  # of -2 log L for each number fitted, log(n): which of two near-ties leads
+UNNAMED, FURTHER = 50.0, 50.0
+"""Prior odds, as -2 log L: of an explanation by a law without a name, and of every effect after the first."""
 _DIGITS = 8  # of printed values: far below any interval, free of conversion noise
 _MORE_POINTS = "record more rail pressures and durations"
 
@@ -110,8 +112,10 @@ class Candidate:
 
     @property
     def price(self) -> float:
-        """-2 log L, and what every number fitted costs."""
-        return self.statistic + PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
+        """-2 log L, what every number fitted costs, and the prior odds."""
+        numbers = PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
+        odds = UNNAMED * bool(self.terms) + FURTHER * max(len(self.ids) - 1, 0)
+        return self.statistic + numbers + odds
 
     @property
     def key(self) -> tuple[tuple[str, ...], tuple[float, ...]]:

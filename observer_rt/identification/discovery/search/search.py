@@ -14,15 +14,14 @@ from observer_rt.identification.discovery.search.fits import NEAR, Fitter, best_
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import KEPT_SHARE, TIE, Adequacy, Laws, LawSearch
 from observer_rt.identification.discovery.search.library import library, span_of
-from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.identification.discovery.search.results import UNNAMED, Candidate
 from observer_rt.identification.likelihood.appearance import least_gain
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
 RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
 LEADERS = 3  # singles that a second effect is added to
-UNNAMED, FURTHER = 50.0, 50.0
-"""Prior odds, as -2 log L: of an explanation by a law without a name, and of every effect after the first."""
+LED = 0.5  # of what a law explains, that a leader must where one law explains all
 TEMPER = 2.0  # of -2 log L, for what no model knows of noise and line: 12 behind are odds of 1 to 20
 HIGHEST = 0.99
 SURE = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
@@ -112,8 +111,8 @@ class Search:
         single = self._best(singles, nominal, best, ratio)
         if single is not None:
             best, ratio = single, self._ratio(single)
-        by_law = ratio > 1.0 and self._law_search.leaves_nothing_to(singles[0])
-        pairs = [] if by_law else self._pairs(singles, best, ratio)
+        by_law = self._law_search.enough if ratio > 1.0 else None
+        pairs = self._pairs(singles, best, ratio, by_law)
         pair = self._best(pairs, nominal, best, ratio, singles)
         if pair is not None:
             best, ratio = pair, self._ratio(pair)
@@ -166,17 +165,14 @@ class Search:
     ) -> tuple[tuple[Candidate, float], ...]:
         """Probabilities of explanations, the best by name among them; beside nothing others pay their threshold."""
         accepted = 0.0 if best.ids else self._threshold(best)
-        costs: dict[frozenset[str], tuple[float, Candidate]] = {}
-        for one in explains:
-            unnamed = UNNAMED * bool(one.terms)
-            further = FURTHER * max(len(one.ids) - 1, 0)
-            cost = one.price + unnamed + further + (accepted if one.ids else 0.0)
-            costs.setdefault(frozenset(one.ids), (cost, one))
-        ranked = sorted(costs.values(), key=lambda item: item[0])
-        behind = [cost - ranked[0][0] for cost, _ in ranked]
-        return tuple(
-            (one, probability) for (_, one), probability in zip(ranked, probabilities(behind), strict=True)
-        )
+
+        def cost(one: Candidate) -> float:
+            return one.price + (accepted if one.ids else 0.0)
+
+        once = {frozenset(one.ids): one for one in reversed(explains)}  # the first fit of each
+        ranked = sorted(once.values(), key=cost)
+        behind = [cost(one) - cost(ranked[0]) for one in ranked]
+        return tuple(zip(ranked, probabilities(behind), strict=True))
 
     def _contenders(self, winner: Candidate, fitted: Sequence[Candidate]) -> tuple[Candidate, ...]:
         """Candidates that might be right instead, of the same size (single effects beside the nominal model)."""
@@ -196,20 +192,29 @@ class Search:
         """Whether a single explains the recordings by an effect within its dead zone."""
         return single.within_bounds and not single.plausible and self._ratio(single) <= 1.0
 
-    def _pairs(self, singles: Sequence[Candidate], best: Candidate, ratio: float) -> list[Candidate]:
+    def _pairs(
+        self, singles: Sequence[Candidate], best: Candidate, ratio: float, law: Candidate | None
+    ) -> list[Candidate]:
         """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings.
 
-        Where a pair is worth having, its other member leads, too: the best single may stand in for two.
+        Where a pair is worth having, its other member leads, too: the best single may stand in for two. law: that
+        explains all, of which a leader must explain a good part, and a pair as much.
         """
         if not best.hypothesis.effects and ratio <= 1.0:
             return []
-        leaders = list(singles[: 1 if ratio <= 1.0 else LEADERS])
-        pairs = best_of_each(self._fitter.pairs(leaders, self._effects), attrgetter("price"))
+        leaders, goal = list(singles[: 1 if ratio <= 1.0 else LEADERS]), math.inf
+        if law is not None:
+            nominal, goal = self._fitter.nothing().statistic, law.price + NEAR
+            least = LED * (nominal - law.statistic)
+            leaders = [one for one in leaders if nominal - one.statistic > least]
+        if not leaders:
+            return []
+        pairs = best_of_each(self._fitter.pairs(leaders, self._effects, goal), attrgetter("price"))
         partners = [
             one for one in singles if pairs and set(one.ids) < set(pairs[0].ids) and one not in leaders
         ]
         if partners and pairs[0].statistic < leaders[0].statistic - self._least_gain:
-            more = self._fitter.pairs(partners, self._effects)
+            more = self._fitter.pairs(partners, self._effects, goal)
             pairs = best_of_each([*pairs, *more], attrgetter("price"))
         return pairs
 

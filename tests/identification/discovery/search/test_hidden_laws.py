@@ -96,6 +96,12 @@ def with_laws(**laws: float) -> Change:
             "c * ((line_pressure - 100) / 50 - lagged((line_pressure - 100) / 50, 0.4))",
             5.0,
         ),
+        (  # of a needle that is open for longer than is seen: the other sign does nothing while it is shut
+            with_laws(lift_behind=0.14, lift_memory=0.2e-3),
+            {TermEquation.NEEDLE_LIFT},
+            "c * (needle_lift / max_lift - lagged(needle_lift / max_lift, 0.2))",
+            0.044,
+        ),
     ],
 )
 def test_a_law_is_found_with_its_numbers(

@@ -18,8 +18,6 @@ from tests.daemon.end_to_end import published_rates, results_of
 from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, over_bus, serving, until
 from tests.device import frames_of, worn_recording
 
-BLOCK = 9  # samples of a SampleBlock
-
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -76,15 +74,6 @@ def test_status_comes_in_its_period(bench: Path) -> None:
     with serving(HeardDaemon(bench, link)):
         time.sleep(1.0)
     assert 5 <= len(link.statuses()) <= 12  # every 100 ms if the machine lets it, and the last
-
-
-def test_dropped_frames_are_told(bench: Path, frames: list[TimedFrame]) -> None:
-    link = ScriptedLink(frames[:10])
-    with serving(HeardDaemon(bench, link)):
-        until(lambda: bool(link.statuses()))
-        link.lost = 7
-    assert link.statuses()[0]["DroppedFrames"] == 0
-    assert link.statuses()[-1]["DroppedFrames"] == 7
 
 
 def test_failing_link_ends_the_loop(bench: Path, frames: list[TimedFrame]) -> None:

@@ -134,15 +134,6 @@ def test_what_the_controller_tells_is_passed_on(bench: Path) -> None:
     assert len(daemon.messages) <= 3
 
 
-def test_frames_lost_before_the_loop_are_told(bench: Path) -> None:
-    link = TroubledLink()
-    daemon = HeardDaemon(bench, link)
-    with serving(daemon):
-        link.lost = 7
-        until(lambda: bool(daemon.messages))
-    assert daemon.messages[0].startswith("7 frames of can5 were lost before")
-
-
 PORTION = 60  # frames
 
 
@@ -192,20 +183,6 @@ def deliver(daemon: Daemon, links: Sequence[TroubledLink], frames: Sequence[Time
         for bus, link in enumerate(links):
             link.deliver([frame for frame in portion if frame.bus == bus])
         until(partial(has_taken, daemon, taken))
-
-
-def test_a_bus_that_is_read_slowly_is_not_left_behind(four: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All frames wait in the drivers, and one driver is slow."""
-    receive = TroubledLink.receive
-
-    def slowly(link: TroubledLink, timeout_s: float) -> Frame | None:
-        if link is links[1]:
-            time.sleep(1e-3)
-        return receive(link, timeout_s)
-
-    monkeypatch.setattr(TroubledLink, "receive", slowly)
-    daemon, links = on_links(four)
-    observes_all(daemon, links, frames_of(four, worn_recording()))
 
 
 @pytest.mark.parametrize("first", [0, 100])

@@ -76,37 +76,6 @@ def test_a_process_without_rights_goes_on_without() -> None:
 
 
 NOT_THERE = 8191
-USED = """
-import os, threading
-from observer_rt.daemon.rights import leave_to_loops, processors
-from observer_rt.daemon.rights import hurry
-before, go, seen = os.sched_getaffinity(0), threading.Event(), {}
-def work(processor):
-    go.wait()
-    if processor is not None:
-        hurry(processor, 0)
-    seen[processor] = os.sched_getaffinity(0)
-threads = [threading.Thread(target=work, args=[None])]
-threads[0].start()
-mine = max(before)
-found = processors([mine], 1)
-assert found.of(0) == mine, found
-assert os.sched_getaffinity(0) == before  # it was only tried
-leave_to_loops(found)
-threads.append(threading.Thread(target=work, args=[mine]))
-threads[1].start()
-go.set()
-for thread in threads:
-    thread.join()
-others = before - {mine} or before
-assert os.sched_getaffinity(0) == others
-assert seen == {None: others, mine: {mine}}, seen
-assert found.are_shared == (len(before) == 1)
-"""
-
-
-def test_python_is_kept_off_the_loops_processor() -> None:
-    run_alone(USED)
 
 
 def test_what_is_not_there_is_said_and_the_rest_used() -> None:

@@ -167,17 +167,6 @@ def test_nothing_is_hidden_however_wide_the_window_is(one: Path, serve: Serve, p
             assert min(across, down) < 1.0, (width, box, other)
 
 
-def test_the_pointer_reads_values_off_the_curves(one: Path, serve: Serve, page: Page) -> None:
-    page.goto(serve("--bench", one))
-    lift = page.locator("#needle_lift")
-    value = lift.locator(".u-series", has_text="sensor").locator(".u-value")
-    expect(value).to_be_hidden()
-    room = lift.locator(".u-over").bounding_box()
-    assert room is not None
-    lift.locator(".u-over").hover(position={"x": 0.36 * room["width"], "y": 20.0})  # where the needle is open
-    expect(value).to_have_text(re.compile(r"^(29\d|30\d)(\.\d)?$"), timeout=PATIENCE)
-
-
 def test_a_page_of_another_name_is_not_served(one: Path, serve: Serve) -> None:
     """A foreign name may lead here: who owns it is not to see the bench."""
     url = serve("--bench", one)

@@ -17,7 +17,7 @@ from observer_rt.core.learning.whitening import HUBER
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
-from observer_rt.engine.estimation.scalars import SCALARS, SERVO, learned_of
+from observer_rt.engine.estimation.scalars import SCALARS, SERVO, Theta, learned_of
 from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, freed, theta_limits
 from observer_rt.engine.stream.state import Reason
@@ -37,6 +37,9 @@ NEARLY_ALL = 0.85  # the same, where what is left would still be too much, as on
 # What one lag for all may leave, chi2 an event, or of what is explained: another injector seems late by more at some
 # rail pressures than at others, a sensor does not.
 MISSED, MISSED_SHARE = 10.0, 0.015
+# Pa, by which the chamber may be at another pressure than the file says: a sac that rests at it fills sooner, or
+# later, as if the lift were late, or early.
+CHAMBERS = (-4e6, 10e6, 20e6)
 # Refused events that are asked, then one of so many: asking takes ten times as long as learning.
 SOON, SELDOM = 6, 8
 REMEMBERED = 0.85  # weight of the sums before this event
@@ -46,7 +49,7 @@ REMEMBERED = 0.85  # weight of the sums before this event
 class LiftLag:
     """Lag [s] by which a lift seems late; chi2 of so many innovations beyond noise, without that and with it.
 
-    missed: how much more is left by the lag that was expected.
+    missed: how much more is left by the lag that was expected; by_chamber: by another chamber pressure instead.
     """
 
     lag: float
@@ -54,6 +57,7 @@ class LiftLag:
     left: float
     samples: int
     missed: float = 0.0
+    by_chamber: float = math.inf
 
 
 def lift_lag_of(
@@ -74,14 +78,15 @@ def lift_lag_of(
     wide[held] = SCALARS.drift(scale)[held]
     prior = prior_belief(np.zeros(SCALARS.width), np.diag(wide**2))
 
-    def fitted(lag: float, theta: NDArray[np.float64], active: frozenset[int], iterations: int) -> _Fitted:
-        cost = cost_of(_earlier(window, lag, setting.interval))
+    def fitted(
+        lag: float, theta: Theta, active: frozenset[int], iterations: int, event: Window = window
+    ) -> _Fitted:
+        cost = cost_of(_earlier(event, lag, setting.interval))
         fitter = EventFitter(cost, active, limits)
         return _Fitted(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
 
-    first, other = (
-        fitted(lag, np.zeros(SCALARS.width), frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected)
-    )
+    zero = np.zeros(SCALARS.width)
+    first, other = (fitted(lag, zero, frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected))
     best = other if other.excess < first.excess else first
     step = _step(window, setting, best, wide)
     for _ in range(STEPS):
@@ -92,7 +97,12 @@ def lift_lag_of(
             step *= SHORTER
         if abs(step) < CLOSE:
             break
-    return LiftLag(best.lag, first.excess, best.excess, best.cost.terms, other.excess - best.excess)
+    by_chamber = first.excess
+    if setting.coefficients.line.further == 0:  # a line of cells has a small sac
+        fits = (_in_chamber(window, rise / scale) for rise in CHAMBERS)
+        by_chamber = min(fitted(0.0, zero, frozenset(), FIRST_ITERATIONS, moved).excess for moved in fits)
+    missed = other.excess - best.excess
+    return LiftLag(best.lag, first.excess, best.excess, best.cost.terms, missed, by_chamber)
 
 
 @dataclass(frozen=True)
@@ -106,6 +116,7 @@ class LiftLagSearch:
     left: float = 0.0
     lags: float = 0.0
     missed: float = 0.0
+    by_chamber: float = 0.0
 
     def after(
         self, found: Sequence[Objection], ask: Callable[[float], LiftLag]
@@ -138,6 +149,8 @@ class LiftLagSearch:
         is_adequate = self.left <= (RELEVANT_VARIANCE - 1.0) * self.samples
         if not (is_adequate or explained > NEARLY_ALL * self.without):
             return None
+        if self.by_chamber <= self.left:
+            return None
         is_alike = self.missed <= max(MISSED * self.events, MISSED_SHARE * explained)
         return self._lag if is_alike and abs(self._lag) > LEAST else None
 
@@ -160,6 +173,7 @@ class LiftLagSearch:
             REMEMBERED * self.lags + explained * event.lag,
             # what others expected, if there were any
             REMEMBERED * self.missed + (event.missed if self.events else 0.0),
+            REMEMBERED * self.by_chamber + event.by_chamber,
         )
 
 
@@ -185,6 +199,14 @@ def _earlier(window: Window, lag: float, interval: float) -> Window:
     resting = window.resting[np.clip(places + round(samples), 0, area.size - 1)]
     inputs = np.column_stack([window.inputs[:, 0], moved])
     return window._replace(inputs=inputs, resting=resting, knots=np.empty((0, 2)))
+
+
+def _in_chamber(window: Window, rise: float) -> Window:
+    """The event with all pressures over those of a chamber whose pressure is so much higher [p_0]."""
+    start = window.start.copy()
+    start[[0, -1]] -= rise
+    inputs = np.column_stack([window.inputs[:, 0] - rise, window.inputs[:, 1]])
+    return window._replace(inputs=inputs, output=window.output - rise, start=start)
 
 
 def _step(window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64]) -> float:

@@ -19,10 +19,14 @@ from observer_rt.model.effects import sized
 from tests.engine.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
 from tests.engine.learning.test_pressure_lag import EVENTS, reasons
 from tests.engine.sample_stream import NOMINAL
+from tests.observed_plants import observed
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot
 
 REFUSED = (Objection(Reason.MODEL_INADEQUATE, Phase.OPENING),)
 EXPLAINED = LiftLag(16e-6, without=300.0, left=10.0, samples=1200)
 OF_ANOTHER_CAUSE = LiftLag(16e-6, without=300.0, left=200.0, samples=1200)
+OF_THE_CHAMBER = replace(EXPLAINED, by_chamber=8.0)
 SMALL = LiftLag(16e-6, without=12.0, left=0.0, samples=1200)
 STILL_WRONG = LiftLag(60e-6, without=9000.0, left=2000.0, samples=1200)
 NEARLY_ALL = LiftLag(28e-6, without=2000.0, left=180.0, samples=240)
@@ -83,7 +87,18 @@ def test_a_lag_that_differs_from_event_to_event_is_none() -> None:
     assert others == [None] * 3
 
 
-@pytest.mark.parametrize("event", [OF_ANOTHER_CAUSE, SMALL, STILL_WRONG, NO_MORE_THAN_NOISE])
+@pytest.mark.parametrize(("pressure", "lag"), [(15e6, 0.0), (25e6, 0.0), (5e6, 15e-6)])
+def test_a_sac_that_rests_at_another_pressure_is_no_late_lift(pressure: float, lag: float) -> None:
+    """The file says 5 MPa."""
+    events = tuple(
+        Event(rail, (Shot(0.0, 1.5e-3),), Faults(lift_sensor_lag=lag)) for rail in (60e6, 100e6, 140e6) * 3
+    )
+    reports = observed(Bench(Injector(chamber_pressure=pressure), Needle(), events, seed=2)).reports[2:]
+    assert not any(report.valid for report in reports)
+    assert any(report.reason is Reason.LIFT_SENSOR_LAG for report in reports) is (lag > 0.0)
+
+
+@pytest.mark.parametrize("event", [OF_ANOTHER_CAUSE, SMALL, STILL_WRONG, OF_THE_CHAMBER, NO_MORE_THAN_NOISE])
 def test_what_does_not_is_not(event: LiftLag) -> None:
     assert found([event] * 10) == [None] * 10
 

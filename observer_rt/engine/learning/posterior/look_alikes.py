@@ -13,7 +13,7 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import no_statistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import EXACTLY, Parameter, Theta, learned_of, sensor_lag
+from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of, sensor_lag
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.adequacy import (
@@ -187,7 +187,7 @@ def _objections(
         learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN],
     )
     pressure = float(window.inputs[:, 0].mean()) * reader.pressure_scale
-    if abs(gain) > c.INTERVAL * max(reader.calibration.gain, EXACTLY):
+    if abs(gain) > c.INTERVAL * reader.calibration.gain > 0.0:
         offset = math.inf
     reasons += sensor_objections(offset, sensor_lag(theta), untold * pressure)
     if state.lag_doubt.is_relevant:

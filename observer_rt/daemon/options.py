@@ -24,9 +24,7 @@ class RunOptions:
     ] = None
     journal: Annotated[
         Path | None,
-        Option(
-            "SQLite file with one row per injection, saved as often as the state; see `observer-rt journal`."
-        ),
+        Option("SQLite file with one row per injection, saved as often as the state."),
         Writes("journal of injections", Standing.OWN),
     ] = None
     view: Annotated[bool, Option("Show the live terminal view.")] = False

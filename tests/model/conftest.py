@@ -35,14 +35,13 @@ def integrate() -> Trajectory:
         substeps: int,
         c: Coefficients,
         network: Network | None = None,
-        zero_order_hold: bool = False,
     ) -> NDArray[np.float64]:
         states = np.empty((len(inputs), c.states))
         states[0] = start
         network = network or zero_network()
         for n in range(len(inputs) - 1):
             u_start = (float(inputs[n, 0]), float(inputs[n, 1]))
-            u_end = u_start if zero_order_hold else (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))
+            u_end = (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))
             states[n + 1] = states[n]
             advance_state(states[n + 1], Interval(u_start, u_end, interval, substeps), c, network)
         return states

@@ -1,9 +1,7 @@
-"""What is printed wrongly in the paper, shown by numbers: (5), (6), (9), (12) against (13).
+"""What is printed wrongly in the paper, shown by numbers: (5), (6), (12) against (13).
 
 That (17) is the DFP update of the inverse Hessian is shown in tests/engine/estimation/test_paper_errata.py.
 """
-
-import math
 
 import numpy as np
 import pytest
@@ -90,14 +88,6 @@ def test_target_without_derivative_is_the_fault_as_the_identification_sees_it(wo
     largest = np.abs(worn.fault[:, 0]).max()
     assert np.sqrt(np.mean((seen - exact)[span] ** 2)) < 0.02 * largest
     assert np.sqrt(np.mean((GAIN * error - exact)[span] ** 2)) < 0.05 * largest
-
-
-@pytest.mark.parametrize("argument", [-3.0, -0.2, 0.0, 0.7, 2.0])
-def test_equation_9_is_the_hyperbolic_tangent(argument: float) -> None:
-    printed = 2 / (1 + math.exp(-2 * argument)) - 1
-    assert math.tanh(argument) == pytest.approx(printed, abs=1e-15)
-    # and the slope (13) prints, (sigma + 1)^2 / exp(2 v z), is that of tanh
-    assert (printed + 1) ** 2 / math.exp(2 * argument) == pytest.approx(1 - math.tanh(argument) ** 2)
 
 
 def test_gradient_orders_w_by_rows(worn: Injection) -> None:

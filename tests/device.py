@@ -30,7 +30,7 @@ from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.formats import read_recording
-from observer_rt.files.replay.framing import Framer, Span, TimedFrame, grid_samples, whole
+from observer_rt.files.replay.framing import Framer, Span, TimedFrame, all_samples, grid_samples
 from observer_rt.files.signals.recording import Recording
 from observer_rt.model.effects import sized
 from tests.benches import SAMPLE_RATE
@@ -83,7 +83,7 @@ class Device:
         self._framer.skip(self.index - self._framer.next_index)
         filled = [
             Span(span.start, span.end - (span.end - span.start) % self._block)
-            for span in spans or whole(recording)
+            for span in spans or all_samples(recording)
         ]
         return list(self._framer.frames(recording, filled))
 
@@ -93,7 +93,9 @@ def frames_of(
 ) -> list[TimedFrame]:
     """As `replay` sends a recording: where its end, or a span's, fills no frame, the rest is "not available"."""
     samples = recording if isinstance(recording, Recording) else read_recording(recording)
-    return list(Framer(map_bus(_loaded(bench))).frames(samples, whole(samples) if spans is None else spans))
+    return list(
+        Framer(map_bus(_loaded(bench))).frames(samples, all_samples(samples) if spans is None else spans)
+    )
 
 
 def encoded(

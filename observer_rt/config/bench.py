@@ -61,9 +61,9 @@ class BenchInjector:
         """Name, of `[injectors.<name>]`; empty where the file has one injector, which its own sections describe."""
         return self.file.name
 
-    def place(self, key: str) -> str:
+    def location(self, key: str) -> str:
         """Place in the bench file of `key` of this injector, such as `signals.rail_pressure.unit`, for messages."""
-        return self.file.place(*key.split("."))
+        return self.file.location(*key.split("."))
 
     @property
     def state(self) -> Path | None:
@@ -194,7 +194,7 @@ def load_bench(
         require_link(f"{path}: dbc.{number}.link", entry.link, buses.links)
     for name, config in configs.items():
         for key, link in config.stated_links:
-            require_link(files[name].place(*key.split("."), "link"), link, buses.links)
+            require_link(files[name].location(*key.split("."), "link"), link, buses.links)
     databases = tuple(entry.model_copy(update={"lenient": entry.lenient or lenient}) for entry in buses.dbc)
     return Bench(
         path=path,
@@ -220,7 +220,7 @@ class _InjectorNames(Section):
 def _injector(file: BenchFile, config: BenchConfig, model: Path | None) -> BenchInjector:
     if model is None and config.model.file:
         model = file.path.parent / config.model.file
-        _require_file(file.place("model", "file"), model)
+        _require_file(file.location("model", "file"), model)
     model = model or NOMINAL_INJECTOR
     return BenchInjector(file, _part(InjectorConfig, config), model, load_injector(model))
 

@@ -56,7 +56,7 @@ class NamedLink:
         return f"{self.name} ({self.config.channel})" if self.name else self.config.channel
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Section of the bus in the bench file."""
         return f"links.{self.name}" if self.name else "link"
 
@@ -90,8 +90,8 @@ def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
         other = seen.setdefault(channel, link)
         if other is not link:
             raise UserError(
-                f"{location}{link.place}.channel",
-                f"is {' '.join(channel)}, as that of [{other.place}]",
+                f"{location}{link.location}.channel",
+                f"is {' '.join(channel)}, as that of [{other.location}]",
                 "name another channel, or leave the section out",
             )
 
@@ -184,7 +184,7 @@ class BenchFile:
         for section, only in ONLY_VALUES.items():
             if isinstance(content := together.get(section), dict):
                 together[section] = {key: value for key, value in content.items() if only.get(key) != value}
-        return validated(BenchConfig, together, self.place, "bench")
+        return validated(BenchConfig, together, self.location, "bench")
 
     def _by_rule(self) -> dict[str, Any]:
         """The shared sections as they are for this injector: names, identifiers and the injector's own number."""
@@ -208,7 +208,7 @@ class BenchFile:
         moved = {key: first + self.number * step for key, first in firsts.items()}
         return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs, **moved}}
 
-    def place(self, *location: str | int) -> str:
+    def location(self, *location: str | int) -> str:
         """Place of an entry in the file, by the keys that lead to it."""
         here: Any = self.own
         for key in location[:2]:

@@ -42,7 +42,7 @@ def effects_on_one_raster(fitted: BenchInjector) -> tuple[SizedEffect, ...]:
         apart = abs(signals.of(role).filter_delay_us - lift)
         if apart > MOST_APART_US:
             raise UserError(
-                fitted.place(f"signals.{role}.filter_delay_us"),
+                fitted.location(f"signals.{role}.filter_delay_us"),
                 f"differs by {apart:g} us from the lift's, {lift:g} us; `fit` and `discover` undo {MOST_APART_US:g}",
                 "shift the channel in the recording, and leave the key out for these commands",
             )

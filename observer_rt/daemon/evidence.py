@@ -39,7 +39,7 @@ def evidence_keeper(
 
     Raises `UserError` for a folder that cannot be made, or is another daemon's.
     """
-    make_folder(fitted.place("evidence.folder"), folder)
+    make_folder(fitted.location("evidence.folder"), folder)
     with sole_writer(folder / OBSERVER):
         yield EvidenceKeeper(fitted, folder, tell)
 

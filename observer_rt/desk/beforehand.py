@@ -27,9 +27,9 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
     bench: with one injector, and the model before in force. What was learned is written beside the amended file,
     where a daemon looks for it; nothing is where the amended model does not explain the last of the events.
     """
-    beside = learned_beside(amended)
-    with file_errors(beside):
-        beside.unlink(missing_ok=True)
+    state_file = learned_beside(amended)
+    with file_errors(state_file):
+        state_file.unlink(missing_ok=True)
     parameters, learning = load_injector(amended), bench.injector.config.learning.enabled
     mended = bench.with_sections(signals=as_observed(bench.injector.config.signals))
     try:
@@ -44,7 +44,7 @@ def learn_beforehand(bench: Bench, amended: Path) -> int:
     judged = [injection.report for each in evaluations for injection in each.injections]
     if not (knowledge.state.events and judged[-1].valid):
         return 0
-    save_knowledge(beside, knowledge, parameters)
+    save_knowledge(state_file, knowledge, parameters)
     return knowledge.state.events
 
 

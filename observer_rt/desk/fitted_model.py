@@ -29,7 +29,7 @@ class FittedModel:
 
 def fitted_model(
     start: InjectorParameters,
-    found: Sequence[Measurement],
+    measurements: Sequence[Measurement],
     weighed: Mapping[int, MeasuredMasses],
     digests: dict[str, str],
     progress: Callable[[float], None],
@@ -40,12 +40,12 @@ def fitted_model(
     calibration: of the pressure sensors, whose gain is taken out before.
     Raises `RunError` where no structure has a solution.
     """
-    gain = sensor_gain(found, calibration)
+    gain = sensor_gain(measurements, calibration)
     if gain != 0.0:
         level = calibration.level(gain)
-        found, weighed = without_gain(found, gain, level), masses_without(weighed, level)
-    done = calibrate(start, found, weighed, progress)
+        measurements, weighed = without_gain(measurements, gain, level), masses_without(weighed, level)
+    done = calibrate(start, measurements, weighed, progress)
     baseline = baseline_of(done, digests)
-    observer = observer_remainder(done.injector, baseline, [one.recording for one in found])
+    observer = observer_remainder(done.injector, baseline, [one.recording for one in measurements])
     left = {"observer": observer, "line_pressure_sensor_gain": rounded(gain)}
     return FittedModel(done, baseline.model_copy(update=left))

@@ -55,7 +55,7 @@ def replace_text(path: Path, content: bytes) -> None:
 
 @dataclass(frozen=True)
 class TakeOver:
-    """One step: the file that the bench named before (None: none) and after, of which injector, and when.
+    """One step: the file that the bench named before (None: none) and after, the injector, and the time.
 
     learned_from: kept events that were learned from beforehand, with the model after.
     """
@@ -68,7 +68,7 @@ class TakeOver:
 
     @property
     def as_text(self) -> str:
-        """What the bench names now, and what is known with it."""
+        """The file that the bench names now, and the origin of its learned state."""
         learned = (
             f", with what {self.learned_from} events of the evidence taught it" if self.learned_from else ""
         )

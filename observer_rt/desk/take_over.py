@@ -150,7 +150,7 @@ def _in_force(path: Path, injector: str, file: str | None, done: Sequence[TakeOv
 
 
 def _is_reloaded(bench: Bench) -> bool:
-    """Have the daemon that keeps the injector's evidence or state read the bench file; False: there is none.
+    """Have the daemon that keeps the injector's evidence or state read the bench file; False: no daemon does.
 
     Raises `UserError` or `RunError` unless it has the model of the bench in force then.
     """

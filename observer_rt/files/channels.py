@@ -23,10 +23,10 @@ def chosen_channels(
     said = of_links(OPTION, texts, links, "can3")
     if len(links) == 1:
         return {0: said.get(0)}
-    found = matched_channels(
+    matches = matched_channels(
         path, links, needed, said, lambda bus: f"{OPTION} {links[bus].name}{'=' if bus else ''}CHANNEL"
     )
-    return {**found}
+    return {**matches}
 
 
 def matched_channels(
@@ -46,23 +46,23 @@ def matched_channels(
     wanted = [bus for bus in open_buses if bus in needed]
     if not wanted:
         return dict(said)
-    there = [
+    present = [
         each for each in dict.fromkeys(entry.channel for entry in open_log(path)) if each not in said.values()
     ]
     numbers = ChannelNumbers()
     by_number = [str(numbers.of(link.config.channel)) for link in links]
     for name_of in ([link.config.channel for link in links], by_number):
-        found = {bus: name_of[bus] for bus in open_buses if name_of[bus] in there}
-        if found.keys() >= set(wanted):
-            return {**said, **found}
-    in_order = sorted(filter(str.isdigit, there), key=int)
+        matches = {bus: name_of[bus] for bus in open_buses if name_of[bus] in present}
+        if matches.keys() >= set(wanted):
+            return {**said, **matches}
+    in_order = sorted(filter(str.isdigit, present), key=int)
     for buses in (open_buses, wanted):
-        if len(buses) == len(there) == len(in_order):
+        if len(buses) == len(present) == len(in_order):
             return {**said, **dict(zip(buses, in_order, strict=True))}
     names = ", ".join(links[bus].label for bus in wanted)
     raise UserError(
         str(path),
-        f"which of its channels is which bus is not clear: it has {', '.join(there) or 'no other'}, wanted are "
+        f"which of its channels is which bus is not clear: it has {', '.join(present) or 'no other'}, wanted are "
         f"{names}",
         f"say it: {' '.join(option(bus) for bus in wanted)}",
     )
@@ -110,8 +110,8 @@ class InputFrames:
                     )
                 yield BusFrame(bus, frame)
                 break
-        heard = {bus for bus, _ in channel_of}
-        for bus in sorted({layout.bus for layout in self._bus.input_layouts} - heard):
+        received = {bus for bus, _ in channel_of}
+        for bus in sorted({layout.bus for layout in self._bus.input_layouts} - received):
             self._refuse_empty(bus, list(channels), [identifier for identifier, _ in others])
 
     def notes(self) -> list[str]:
@@ -139,9 +139,9 @@ class InputFrames:
         wanted = ", ".join(
             f"{layout.name} (0x{layout.frame_id:X})" for layout in self._bus.received if layout.bus == bus
         )
-        there = ", ".join(f"0x{identifier:X}" for identifier in sorted(set(others))[:8])
+        present = ", ".join(f"0x{identifier:X}" for identifier in sorted(set(others))[:8])
         where, remedy = "", "give --bench with the file the log was recorded by"
         if len(self._channels) > 1:
             where = f" on channel {channel}, which is taken for {self._bus.labels[bus]}"
             remedy += f", or say which channel is which bus by {OPTION}"
-        raise UserError(str(self.path), f"holds no frame of {wanted}{where}; it has {there}", remedy)
+        raise UserError(str(self.path), f"holds no frame of {wanted}{where}; it has {present}", remedy)

@@ -97,14 +97,14 @@ def signal_formats() -> list[SignalFormat]:
     return [each for each in BUILT_IN if isinstance(each, SignalFormat)]
 
 
-def suffixes_of(known: Iterable[Format]) -> tuple[str, ...]:
+def suffixes_of(kinds: Iterable[Format]) -> tuple[str, ...]:
     """The suffixes of some formats, each once."""
-    return tuple(dict.fromkeys(suffix for each in known for suffix in each.suffixes))
+    return tuple(dict.fromkeys(suffix for each in kinds for suffix in each.suffixes))
 
 
-def written(known: Iterable[F]) -> list[F]:
+def written(kinds: Iterable[F]) -> list[F]:
     """Formats that can be written, of some."""
-    return [each for each in known if each.writer is not None]
+    return [each for each in kinds if each.writer is not None]
 
 
 def is_log(path: Path) -> bool:
@@ -128,8 +128,8 @@ def open_log(path: Path) -> LogReader:
     Raises `UserError` for an unknown suffix.
     """
     kinds = _kinds(path, log_formats())
-    found = _recognised(path, kinds) if len(kinds) > 1 else None
-    return (found or next(each for each in kinds if each.recognises is None or len(kinds) == 1)).reader(path)
+    kind = _recognised(path, kinds) if len(kinds) > 1 else None
+    return (kind or next(each for each in kinds if each.recognises is None or len(kinds) == 1)).reader(path)
 
 
 def open_writer(path: Path, start_ns: int) -> LogWriter:
@@ -235,17 +235,17 @@ def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
         raise
 
 
-def _of(path: Path, known: Sequence[F]) -> F:
-    return _kinds(path, known)[0]
+def _of(path: Path, kinds: Sequence[F]) -> F:
+    return _kinds(path, kinds)[0]
 
 
-def _kinds(path: Path, known: Sequence[F]) -> list[F]:
+def _kinds(path: Path, kinds: Sequence[F]) -> list[F]:
     """The formats that a file may be of by its suffix."""
-    _check_suffix(path, suffixes_of(known))
-    return [each for each in known if path.suffix.lower() in each.suffixes]
+    _check_suffix(path, suffixes_of(kinds))
+    return [each for each in kinds if path.suffix.lower() in each.suffixes]
 
 
-def _recognised(path: Path, known: Iterable[LogFormat]) -> LogFormat | None:
+def _recognised(path: Path, kinds: Iterable[LogFormat]) -> LogFormat | None:
     """The format that takes a file for its own."""
     with file_errors(path):
-        return next((each for each in known if each.recognises is not None and each.recognises(path)), None)
+        return next((each for each in kinds if each.recognises is not None and each.recognises(path)), None)

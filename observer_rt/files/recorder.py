@@ -79,8 +79,10 @@ def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
             f"'{path.suffix}' cannot be recorded into safely",
             f"record into {' or '.join(suffixes)}, then convert",
         )
-    if limits.rotates and (there := sorted(path.parent.glob(_numbered(path, "[0-9]" * NUMBER_DIGITS)))):
-        raise UserError(f"--out {there[0]}", "exists already", "name another series, or move this one away")
+    if limits.rotates and (existing := sorted(path.parent.glob(_numbered(path, "[0-9]" * NUMBER_DIGITS)))):
+        raise UserError(
+            f"--out {existing[0]}", "exists already", "name another series, or move this one away"
+        )
     if limits.rotates:
         check_folder("--out", path.parent)
     else:

@@ -21,7 +21,7 @@ from observer_rt.foundation.errors import UserError
 def framed(table: Any) -> pd.DataFrame:
     """A DataFrame, an index of floats or moments as its first column, or arrays by name as one.
 
-    Raises `UserError` for what is neither.
+    Raises `UserError` for anything else.
     """
     if isinstance(table, Mapping):
         try:
@@ -43,12 +43,12 @@ def framed(table: Any) -> pd.DataFrame:
 
 def headings_of(frame: pd.DataFrame) -> list[Heading]:
     """Headings of the columns; units in names as `p_Rail [bar]`, or in `attrs["unit"]`."""
-    found = []
+    headings = []
     for heading in frame.columns:
         name, unit = name_and_unit(str(heading))
         stated = str(frame[heading].attrs.get("unit", unit))
-        found.append(Heading(name, stated, None, frame[heading].dtype.kind in "mM"))
-    return found
+        headings.append(Heading(name, stated, None, frame[heading].dtype.kind in "mM"))
+    return headings
 
 
 class HeldTable(Table):
@@ -80,26 +80,26 @@ class HeldTable(Table):
             rows = slice(first, first + SAMPLES_AT_ONCE)
             yield self._part({name: values[rows] for name, values in self._values.items()}, first)
 
-    def place(self, row: int, raster: int) -> str:
+    def location(self, row: int, raster: int) -> str:
         """Place of a row: its number, from 1."""
         return f"{self.path}, row {row + 1} of numbers"
 
     def _numbers(self, name: str, column: "pd.Series[Any]") -> Values:
         """Values as numbers; moments as seconds from the first."""
-        place, kind = f"{self.path}, {self.label(name)}", column.dtype.kind
+        location, kind = f"{self.path}, {self.label(name)}", column.dtype.kind
         if kind in "mM":
             if getattr(column.dtype, "tz", None) is not None:
                 column = column.dt.tz_convert(None)
             moments = column.to_numpy(f"{kind}8[ns]").astype(np.int64)
-            there = column.notna().to_numpy()
-            return seconds_since(int(moments[there][0]) if there.any() else 0, moments)
+            available = column.notna().to_numpy()
+            return seconds_since(int(moments[available][0]) if available.any() else 0, moments)
         if kind not in "biuf":
-            raise UserError(place, f"holds {column.dtype}, no numbers", "convert it by pandas.to_numeric")
+            raise UserError(location, f"holds {column.dtype}, no numbers", "convert it by pandas.to_numeric")
         numbers: Values = column.to_numpy(np.float64, na_value=np.nan)
         beyond = np.flatnonzero(np.isfinite(numbers) & (np.abs(numbers) > LARGEST))
         if beyond.size:
             raise UserError(
-                place, f"value {beyond[0] + 1} is {numbers[beyond[0]]:g}", "leave it out, or make it NaN"
+                location, f"value {beyond[0] + 1} is {numbers[beyond[0]]:g}", "leave it out, or make it NaN"
             )
         return numbers
 
@@ -107,7 +107,7 @@ class HeldTable(Table):
 def signals_of(
     table: Any, layout: RecordingConfig | Mapping[str, Any] | None = None, name: str = "table"
 ) -> SignalStream:
-    """Signals of a table in memory [SI], with a survey that tells what is odd about its values.
+    """Signals of a table in memory [SI], with a survey of odd values.
 
     table: pandas DataFrame, or arrays (n,) by name in a dict; units in brackets or at the end of names,
     `p_Rail [bar]`, `lift_um`; an index of moments or floats is the time. layout: what `[recording]` of a bench file
@@ -119,11 +119,11 @@ def signals_of(
         layout = layout_of(name, headings_of(frame))
         notes = [f"{name}: {in_words(layout)}"]
     elif not isinstance(layout, RecordingConfig):
-        layout = validated(RecordingConfig, layout, partial(_place, name), "bench")
+        layout = validated(RecordingConfig, layout, partial(_location, name), "bench")
     stream = MappedSignals(HeldTable(name, layout, frame), 0.0)
     stream.notes = (*notes, *stream.notes)
     return stream
 
 
-def _place(name: str, *keys: str | int) -> str:
+def _location(name: str, *keys: str | int) -> str:
     return f"{name}, layout {'.'.join(map(str, keys))}"

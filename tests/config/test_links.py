@@ -19,7 +19,7 @@ def buses_of(folder: Path, text: str) -> BusesConfig:
 
 def test_a_bench_with_one_link_has_one_bus() -> None:
     (bus,) = load_bench().config.buses
-    assert (bus.name, bus.label, bus.place) == ("", "can0", "link")
+    assert (bus.name, bus.label, bus.location) == ("", "can0", "link")
     assert bus.config == load_bench().config.link
 
 

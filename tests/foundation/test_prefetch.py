@@ -5,12 +5,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from observer_rt.desk.evaluation.run import ahead
+from observer_rt.desk.evaluation.run import prefetch
 
 
 def test_all_come_in_order() -> None:
-    assert list(ahead(range(100))) == list(range(100))
-    assert list(ahead(())) == []
+    assert list(prefetch(range(100))) == list(range(100))
+    assert list(prefetch(())) == []
 
 
 def test_the_next_is_made_while_one_is_used_and_no_more() -> None:
@@ -24,7 +24,7 @@ def test_the_next_is_made_while_one_is_used_and_no_more() -> None:
                 third.set()
             yield number
 
-    coming = ahead(things())
+    coming = prefetch(things())
     assert next(coming) == 0
     assert next(coming) == 1
     assert third.wait(5.0)  # without being asked for
@@ -38,7 +38,7 @@ def test_an_error_comes_when_its_turn_has_come() -> None:
         yield 1
         raise ValueError("broken")
 
-    coming = ahead(failing())
+    coming = prefetch(failing())
     assert next(coming) == 1
     with pytest.raises(ValueError, match="broken"):
         next(coming)

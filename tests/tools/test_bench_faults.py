@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import SignalConfig
 from observer_rt.core.frames.frames import check_frame
 from observer_rt.engine.stream.state import Reason
-from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, all_samples
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import SIGNALS, Bench, Event, Needle, Outcome, Shot, record
@@ -52,7 +52,9 @@ def test_signals_change_while_the_fault_is_there(outcome: Outcome, name: str) ->
 def test_frames_change_from_the_fault_on_and_bear_right_check_sums(outcome: Outcome, name: str) -> None:
     bus = map_bus(load_bench())
     recording = recording_of(outcome)
-    frames = [Sent(f.time, f.time, 0, f.payload) for f in Framer(bus).frames(recording, whole(recording))]
+    frames = [
+        Sent(f.time, f.time, 0, f.payload) for f in Framer(bus).frames(recording, all_samples(recording))
+    ]
     changed = with_frame_fault(frames, placed(name), bus)
     assert [f for f in changed if f.time < BEGIN] == [f for f in frames if f.time < BEGIN]
     assert changed != frames

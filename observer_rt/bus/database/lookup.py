@@ -27,7 +27,8 @@ class MessageLayout:
     """Layout of a message besides its signals.
 
     `length` is in bytes. Where the database does not state the time between two samples, the time between two frames
-    or the number of samples in one, it is None. `e2e_profile` is the AUTOSAR profile number, None without protection.
+    or the number of samples in one, its field is None. `e2e_profile` is the AUTOSAR profile number, None without
+    protection.
     """
 
     name: str

@@ -138,7 +138,7 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
     outputs = fitted.config.outputs
 
     def output(key: str, compile_message: Callable[[Message, int], Compiled]) -> Compiled:
-        location = fitted.place(f"outputs.{key}")
+        location = fitted.location(f"outputs.{key}")
         message, number = databases.find(location, getattr(outputs, key), outputs.link)
         with named(location):
             return compile_message(_moved(message, getattr(outputs, f"{key}_id")), number)
@@ -176,13 +176,13 @@ def _map_inputs(
     by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
     for role in ROLES:
         config = fitted.config.signals.of(role)
-        source = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
+        source = databases.find(fitted.location(f"signals.{role}.message"), config.message, config.link)
         by_message.setdefault((config.message, source.bus), (source, []))[1].append(role)
     tables = InputTables()
     layouts = []
     streams: list[tuple[BusMessage, list[Role]]] = []
     for source, roles in by_message.values():
-        with named(fitted.place(f"signals.{roles[0]}.message")):
+        with named(fitted.location(f"signals.{roles[0]}.message")):
             layout = protected_layout(*source)
         layouts.append(layout)
         row = frame_row(layout)
@@ -209,19 +209,19 @@ def _map_message(
     samples: dict[Role, tuple[str, ...]] = {}
     streams: dict[tuple[SampleGroup, ...], list[Role]] = {}
     for role in roles:
-        with named(fitted.place(f"signals.{role}")):
+        with named(fitted.location(f"signals.{role}")):
             samples[role] = signal_names(message, fitted.config.signals.of(role).names)
             groups = sample_groups(message, samples[role])
         if row["samples"] not in (0, len(samples[role])):
             raise UserError(
-                fitted.place(f"signals.{role}"),
+                fitted.location(f"signals.{role}"),
                 f"has {len(samples[role])} samples a frame, other signals of {message.name} have {row['samples']}",
                 "name as many samples for every signal of a message",
             )
         for other in samples:
             if other is not role and set(samples[other]) & set(samples[role]):
                 raise UserError(
-                    fitted.place(f"signals.{role}"),
+                    fitted.location(f"signals.{role}"),
                     f"{other} and {role} read the same signals of {message.name}",
                     "name the signals of each",
                 )
@@ -230,11 +230,11 @@ def _map_message(
     for groups, together in streams.items():
         number = number_signal(fitted, message, together)
         if number is not None:
-            with named(fitted.place(f"signals.{together[0]}")):
+            with named(fitted.location(f"signals.{together[0]}")):
                 require_carried(message, number.name, groups)
         if any(group.conditions for group in groups) and (number is None or number.length != INDEX_BITS):
             raise UserError(
-                fitted.place(f"signals.{together[0]}.index"),
+                fitted.location(f"signals.{together[0]}.index"),
                 f"{message.name} sends samples in turns under a multiplexer, but no sample index with them",
                 "name the signal with the index of the frame's first sample",
             )
@@ -245,10 +245,10 @@ def _map_message(
                 column, config = ROLES.index(role), fitted.config.signals.of(role)
                 group_row["position"][column] = len(names)
                 group_row["factor"][column] = from_unit(
-                    fitted.place(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
+                    fitted.location(f"signals.{role}"), message, samples[role][0], config.unit, _UNITS[role]
                 )
                 names.extend(samples[role][group.offset : group.offset + group.count])
-            with named(fitted.place(f"signals.{together[0]}")):
+            with named(fitted.location(f"signals.{together[0]}")):
                 tables.add_group(group_row, message, names, group, None if number is None else number.name)
         tables.add_stream(int(row["samples"]), sum(1 << ROLES.index(role) for role in together))
     tables.add_message(row, message, [group for groups in streams for group in groups])

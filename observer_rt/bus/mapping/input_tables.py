@@ -102,7 +102,7 @@ def require_one_rate(
     for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
         if ratio > 1 and names.count(name) > 1:
             raise UserError(
-                fitted.place(f"signals.{roles[0]}.rate_hz"),
+                fitted.location(f"signals.{roles[0]}.rate_hz"),
                 f"{name[0]} carries other signals under the same sample index",
                 "leave rate_hz out: all signals of one message are sampled alike",
             )

@@ -150,11 +150,11 @@ def map_optional(
     """
     by_message: dict[tuple[str, int], tuple[BusMessage, list[tuple[OptionalRole, SlowSignalConfig]]]] = {}
     for role, config in fitted.config.signals.optional:
-        source = databases.find(fitted.place(f"signals.{role}.message"), config.message, config.link)
+        source = databases.find(fitted.location(f"signals.{role}.message"), config.message, config.link)
         by_message.setdefault((config.message, source.bus), (source, []))[1].append((role, config))
     pulses, carrier = fitted.config.signals.energizing, None
     if pulses is not None:
-        carrier = databases.find(fitted.place("signals.energizing.message"), pulses.message, pulses.link)
+        carrier = databases.find(fitted.location("signals.energizing.message"), pulses.message, pulses.link)
         by_message.setdefault((pulses.message, carrier.bus), (carrier, []))
     leading = next(row for row in timing if row["joining"] == Joining.INDEX)
     slow = []
@@ -177,7 +177,7 @@ def _slow_signal(
     role: OptionalRole,
     config: SlowSignalConfig,
 ) -> SlowSignal:
-    location = fitted.place(f"signals.{role}")
+    location = fitted.location(f"signals.{role}")
     with named(location):
         find_signal(message, config.signal)
     carried, own_unit = OPTIONAL_SIGNALS[role], getattr(config, "unit", None)
@@ -217,7 +217,7 @@ def _energizing(
     grid: np.void,
 ) -> EnergizingLayout:
     """Compile the mapping; link: its bus; grid: `timing.TIMING` of the line pressure's message."""
-    location = fitted.place("signals.energizing")
+    location = fitted.location("signals.energizing")
     roles = map(fitted.config.signals.of, Role)
     companions = [
         mapping for mapping in roles if mapping.message == message.name
@@ -284,7 +284,7 @@ def _index(
         name = next((other.index for other in companions if other.index is not None), usual)
     if not name:
         return None
-    location = fitted.place("signals.energizing.index")
+    location = fitted.location("signals.energizing.index")
     if not on_grid:
         problem = f"{name} of {message.name} is not the index that the line pressure is numbered by"
         raise UserError(location, problem, 'set index = "", so that its stamps place it')

@@ -84,7 +84,7 @@ def map_timing(
     grid = fitted.config.signals.of(Role.LINE_PRESSURE)
     if rows[leading]["steps"] != 1:
         raise UserError(
-            fitted.place("signals.line_pressure.rate_hz"),
+            fitted.location("signals.line_pressure.rate_hz"),
             "the line pressure is the signal all others are joined to and cannot be slower than sampling.rate_hz",
             "set sampling.rate_hz to the line pressure's rate",
         )
@@ -286,7 +286,7 @@ def _set_hold(
 def _location(fitted: BenchInjector, roles: Sequence[Role], key: str) -> str:
     """Place in the bench file of a key of the roles of a message, of the first where none of them states it."""
     stating = (role for role in roles if getattr(fitted.config.signals.of(role), key) is not None)
-    return fitted.place(f"signals.{next(stating, roles[0])}.{key}")
+    return fitted.location(f"signals.{next(stating, roles[0])}.{key}")
 
 
 def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key: str) -> Any:
@@ -298,7 +298,7 @@ def _agreed(fitted: BenchInjector, message: Message, roles: Sequence[Role], key:
     for role, value in stated.items():
         if first is not None and value != stated[first]:
             raise UserError(
-                fitted.place(f"signals.{role}.{key}"),
+                fitted.location(f"signals.{role}.{key}"),
                 f"differs from that of signals.{first}, though message {message.name} carries both",
                 "state it the same for all signals of a message",
             )

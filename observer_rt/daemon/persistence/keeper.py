@@ -252,8 +252,8 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
     taken = {path.resolve(): str(path) for path in (fitted.file.path, fitted.parameters_path)}
     files = KeptFiles(state or fitted.state, journal or fitted.journal)
     options = (
-        "--state" if state else fitted.place("state.file"),
-        "--journal" if journal else fitted.place("state.journal"),
+        "--state" if state else fitted.location("state.file"),
+        "--journal" if journal else fitted.location("state.journal"),
     )
     for option, path, kind in zip(options, files, (LEARNED_STATE, JOURNAL), strict=True):
         if path is None:

@@ -46,35 +46,35 @@ def bench_findings(
     """
     alone = None if state is None and journal is None else bench.of(injector).injector
     findings = _files(bench)
-    findings += _each(
+    findings += _for_each_injector(
         bench, lambda fitted: _injector(fitted, *((state, journal) if fitted is alone else (None, None)))
     )
     try:
         mapped = map_bench(bench)
         maps = {fitted.name: bus for fitted, bus in zip(bench.injectors, mapped.injectors, strict=True)}
-        findings += _each(
+        findings += _for_each_injector(
             bench, lambda fitted: mapping_findings(fitted, maps[fitted.name], mapped.database_messages)
         )
         findings += buses_findings(bench, mapped)
-        findings += _each(bench, lambda fitted: time_findings(maps[fitted.name]))
+        findings += _for_each_injector(bench, lambda fitted: time_findings(maps[fitted.name]))
     except UserError as error:
         findings.append(failed("mapping", error))
-    findings += _each(bench, channel_findings)
-    findings += _each(bench, observer_findings)
+    findings += _for_each_injector(bench, channel_findings)
+    findings += _for_each_injector(bench, observer_findings)
     return findings
 
 
-def of_each(bench: Bench, found: Callable[[Bench], list[Finding]]) -> list[Finding]:
+def of_each(bench: Bench, findings_of: Callable[[Bench], list[Finding]]) -> list[Finding]:
     """Findings about every injector, with its name where there are several."""
     return [
         replace(finding, text=f"{alone.injector.name}: {finding.text}") if alone.injector.name else finding
         for alone in bench.per_injector
-        for finding in found(alone)
+        for finding in findings_of(alone)
     ]
 
 
-def _each(bench: Bench, found: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
-    return of_each(bench, lambda alone: found(alone.injector))
+def _for_each_injector(bench: Bench, findings_of: Callable[[BenchInjector], list[Finding]]) -> list[Finding]:
+    return of_each(bench, lambda alone: findings_of(alone.injector))
 
 
 @ruled("files")
@@ -129,7 +129,7 @@ def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
     """A warning for every parameter that no injector has, or one finding that all can be."""
     odd = beyond_physics(injector)
     cause = wrong_entry(injector, odd) if injector.baseline is not None else ""
-    for one in odd:
-        yield False, one.words, cause or "is it in SI units?"
+    for number in odd:
+        yield False, number.words, cause or "is it in SI units?"
     if not odd:
         yield "every parameter is one an injector can have"

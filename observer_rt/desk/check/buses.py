@@ -1,4 +1,4 @@
-"""Findings about the buses of a bench: what is on which, whose stamps can be compared, names, identifiers, load."""
+"""Findings about the buses of a bench: contents of each, comparable stamps, names, identifiers, load."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -35,11 +35,11 @@ def buses_findings(bench: Bench, mapped: BenchMap) -> list[Finding]:
 def _links(bench: Bench) -> Iterator[Said]:
     """Interfaces and bit rates that there are not."""
     for link in bench.config.buses:
-        config, place = link.config, f"{bench.path}: {link.place}"
-        require_interface(f"{place}.interface", config.interface)
+        config, location = link.config, f"{bench.path}: {link.location}"
+        require_interface(f"{location}.interface", config.interface)
         if config.fd and config.data_bit_rate < config.bit_rate:
             yield UserError(
-                f"{place}.data_bit_rate",
+                f"{location}.data_bit_rate",
                 f"{config.data_bit_rate:g} bit/s, less than bit_rate, {config.bit_rate:g} bit/s",
                 "state both in bit/s; the data phase of CAN FD is the faster one",
             )
@@ -59,7 +59,7 @@ def _carried(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         )
         carried = ", ".join(ways)
         text = f"{link.label}, {link.config.interface}: {carried or 'nothing'}"
-        remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.place}] out"
+        remedy = f"state link for a [[dbc]], a signal or the outputs, or leave [{link.location}] out"
         yield bool(carried), text, remedy
     rough = {n for n, link in enumerate(links) if link.config.interface != "socketcan"}
     by_stamps = set()
@@ -82,8 +82,8 @@ def _results(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
     for what, names in in_common(bench, mapped):
         is_of_one = len(set(names)) == 1
         owners = f"{len(names)} results" if is_of_one else " and ".join(names)
-        place = f"{bench.path}: {'outputs' if is_of_one else 'injectors'}"
-        yield UserError(place, f"{owners} share {what}", "give each its own")
+        location = f"{bench.path}: {'outputs' if is_of_one else 'injectors'}"
+        yield UserError(location, f"{owners} share {what}", "give each its own")
 
 
 @ruled("identifiers")
@@ -115,7 +115,7 @@ def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
 
 def _place_of(bench: Bench, mapped: BenchMap, layouts: Sequence[MessageLayout]) -> str:
     """The key to change where messages share an identifier: that of a result, one that is stated before others."""
-    place = f"{bench.path}: signals"
+    location = f"{bench.path}: signals"
     for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
         outputs = injector.config.outputs
         for layout, key, stated in (
@@ -124,15 +124,15 @@ def _place_of(bench: Bench, mapped: BenchMap, layouts: Sequence[MessageLayout]) 
             (bus.status.layout, "status_id", outputs.status_id),
         ):
             if layout in layouts:
-                place = injector.place(f"outputs.{key}")
+                location = injector.location(f"outputs.{key}")
                 if stated is not None:
-                    return place
-    return place
+                    return location
+    return location
 
 
 @ruled("databases")
 def _databases(mapped: BenchMap) -> Iterator[Said]:
-    """Names that several databases define, and what is wrong with those read leniently."""
+    """Names that several databases define, and the faults of those read leniently."""
     for layout in mapped.layouts:
         named = [message for message in mapped.database_messages if message.name == layout.name]
         of_bus = [message for message in named if message.bus == layout.bus]
@@ -152,12 +152,12 @@ def _frames(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
     """Messages that no frame of their kind can hold on their bus, or one finding that all can be."""
     fit = True
     for number, link in enumerate(bench.config.buses):
-        place = f"{link.place}.fd"
+        location = f"{link.location}.fd"
         for layout in mapped.layouts:
             if layout.bus == number and layout.is_fd and not link.config.fd:
                 fit = False
-                problem = f"{layout.name} is a CAN FD message, but {place} is false"
-                yield UserError(f"{bench.path}: {place}", problem, f"set {place} = true")
+                problem = f"{layout.name} is a CAN FD message, but {location} is false"
+                yield UserError(f"{bench.path}: {location}", problem, f"set {location} = true")
     if fit:
         yield "every message fits its kind of frame"
 
@@ -184,7 +184,7 @@ def _load(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         )
         continuous = f"{on}continuous: {load.continuous:.0%} {rates}"
         if load.windowed > 1.0:
-            key = f"{bench.path}: {named.place}.{'data_bit_rate' if link.fd else 'bit_rate'}"
+            key = f"{bench.path}: {named.location}.{'data_bit_rate' if link.fd else 'bit_rate'}"
             yield UserError(key, windowed, _LESS)
             yield UserError(key, continuous, _LESS)
             continue

@@ -15,10 +15,10 @@ from observer_rt.desk.check.machine import (
 
 
 def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
-    """Findings about files, buses, observers and machine. What a file's error keeps from being looked at is left out.
+    """Findings about files, buses, observers and machine. Checks that an error in a file prevents are left out.
 
     state: file with a learned state, which stays as it is, instead of the one that the bench file names. Where there
-    are several injectors, what is found of one says of which. Raises `UserError` for one state of several injectors.
+    are several injectors, each finding names its injector. Raises `UserError` for one state of several injectors.
     """
     findings = bench_findings(bench, state)
     findings += real_time_findings(this_host(bench.config.realtime, len(bench.injectors)))
@@ -27,5 +27,5 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
     for link in bench.config.buses:
         if link.config.interface == "socketcan":
             controller = read_controller(link.config.channel)
-            findings += interface_findings(link.config, controller, place=link.place)
+            findings += interface_findings(link.config, controller, location=link.location)
     return findings

@@ -43,8 +43,8 @@ def recording_findings(bench: Bench, path: Path) -> Iterator[Said]:
     for note in stream.notes:
         yield False, note, ""
     yield from _ranges(stream)
-    for found in implausible(stream.survey):
-        yield failed("recording", found.error(path, stream.names.get(found.signal, "")))
+    for finding in implausible(stream.survey):
+        yield failed("recording", finding.error(path, stream.names.get(finding.signal, "")))
     for odd in doubts(stream.survey, bench.injector.parameters.baseline, stream.names):
         yield False, odd.problem, odd.remedy
     bench_for(bench, stream)
@@ -85,8 +85,8 @@ def log_findings(bench: Bench, path: Path, from_channels: Sequence[str] = ()) ->
         yield False, f"frames {', '.join(f'{count} {what}' for what, count in odd.items() if count)}", ""
     for note in logged.notes:
         yield False, note, ""
-    for found in implausible(logged.survey):
-        yield failed("log", found.error(logged.path))
+    for finding in implausible(logged.survey):
+        yield failed("log", finding.error(logged.path))
     for odd_values in doubts(logged.survey, bench.injector.parameters.baseline):
         yield False, odd_values.problem, odd_values.remedy
     for timing in logged.timing:

@@ -118,13 +118,13 @@ def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
     )
     cycle = energizing.cycle if energizing.is_level and len(names) == 1 else None
     between = (cycle or 0.0) / 2
-    place = f"{layout.name}: opening delays by"
+    prefix = f"{layout.name}: opening delays by"
     if energizing.index is not None:
-        yield graded("time", True, f"{place} the sample index, to {(sample + between) / MICROSECOND:.4g} us")
+        yield graded("time", True, f"{prefix} the sample index, to {(sample + between) / MICROSECOND:.4g} us")
     else:
         off = f", and {between / MICROSECOND:.4g} us more between two frames" if between else ""
         delay = f"{energizing.delay / MICROSECOND:.4g} us after it"
-        text = f"{place} receive stamps, {delay}: too short by the jitter of its frames{off}"
+        text = f"{prefix} receive stamps, {delay}: too short by the jitter of its frames{off}"
         remedy = "an index of the line pressure's time base would tell them to a sample"
         yield graded("time", False, text, remedy)
     if cycle is not None and cycle >= COARSE:
@@ -135,10 +135,10 @@ def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
         yield graded("time", False, text)
 
 
-def mapping_findings(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> list[Finding]:
-    """All findings about the mapping of an injector; known: the messages of all databases."""
+def mapping_findings(fitted: BenchInjector, bus: BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
+    """All findings about the mapping of an injector; messages: the messages of all databases."""
     findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(fitted, bus)
-    return findings + _protection(fitted, bus) + _sample_periods(fitted, bus, known)
+    return findings + _protection(fitted, bus) + _sample_periods(fitted, bus, messages)
 
 
 @ruled("protection")
@@ -187,24 +187,24 @@ def _mapping(fitted: BenchInjector, bus: BusMap, role: Role) -> Finding:
 
 
 @ruled("sampling")
-def _sample_periods(fitted: BenchInjector, bus: BusMap, known: Sequence[KnownMessage]) -> Iterator[Said]:
+def _sample_periods(fitted: BenchInjector, bus: BusMap, messages: Sequence[KnownMessage]) -> Iterator[Said]:
     rate = fitted.config.sampling.rate_hz
     yield f"{rate:g} Hz, a sample every {1e9 / rate:.6g} ns"
     for number, layout in enumerate(bus.input_layouts):
         message = bus.inputs.messages[number]
         expected = 1e9 * float(message_timing(bus, number)["interval"])
-        found = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
-        if _is_of_the_user(layout, known) and _is_another(layout.sample_period_ns, expected):
-            _, problem, remedy = next(found)
-            yield UserError(fitted.place("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
-        yield from found
-    if bus.rate is not None and _is_of_the_user(bus.rate.layout, known):
+        periods = _periods(layout, int(message["samples"]), int(message["kind_count"]), expected)
+        if _is_of_the_user(layout, messages) and _is_another(layout.sample_period_ns, expected):
+            _, problem, remedy = next(periods)
+            yield UserError(fitted.location("sampling.rate_hz"), f"is {rate:g}, but {problem}", remedy)
+        yield from periods
+    if bus.rate is not None and _is_of_the_user(bus.rate.layout, messages):
         yield from _periods(bus.rate.layout, bus.rate.samples, 1, 1e9 / rate)
 
 
-def _is_of_the_user(layout: MessageLayout, known: Sequence[KnownMessage]) -> bool:
+def _is_of_the_user(layout: MessageLayout, messages: Sequence[KnownMessage]) -> bool:
     """Whether a message is of a database of the user; sample periods of ours are examples that nobody can change."""
-    return next(message.path for message in known if message.name == layout.name).parent != PACKAGE_DATA
+    return next(message.path for message in messages if message.name == layout.name).parent != PACKAGE_DATA
 
 
 def _is_another(period: int | None, expected: float) -> bool:
@@ -269,7 +269,7 @@ def _joined(timing: np.void) -> str:
 
 @ruled("channels")
 def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
-    """One of each channel of which something is stated: its delays and lags, and what is made of them."""
+    """A finding for each channel with a stated delay or lag, and its treatment."""
     for role in Role:
         signal = fitted.config.signals.of(role)
         delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
@@ -279,7 +279,7 @@ def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
 
 
 def observer_findings(fitted: BenchInjector) -> list[Finding]:
-    """All findings about the observer of an injector; there is none with too many cells to be stable."""
+    """All findings about the observer of an injector; none with too many cells to be stable."""
     integration = _integration(fitted)
     is_stable = integration[0].error is None
     fuel = fuel_findings(fitted) if is_stable else []

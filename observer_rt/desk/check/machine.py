@@ -93,7 +93,7 @@ def read_controller(channel: str) -> Controller | None:
 
 
 def controller_in(text: str) -> Controller | None:
-    """The controller in the answer of `ip -json -details link show`; None where there is none."""
+    """The controller in the answer of `ip -json -details link show`; None without one."""
     try:
         info = json.loads(text)[0]["linkinfo"]
         if info["info_kind"] != "can":  # virtual interfaces have no controller
@@ -129,11 +129,11 @@ def socketcan_findings() -> Iterator[Said]:
 
 @ruled("interface")
 def interface_findings(
-    link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, place: str = "link"
+    link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, location: str = "link"
 ) -> Iterator[Said]:
     """Findings about the interface with its folder below `network` and, where there is one, a controller.
 
-    place: the section of the bench file.
+    location: the section of the bench file.
     """
     name = link.channel
     folder = network / name
@@ -146,7 +146,7 @@ def interface_findings(
         yield False, f"{name} does not exist", _create(link)
         return
     if kind != ARPHRD_CAN:
-        yield False, f"{name} is no CAN interface", f"set {place}.channel to one"
+        yield False, f"{name} is no CAN interface", f"set {location}.channel to one"
         return
     is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
     if controller is None or controller.state != "BUS-OFF":  # which also takes the carrier away
@@ -157,10 +157,10 @@ def interface_findings(
     longer = f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}"
     yield queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer
     if controller is not None:
-        yield from _of_controller(link, controller, place)
+        yield from _of_controller(link, controller, location)
 
 
-def _of_controller(link: LinkConfig, controller: Controller, place: str) -> Iterator[Said]:
+def _of_controller(link: LinkConfig, controller: Controller, location: str) -> Iterator[Said]:
     name = link.channel
     anew = f"sudo ip link set {name} down && sudo ip link set {name} up type can"
     if controller.state in ("BUS-OFF", "ERROR-PASSIVE"):
@@ -175,7 +175,7 @@ def _of_controller(link: LinkConfig, controller: Controller, place: str) -> Iter
         if timing is None:
             continue
         point = "" if timing.sample_point is None else f", sampled at {timing.sample_point:.1%}"
-        key = f"{place}.{phase.replace(' ', '_')}"
+        key = f"{location}.{phase.replace(' ', '_')}"
         yield (
             abs(timing.bit_rate - wanted) <= RATE_TOLERANCE * wanted,
             f"{name}: {phase} {timing.bit_rate} bit/s{point}",

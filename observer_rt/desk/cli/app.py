@@ -97,7 +97,7 @@ def main() -> None:
 
 
 def _worded(error: Any) -> UserError:
-    """What is wrong with a command line, as all other errors are said."""
+    """The fault of a command line, worded as all other errors."""
     called = error.ctx.info_name if error.ctx is not None and error.ctx.parent is not None else ""
     command = f"observer-rt {called}".strip()
     message = error.format_message().rstrip(".")

@@ -1,4 +1,4 @@
-"""Commands share this: how typer is told their options, and where their messages go."""
+"""Commands share this: the declaration of their options for typer, and the console of their messages."""
 
 from collections.abc import Callable
 from dataclasses import MISSING, fields, is_dataclass
@@ -34,10 +34,10 @@ def with_options(work: Callable[[Any], None]) -> Callable[..., None]:
 
     @wraps(work)
     def command(**values: Any) -> None:
-        given = {name: value for name, value in values.items() if value is not None}
+        stated = {name: value for name, value in values.items() if value is not None}
         work(
             kind(
-                **{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+                **{name: tuple(value) if isinstance(value, list) else value for name, value in stated.items()}
             )
         )
 
@@ -47,7 +47,7 @@ def with_options(work: Callable[[Any], None]) -> Callable[..., None]:
 
 
 def _annotation(name: str, hint: Any) -> Any:
-    """What typer is told of a field."""
+    """The declaration of a field for typer."""
     kind, said, *more = get_args(hint)
     if get_origin(kind) is tuple:
         kind = list[get_args(kind)[0]] | None  # type: ignore[misc]

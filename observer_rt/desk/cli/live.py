@@ -105,10 +105,10 @@ def run(options: RunOptions) -> None:
     from observer_rt.desk.check.bench_rules import refuse_errors
 
     def read() -> Bench:
-        whole = load_bench(bench, lenient=options.lenient)
-        refuse_errors(whole, options.state, options.journal, options.injector)
-        refuse_several(whole, options.injector)
-        return whole
+        all_injectors = load_bench(bench, lenient=options.lenient)
+        refuse_errors(all_injectors, options.state, options.journal, options.injector)
+        refuse_several(all_injectors, options.injector)
+        return all_injectors
 
     serve(read, options, messages)
 
@@ -144,7 +144,7 @@ class CheckOptions:
 
 def check(options: CheckOptions) -> None:
     """Check configuration, bus database, substeps, bus load and real-time rights, without touching the bus."""
-    from observer_rt.desk.check import findings as found
+    from observer_rt.desk.check import findings as module
     from observer_rt.desk.check import given_files
     from observer_rt.desk.check.bench_rules import of_each
     from observer_rt.desk.check.checkup import checkup
@@ -158,10 +158,10 @@ def check(options: CheckOptions) -> None:
     if options.recording is not None:
         findings += given_files.recording_findings(chosen, options.recording)
     if options.json:
-        print(json.dumps(found.as_json_document(findings), indent=2))
+        print(json.dumps(module.as_json_document(findings), indent=2))
     else:
-        results().print(found.as_table(findings))
-    if any(finding.level is found.Level.ERROR for finding in findings):
+        results().print(module.as_table(findings))
+    if any(finding.level is module.Level.ERROR for finding in findings):
         raise typer.Exit(1)
 
 

@@ -32,7 +32,7 @@ class ModelOptions:
     json: shared.Json = False
 
     def decoder(self, model: Path | None) -> Bench | None:
-        """The bench that says how to read the files. Raises `UserError` where there is none that fits."""
+        """The bench that says how to read the files. Raises `UserError` if none fits."""
         return decoder_of(self.bench, self.injector, self.lenient, model)
 
 
@@ -84,17 +84,17 @@ def fit(options: FitOptions) -> None:
     read = partial(open_source, bench=decoder, from_channels=options.from_channel, console=messages)
     most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: masses go by the injection's number
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    found = reading.read_measured(paths, read, messages, most, stated)
-    reading.refuse_rates_missing([one.recording for one in found])
-    refuse_clipped(found)
-    weighed = {} if options.mass is None else read_masses(options.mass, found)
-    warned = warnings(found)
-    for line in (*map(reading.coverage, found), *(f"warning: {one}" for one in warned)):
+    recordings = reading.read_measured(paths, read, messages, most, stated)
+    reading.refuse_rates_missing([one.recording for one in recordings])
+    refuse_clipped(recordings)
+    weighed = {} if options.mass is None else read_masses(options.mass, recordings)
+    warned = warnings(recordings)
+    for line in (*map(reading.coverage, recordings), *(f"warning: {one}" for one in warned)):
         say(messages, line)
     with progress_bar(messages, "fitting", 1.0) as progress:
         try:
             sensors = EXACT if decoder is None else calibration_of(decoder.injector)
-            fitted = fitted_model(start, found, weighed, reading.hashes(paths), progress, sensors)
+            fitted = fitted_model(start, recordings, weighed, reading.hashes(paths), progress, sensors)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     fitted.write(output, source)
@@ -160,7 +160,7 @@ class DiscoverOptions(ModelOptions):
 
 def discover(options: DiscoverOptions) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
-    from observer_rt.desk.asked import asked_of_evidence, asked_of_recordings
+    from observer_rt.desk.discover_inputs import inputs_of_evidence, inputs_of_recordings
     from observer_rt.desk.evaluation.healthy_events import observer_remainder
     from observer_rt.desk.simulation.simulate import two_injections
     from observer_rt.identification.discovery import discover as discovery
@@ -181,32 +181,32 @@ def discover(options: DiscoverOptions) -> None:
     decoder = options.decoder(options.model)
     chosen = effects_named("--choose", options.choose)
     if options.from_evidence is not None:
-        asked = asked_of_evidence(options.from_evidence, options.model, decoder, messages)
+        inputs = inputs_of_evidence(options.from_evidence, options.model, decoder, messages)
     else:
-        asked = asked_of_recordings(
+        inputs = inputs_of_recordings(
             recordings, healthy, options.model, decoder, options.from_channel, messages
         )
-    discovery.check_answer_folder(out, asked.model, options.force)
-    amendable = InjectorFile.read(asked.model)
+    discovery.check_answer_folder(out, inputs.model, options.force)
+    amendable = InjectorFile.read(inputs.model)
     task = discovery.DiscoveryTask(
-        load_injector(asked.model),
-        asked.measured,
-        asked.healthy,
-        asked.hashes,
+        load_injector(inputs.model),
+        inputs.measured,
+        inputs.healthy,
+        inputs.hashes,
         chosen,
         options.accept_term or 0,
         observer_remainder,
     )
-    discovery.refuse_incomparable(task, str(asked.model))
+    discovery.refuse_incomparable(task, str(inputs.model))
     make_folder("--out", out)
-    for one in (*asked.measured, *asked.healthy):
-        say(messages, coverage(one))
-    store = discovery.fits_in(out, task, asked.stated)
+    for measurement in (*inputs.measured, *inputs.healthy):
+        say(messages, coverage(measurement))
+    store = discovery.fits_in(out, task, inputs.stated)
     if store.taken_over:
         say(messages, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
         try:
-            found = discovery.answer(task, store, progress)
+            findings = discovery.answer(task, store, progress)
         except KeyboardInterrupt:
             raise InterruptionError(
                 f"interrupted; {len(store)} fitted candidates are kept in {out / discovery.FITS}\n"
@@ -214,20 +214,20 @@ def discover(options: DiscoverOptions) -> None:
             ) from None
     if options.plan:
         with progress_bar(messages, "planning what to measure next", 1.0) as progress:
-            found = discovery.planned(found, task, two_injections, progress)
-    found = replace(found, seconds=time.monotonic() - begin)
-    document = discovery.write_findings(out, task, found, amendable)
-    if found.not_accepted:
-        say(messages, f"warning: {found.not_accepted}")
+            findings = discovery.planned(findings, task, two_injections, progress)
+    findings = replace(findings, seconds=time.monotonic() - begin)
+    document = discovery.write_findings(out, task, findings, amendable)
+    if findings.not_accepted:
+        say(messages, f"warning: {findings.not_accepted}")
     if options.json:
         print(document)
     else:
-        say(results(), as_text(found))
+        say(results(), as_text(findings))
         if options.plan:
-            print_plan(found.plan, results())
+            print_plan(findings.plan, results())
         written = {
-            discovery.AMENDED: found.amended_model is not None,
-            discovery.PLAN: found.plan is not None,
+            discovery.AMENDED: findings.amended_model is not None,
+            discovery.PLAN: findings.plan is not None,
         }
         more = [name for name, is_there in written.items() if is_there]
         say(messages, f"{out}: {', '.join([discovery.REPORT, FINDINGS, *more])}")

@@ -121,8 +121,8 @@ def record(operation: BenchOperation, departure: Departure, sample_rate: float, 
     duration = FIRST_EVENT + operation.injections * operation.period
     time = np.arange(round(duration * sample_rate) + 1) / sample_rate
     rail = np.array([operation.rail_pressure(t) for t in time.tolist()])
-    rest = [rail[0], 0.0, CHAMBER_PRESSURE] / _SCALES
-    states = odeint(_rates, rest, time, (operation, departure), **_SOLVER) * _SCALES
+    initial = [rail[0], 0.0, CHAMBER_PRESSURE] / _SCALES
+    states = odeint(_rates, initial, time, (operation, departure), **_SOLVER) * _SCALES
     lift, _, opened = np.array([operation.lift(t) for t in time.tolist()]).T
     flows = zip(states[:, 2].tolist(), opened.tolist(), strict=True)
     rate = np.array([_nozzle_flow(sac, since, departure) for sac, since in flows])

@@ -29,7 +29,7 @@ from observer_rt.desk.demonstration.bench_injector import BenchOperation, BenchR
 from observer_rt.desk.demonstration.worn import PERIOD, RAIL_PRESSURES, demo_link
 from observer_rt.desk.evaluation.figures import ESTIMATED, NOMINAL, REFERENCE
 from observer_rt.desk.take_over import take_over
-from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import RunError, UserError
@@ -186,7 +186,7 @@ class EffectDemo:
             self._send(bench, scenes[1].recording, player)
 
     def _send(self, bench: Bench, recording: Recording, player: Link) -> None:
-        play(Framer(map_bus(bench)).frames(recording, whole(recording)), player, self.speed)
+        play(Framer(map_bus(bench)).frames(recording, all_samples(recording)), player, self.speed)
         time.sleep(QUIET)
 
     def _wait_for(self, word: str, times: int) -> None:
@@ -200,17 +200,17 @@ class EffectDemo:
         raise RunError(f"the observer was not {word} within {_START:g} s; see {self.folder / LOG}")
 
     def _discover(self) -> Path | None:
-        """Ask in a process of its own, beside the daemon; the amended file, None where there is none."""
-        found = self.folder / FOUND
+        """Run `discover` in its own process, beside the daemon; the amended file, None without one."""
+        folder = self.folder / FOUND
         evidence = str(self.folder / "evidence")
         command = [sys.executable, "-m", "observer_rt", "discover", "--from-evidence", evidence]
-        command += ["--out", str(found), "--accept-term", "1", "--force"]
+        command += ["--out", str(folder), "--accept-term", "1", "--force"]
         asked = subprocess.run(
             command, capture_output=True, text=True, check=False, preexec_fn=lambda: os.nice(NICE)
         )
         if asked.returncode:
             raise RunError(f"`observer-rt discover` failed:\n{asked.stderr}")
-        amended = found / AMENDED
+        amended = folder / AMENDED
         return amended if amended.exists() else None
 
     def _result(self, scenes: Sequence[BenchRecording]) -> LoopResult:

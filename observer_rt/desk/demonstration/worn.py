@@ -30,7 +30,7 @@ from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.desk.evaluation.figures import MassRow, Picture, plot_injections
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News, Notes
-from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
@@ -131,7 +131,7 @@ class Demo:
 
             def replay() -> None:
                 try:
-                    frames = Framer(bus).frames(self.recording, whole(self.recording))
+                    frames = Framer(bus).frames(self.recording, all_samples(self.recording))
                     play(frames, player_link, speed, stop=interrupted)
                     _wait_until_quiet(daemon, interrupted)
                 finally:

@@ -58,8 +58,8 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
     if options.plot is not None:
         from observer_rt.desk.evaluation.figures import picture_of, plot_injections
 
-        there = {one.report.number for evaluation in evaluations for one in evaluation.injections}
-        shown = numbers_shown(_asked_for(options), there)
+        numbers = {one.report.number for evaluation in evaluations for one in evaluation.injections}
+        shown = numbers_shown(_asked_for(options), numbers)
         plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
 
 
@@ -67,11 +67,11 @@ def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
     """Raise `UserError` for options that do not fit together, and for files that could not be read or written."""
     if _asked_for(options) and options.plot is None:
         raise UserError("--injections", "says what is drawn, but no --plot is given", "add --plot FILE")
-    place, traces = f"--output {options.output}", _traces(paths, options)
+    location, traces = f"--output {options.output}", _traces(paths, options)
     if len(paths) > 1 and options.output is not None and not options.has_folder:
-        raise UserError(place, "names a file, but there are several recordings", "name a folder")
+        raise UserError(location, "names a file, but there are several recordings", "name a folder")
     if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
-        raise UserError(place, f"{twice[0]} would be written twice", "rename the recordings")
+        raise UserError(location, f"{twice[0]} would be written twice", "rename the recordings")
     if options.twice and options.output is not None:
         raise UserError(
             "--twice", "revises rates after they are written by --output", "leave one of them out"
@@ -135,10 +135,10 @@ def _evaluated(
     remaining = iter(traces)
 
     def evaluate_run(
-        run: Sequence[SignalStream], known: Knowledge | None, report: Progress, learner_of: LearnerFactory
+        run: Sequence[SignalStream], knowledge: Knowledge | None, report: Progress, learner_of: LearnerFactory
     ) -> tuple[Sequence[Evaluation], Knowledge]:
         mine = list(islice(remaining, len(run)))
-        return evaluate_stream(bench, run, mine, known, learning, report, curves, learner_of=learner_of)
+        return evaluate_stream(bench, run, mine, knowledge, learning, report, curves, learner_of=learner_of)
 
     with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
         return run_by_run(bench, sources, knowledge, options.chain, options.twice, progress, evaluate_run)

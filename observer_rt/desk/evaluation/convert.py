@@ -100,8 +100,8 @@ def _numbered(target: Path, stretches: int, force: bool) -> list[Path]:
     targets = [
         target.with_name(f"{target.stem}_{number:04d}{target.suffix}") for number in range(1, stretches + 1)
     ]
-    for each in targets:
-        check_output("OUT", each, force)
+    for file_target in targets:
+        check_output("OUT", file_target, force)
     return targets
 
 

@@ -51,8 +51,8 @@ class RateCurves:
 
 
 def chosen_numbers(text: str) -> tuple[int, ...]:
-    """Numbers of injections from `1,5-8`. Raises `UserError` for what is none, or more than can be drawn."""
-    found: set[int] = set()
+    """Numbers of injections from `1,5-8`. Raises `UserError` for other text, or more injections than can be drawn."""
+    numbers: set[int] = set()
     for part in text.split(","):
         first, dash, last = (piece.strip() for piece in part.partition("-"))
         bounds = (first, last) if dash else (first, first)
@@ -63,19 +63,19 @@ def chosen_numbers(text: str) -> tuple[int, ...]:
         low, high = map(int, bounds)
         if high < low:
             raise UserError(OPTION, f"'{part.strip()}' ends before it begins", f"write {high}-{low}")
-        found |= set(range(low, min(high, low + MOST_CURVES) + 1))
-    if len(found) > MOST_CURVES:
+        numbers |= set(range(low, min(high, low + MOST_CURVES) + 1))
+    if len(numbers) > MOST_CURVES:
         raise UserError(OPTION, f"are more than the {MOST_CURVES} that fit into a picture", "choose fewer")
-    return tuple(sorted(found))
+    return tuple(sorted(numbers))
 
 
-def numbers_shown(chosen: Sequence[int], there: Collection[int]) -> list[int]:
+def numbers_shown(chosen: Sequence[int], present: Collection[int]) -> list[int]:
     """Those chosen, else the first, a middle and the last. Raises `UserError` for one that is not there."""
-    missing = [number for number in chosen if number not in there]
+    missing = [number for number in chosen if number not in present]
     if missing:
-        known = f"there are {min(there)} to {max(there)}" if there else "no injection was found"
-        raise UserError(OPTION, f"there is no injection {missing[0]}", known)
-    ordered = sorted(there)
+        choices = f"there are {min(present)} to {max(present)}" if present else "no injection was found"
+        raise UserError(OPTION, f"there is no injection {missing[0]}", choices)
+    ordered = sorted(present)
     places = sorted({0, len(ordered) // 2, len(ordered) - 1}) if ordered else ()
     return list(chosen) or [ordered[place] for place in places]
 
@@ -89,7 +89,7 @@ def refuse_beyond(chosen: Sequence[int], most: int) -> None:
 
 
 def _window(report: InjectionReport, segment: Segment) -> slice:
-    """An injection among the samples that its segment remembers; what is longer than any is forgotten in part."""
+    """An injection among the samples that its segment remembers; the start of a longer one is lost."""
     first, end = (
         index - segment.first_index - segment.first for index in (report.start_index, report.end_index + 1)
     )
@@ -128,9 +128,9 @@ class InjectionResult:
     rate_ci95_halfwidth: float  # m3/s, of the published rate, mean while it flows
 
 
-def _of_report(each: Field[InjectionReport]) -> Field[InjectionResult]:
+def _of_report(field: Field[InjectionReport]) -> Field[InjectionResult]:
     return Field(
-        each.name, each.kind, lambda r, c: each.get(r.report, c), each.heading, each.form, each.outputs
+        field.name, field.kind, lambda r, c: field.get(r.report, c), field.heading, field.form, field.outputs
     )
 
 

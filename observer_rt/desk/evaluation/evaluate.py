@@ -247,7 +247,7 @@ def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:
 
 
 def _segments(log: LoggedSignals, evaluation: Evaluation) -> list[Segment]:
-    """Segments of a log, apart at long holes, which belong to what is before them; times go on over a restart."""
+    """Segments of a log, split at long holes; a hole belongs to the segment before it. Times go on over a restart."""
     segments, offset = [], 0
     for stretch in log.logged:
         bounds = [stretch.first_index, *stretch.resumed, stretch.last_index + 1]

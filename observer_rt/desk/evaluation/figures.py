@@ -60,13 +60,13 @@ class Picture:
 
 def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> None:
     """Errors of the masses where all have a reference, else by how much they differ from the nominal model's."""
-    rows = [row for one in recordings for row in one.masses]
+    rows = [row for recording in recordings for row in recording.masses]
     against = bool(rows) and all(row.reference for row in rows)
     label = f"mass error against {reference}\n[%]" if against else "mass against\nnominal model [%]"
     axes.axhline(0, color=REFERENCE if against else NOMINAL, lw=0.8)
-    most = max((len(one.masses) for one in recordings), default=0)
-    for i, one in enumerate(recordings):
-        table = _table(one.masses, against)
+    most = max((len(recording.masses) for recording in recordings), default=0)
+    for i, recording in enumerate(recordings):
+        table = _table(recording.masses, against)
         if len(recordings) == 1 and most <= ANNOTATED:
             _draw_bars(axes, table)
         else:
@@ -117,9 +117,9 @@ def _draw_bars(axes: Axes, table: pd.DataFrame) -> None:
         if not row.valid:
             bar.set(alpha=0.35, hatch="//")
         if np.isfinite(row.estimated):
-            place = row.number + 0.2, max(np.fmax(row.high, row.estimated), 0.0)
+            position = row.number + 0.2, max(np.fmax(row.high, row.estimated), 0.0)
             text = f"{row.said:.2f}"
-            axes.annotate(text, place, (0, 2), textcoords="offset points", ha="center", fontsize=7)
+            axes.annotate(text, position, (0, 2), textcoords="offset points", ha="center", fontsize=7)
 
 
 def _draw_points(axes: Axes, table: pd.DataFrame, colour: str, nominal: str) -> None:
@@ -136,12 +136,12 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
     """Wear over injections with its 95 % interval, as far as it is known."""
     axes.axhline(0, color=REFERENCE, lw=0.8)
     shown: list[NDArray[np.float64]] = []
-    for i, one in enumerate(recordings):
-        numbers = np.array([row.number for row in one.masses], float)
+    for i, recording in enumerate(recordings):
+        numbers = np.array([row.number for row in recording.masses], float)
         for effect, (_, own, style) in WEAR.items():
-            known = [row.wear.get(effect, Estimate(np.nan)) for row in one.masses]
-            value = PERCENT * np.array([estimate.value for estimate in known])
-            half = PERCENT * 1.96 * np.array([estimate.sigma or np.nan for estimate in known])
+            estimates = [row.wear.get(effect, Estimate(np.nan)) for row in recording.masses]
+            value = PERCENT * np.array([estimate.value for estimate in estimates])
+            half = PERCENT * 1.96 * np.array([estimate.sigma or np.nan for estimate in estimates])
             colour = own if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
             axes.fill_between(numbers, value - half, value + half, color=colour, alpha=0.18, lw=0)
             marker = "." if len(numbers) <= ANNOTATED else None
@@ -263,9 +263,9 @@ def _draw_injection(
     axes: Sequence[Axes], recordings: Sequence[Picture], number: int, reference: str, labelled: bool
 ) -> None:
     """One injection of every recording that has it: rates, and line pressure below."""
-    there = [(i, one.curves[number]) for i, one in enumerate(recordings) if number in one.curves]
+    drawn = [(i, axis.curves[number]) for i, axis in enumerate(recordings) if number in axis.curves]
     is_alone = len(recordings) == 1
-    for i, curve in there:
+    for i, curve in drawn:
         time, colour = curve.time / MILLISECOND, RECORDINGS[i % len(RECORDINGS)]
         _draw_rates(axes[0], curve, reference, None if is_alone else colour)
         if len(axes) > 1 and curve.line is not None:
@@ -273,9 +273,9 @@ def _draw_injection(
             pressures = [values / MEGAPASCAL for values in (curve.line.measured, curve.line.modelled)]
             axes[1].plot(time, pressures[0], color=measured, lw=2.2, alpha=alpha, label="measured")
             axes[1].plot(time, pressures[1], color=colour, lw=1.1, label="observer, from the opening on")
-    axes[0].set_title(there[0][1].title if is_alone else f"injection {number}")
-    for one in axes:
-        one.grid(alpha=0.3)
+    axes[0].set_title(drawn[0][1].title if is_alone else f"injection {number}")
+    for axis in axes:
+        axis.grid(alpha=0.3)
     axes[-1].set_xlabel("time [ms]")
     if len(axes) > 1:
         axes[0].sharex(axes[1])
@@ -291,8 +291,8 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
     time = curve.time / MILLISECOND
     wide, alpha, thin = (2.4, 1.0, 1.4) if colour is None else (3.0, 0.3, 0.9)
     if curve.reference is not None:
-        known = curve.reference / MM3_PER_MS
-        axes.plot(time, known, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
+        reference_rate = curve.reference / MM3_PER_MS
+        axes.plot(time, reference_rate, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
     if curve.sigma is not None and colour is None:
         low, high = ((curve.estimated + side * 1.96 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
         axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")

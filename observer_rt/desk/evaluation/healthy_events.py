@@ -122,8 +122,8 @@ def _remainder(collected: Sequence[Sequence[_HealthyEvent]]) -> HealthyRemainder
             cost = event.cost(shape)
             tempered.append(TemperedEvent(cost.linearised(event.theta), event.covariance))
             innovations = Innovations(cost.innovations, event.sigma)
-            found = event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED)
-            total = total.faded(1.0, found)
+            phase_values = event_statistics(event.window, innovations, event.setting.interval, NOT_FITTED)
+            total = total.faded(1.0, phase_values)
         statistics.append(total)
     return HealthyRemainder(
         variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),

@@ -30,7 +30,7 @@ EvaluateRun = Callable[
 
 
 def look_over(bench: Bench, sources: Sequence[SignalStream], console: Console) -> None:
-    """Warn of what is odd about recordings, and about the model's fit, before the first of them is evaluated.
+    """Warn of oddities of recordings, and about the model's fit, before the first of them is evaluated.
 
     Raises `UserError` for a recording that does not go with the bench, or has a dead signal.
     """
@@ -66,7 +66,7 @@ def run_by_run(
     if chain:
         bench_for_all(bench, sources)
     evaluations: list[Evaluation] = []
-    known, done = knowledge, 0
+    current, done = knowledge, 0
     for run in runs:
 
         def report(samples: int, before: int = done) -> None:
@@ -74,18 +74,18 @@ def run_by_run(
 
         look = SecondLook()
         learner_of = look.learner if twice else make_learner
-        found, known = evaluate_run(run, known if chain else knowledge, report, learner_of)
-        look.revise(found)
-        evaluations += found
+        run_evaluations, current = evaluate_run(run, current if chain else knowledge, report, learner_of)
+        look.revise(run_evaluations)
+        evaluations += run_evaluations
         done += sum(source.samples for source in run)
-    assert known is not None  # there is a run
-    return evaluations, known
+    assert current is not None  # there is a run
+    return evaluations, current
 
 
-def refuse_missing_state(place: str, path: Path | None) -> None:
-    """Raise `UserError` at `place` for a state that is named and not there."""
+def refuse_missing_state(location: str, path: Path | None) -> None:
+    """Raise `UserError` at `location` for a state that is named and not there."""
     if path is not None and not path.exists():
-        raise UserError(f"{place} {path}", "no such file", "correct the path, or leave it out")
+        raise UserError(f"{location} {path}", "no such file", "correct the path, or leave it out")
 
 
 def write_state(path: Path, knowledge: Knowledge, parameters: InjectorParameters) -> None:

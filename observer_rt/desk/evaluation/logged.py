@@ -89,10 +89,10 @@ class LoggedSignals(SignalStream):
         core = Core(self._bench.injector, self._bus, learning=False)
         stamps = _Stamps()
         watch = LogWatch(self._bench.injector, self._bus, core)
-        found = 0
+        rows_read = 0
         stretches: list[LoggedStretch] = []
         for rows in self._rows(core, stamps, watch):
-            found += len(rows)
+            rows_read += len(rows)
             indices = rows["index"].astype(np.int64)
             for index in np.split(
                 indices, np.flatnonzero(np.diff(indices) <= 0) + 1
@@ -111,8 +111,8 @@ class LoggedSignals(SignalStream):
                 stretches[-1] = LoggedStretch(begun.first_index, int(index[-1]), resumed)
             self._survey(rows)
             progress(self.frames.share_read)
-        if found < 2:
-            raise _too_few(path, core.counters, watch.absent(), found, stamps.span, self.rate)
+        if rows_read < 2:
+            raise _too_few(path, core.counters, watch.absent(), rows_read, stamps.span, self.rate)
         intervals = sum(stretch.samples - 1 for stretch in stretches)
         self.notes = (
             *self.frames.notes(),
@@ -165,9 +165,9 @@ class LoggedSignals(SignalStream):
     def _together(self, core: Core, watch: LogWatch | None) -> Iterator[list[BusFrame]]:
         """Frames that the core may take at once: one until it has samples, then up to the watch's next look."""
         held = []
-        for one in self.frames:
-            held.append(one)
-            is_due = watch is not None and watch.is_due(one.frame.stamp_ns)
+        for frames in self.frames:
+            held.append(frames)
+            is_due = watch is not None and watch.is_due(frames.frame.stamp_ns)
             if is_due or len(held) == AT_ONCE or not core.processed:
                 yield held
                 held = []
@@ -178,15 +178,15 @@ class LoggedSignals(SignalStream):
         """Samples [first, end) of a stretch, among them the rows; NaN where none came."""
         index = rows["index"].astype(np.int64)
         lift = np.interp(index, index + rows["lift_after"], rows["needle_lift"])
-        place = index - self.logged[number].first_index
+        position = index - self.logged[number].first_index
         received = ~rows["interpolated"]
         for start in range(first, end, SAMPLES_AT_ONCE):
             stop = min(end, start + SAMPLES_AT_ONCE)
-            here = received & (place >= start) & (place < stop)
+            here = received & (position >= start) & (position < stop)
 
             def signal(values: NDArray[np.float64]) -> NDArray[np.float64]:
                 placed = np.full(stop - start, np.nan)  # noqa: B023 - called at once
-                placed[place[here] - start] = values[here]  # noqa: B023
+                placed[position[here] - start] = values[here]  # noqa: B023
                 return placed
 
             time = np.arange(start, stop) / self.rate
@@ -261,11 +261,11 @@ class _Stamps:
         duration = (self._last - self._first) / NANOSECONDS
         if self._frames < FEWEST_FOR_RATE or duration <= 0.0:
             return []
-        found = intervals / duration
-        if abs(found / rate - 1.0) <= RATE_TOLERANCE:
+        stamp_rate = intervals / duration
+        if abs(stamp_rate / rate - 1.0) <= RATE_TOLERANCE:
             return []
         return [
-            f"{path}: by its stamps {found:.4g} samples a second were sent, the bench file says {rate:g}: "
+            f"{path}: by its stamps {stamp_rate:.4g} samples a second were sent, the bench file says {rate:g}: "
             "right if it was replayed at another speed, else correct sampling.rate_hz"
         ]
 

@@ -146,14 +146,14 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
     delays = [
         result.report.commanded.opening_delay for result in evaluation.injections if result.report.commanded
     ]
-    known = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
+    delays_us = [delay / MICROSECOND for delay in delays if not math.isnan(delay)]
     return {
         "energizing": {
             "commands": evaluation.counters.commands,
             "missing_injections": evaluation.counters.missing_injections,
             "uncommanded_injections": evaluation.counters.uncommanded_injections,
-            "mean_opening_delay_us": float(np.mean(known)) if known else None,
-            "opening_delay_sigma_us": float(np.std(known)) if known else None,
+            "mean_opening_delay_us": float(np.mean(delays_us)) if delays_us else None,
+            "opening_delay_sigma_us": float(np.std(delays_us)) if delays_us else None,
         }
     }
 
@@ -161,7 +161,7 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
 def print_evaluation(
     evaluation: Evaluation, c: Coefficients, console: Console, is_fitted: bool = False
 ) -> None:
-    """One recording: what it is, injection by injection or, where there are many, some at a time, what is wrong.
+    """One recording: its origin, its injections (groups of them where there are many), and the faults.
 
     is_fitted: whether the model was, to a healthy injector, and was adequate.
     """
@@ -170,8 +170,8 @@ def print_evaluation(
     for reason, (problem, remedy) in _UNFIT.items():
         if reason is Reason.MODEL_INADEQUATE and is_fitted:
             remedy = _CHANGED
-        if found := not_valid.get(reason):
-            said = f"{reason.name}: {problem} {len(found)} of {count} injections"
+        if refused := not_valid.get(reason):
+            said = f"{reason.name}: {problem} {len(refused)} of {count} injections"
             say(console, f"{said}; their rates and masses are not to be believed\n  remedy: {remedy}")
     say(
         console,
@@ -238,13 +238,13 @@ def _summary_table(injections: Sequence[InjectionResult], measured: bool, c: Coe
         run = injections[first : first + size]
         numbers = [run[0].report.number, run[-1].report.number]
         rails, masses, *others = (_mean(each, run, c) for each in (rail, mass, *compared))
-        known = [value for one in run if (value := mass.of(one, c)) is not None]
+        known_masses = [value for one in run if (value := mass.of(one, c)) is not None]
         table.add_row(
             "-".join(map(str, numbers[: len(run)])),
             start.text(run[0].start),
             rails,
             masses,
-            mass.text(pstdev(known) if known else None),
+            mass.text(pstdev(known_masses) if known_masses else None),
             *others,
             f"{100 * sum(one.report.valid for one in run) / len(run):.0f} %",
         )
@@ -253,8 +253,8 @@ def _summary_table(injections: Sequence[InjectionResult], measured: bool, c: Coe
 
 def _mean(field: Field[InjectionResult], run: Sequence[InjectionResult], c: Coefficients) -> str:
     """Mean of the known values of a field, as text."""
-    known = [value for one in run if (value := field.of(one, c)) is not None]
-    return field.text(fmean(known) if known else None)
+    values = [value for one in run if (value := field.of(one, c)) is not None]
+    return field.text(fmean(values) if values else None)
 
 
 def _headed(*headings: str) -> Table:
@@ -286,10 +286,10 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
     """Indicators beside nozzle and seat at the last injection, none of them part of the rate."""
-    found = last.report.indicators
+    indicators = last.report.indicators
     result = []
     for _, shown in SCALARS.shown():
-        estimate, unit = found[shown.effect], shown.screen_unit or shown.unit
+        estimate, unit = indicators[shown.effect], shown.screen_unit or shown.unit
         if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
             factor = shown.factor(c, unit)
             value, halfwidth = estimate.value * factor, 1.96 * estimate.sigma * factor

@@ -39,16 +39,16 @@ Thing = TypeVar("Thing")
 Progress = Callable[[int], None]  # samples done
 
 
-def ahead(things: Iterable[Thing]) -> Iterator[Thing]:
+def prefetch(iterable: Iterable[Thing]) -> Iterator[Thing]:
     """Yields things, none of them None, in their order; while one is used the next is made in a thread beside.
 
     Raises what making one raises, when its turn has come.
     """
-    waiting = iter(things)
-    with ThreadPoolExecutor(1, "ahead") as beside:
-        coming = beside.submit(next, waiting, None)
+    waiting = iter(iterable)
+    with ThreadPoolExecutor(1, "ahead") as executor:
+        coming = executor.submit(next, waiting, None)
         while (thing := coming.result()) is not None:
-            coming = beside.submit(next, waiting, None)
+            coming = executor.submit(next, waiting, None)
             yield thing
 
 
@@ -166,7 +166,7 @@ class ObserverRun:
         """Observe a recording as the frames of a measuring device; between stretches the sample index jumps."""
         rate, before = stream.sample_rate, len(self._segments)
         framed = self._framed(stream)
-        for chunk, begun, blocks in ahead(framed) if self._reads_ahead else framed:
+        for chunk, begun, blocks in prefetch(framed) if self._reads_ahead else framed:
             if begun is not None:
                 self._segments.append(Segment(sink, begun, 0, rate))
             self._segments[-1].give(chunk.time, chunk.injection_rate)
@@ -207,12 +207,12 @@ class ObserverRun:
         for segment, position, index in self._reading.parts(self._segments):
             nominal = self._nominal.rates(observer, position, position + len(index))
             segment.note(observer, position, index, nominal)
-        for each in self._news:
-            match each:
+        for news in self._news:
+            match news:
                 case InjectionReport():
-                    self._segment_of(each).note_report(each)
+                    self._segment_of(news).note_report(news)
                 case MeasuredMass(report):
-                    self._segment_of(report).sink.take_measured(each)
+                    self._segment_of(report).sink.take_measured(news)
         self._news.clear()
         self._progress(self.core.processed)
 

@@ -173,24 +173,29 @@ class Segment:
         if first < end:
             self._reach(int(index[end - 1]) + 1 - self.first_index)
             self._marks.append((position, int(index[first]) - self.first_index))
-        place = index - (self.first_index + self.first)
-        known = (place >= 0) & (place < self.trace.size)
+        offset = index - (self.first_index + self.first)
+        is_inside = (offset >= 0) & (offset < self.trace.size)
         self._note_samples(
-            observer, (position + np.flatnonzero(known)) % len(observer.ring), place[known], nominal[known]
+            observer,
+            (position + np.flatnonzero(is_inside)) % len(observer.ring),
+            offset[is_inside],
+            nominal[is_inside],
         )
 
     def _note_samples(
-        self, observer: Observer, rows: NDArray[np.int64], place: NDArray[np.int64], nominal: Signal
+        self, observer: Observer, rows: NDArray[np.int64], offset: NDArray[np.int64], nominal: Signal
     ) -> None:
         """Copy some rows (k,) of the observer's ring to the places (k,) of their samples."""
         ring, trace = observer.ring, self.trace
-        trace.line_pressure[place] = np.where(ring["interpolated"][rows], np.nan, ring["line_pressure"][rows])
-        trace.nominal_rate[place] = nominal
+        trace.line_pressure[offset] = np.where(
+            ring["interpolated"][rows], np.nan, ring["line_pressure"][rows]
+        )
+        trace.nominal_rate[offset] = nominal
         for name in ("injection_rate", "valid", "state"):
-            trace[name][place] = ring[name][rows]
+            trace[name][offset] = ring[name][rows]
         is_known = ~np.isnan(ring["injection_rate"][rows])
-        trace.x[place[is_known]] = observer.x_hat[rows[is_known], :3]
-        trace.phi[place[is_known]] = ring["phi"][rows[is_known]]
+        trace.x[offset[is_known]] = observer.x_hat[rows[is_known], :3]
+        trace.phi[offset[is_known]] = ring["phi"][rows[is_known]]
 
     def note_report(self, report: InjectionReport) -> None:
         """Pass on the report of an injection, and note the standard deviation of its rate."""
@@ -202,7 +207,7 @@ class Segment:
 
     def _reach(self, samples: int) -> None:
         """Go on to a sample of a log, whose times nobody gives: those of its sample index."""
-        known = self.first + self.trace.size
-        if known < samples:
-            numbers = np.arange(known, min(self.samples, max(samples, known + SAMPLES_AT_ONCE)))
+        end = self.first + self.trace.size
+        if end < samples:
+            numbers = np.arange(end, min(self.samples, max(samples, end + SAMPLES_AT_ONCE)))
             self.give((self._offset + numbers) / self._rate, None)

@@ -72,10 +72,12 @@ def _before(event: TaughtEvent, following: TaughtEvent, ahead: _SmoothedEvent) -
     carried = following.after.covariance @ prior.information  # an error before the event, after it
     taught = following.after.information - prior.information
     noise = following.after.covariance @ taught @ following.after.covariance
-    rest = np.eye(after.mean.size) - ahead.kept @ carried
-    kept = np.eye(after.mean.size) - gain @ rest
+    remainder = np.eye(after.mean.size) - ahead.kept @ carried
+    kept = np.eye(after.mean.size) - gain @ remainder
     moved = prior.error_covariance - after.error_covariance
-    later = gain @ (ahead.kept @ noise @ ahead.kept.T + ahead.later + rest @ moved @ rest.T) @ gain.T
+    later = (
+        gain @ (ahead.kept @ noise @ ahead.kept.T + ahead.later + remainder @ moved @ remainder.T) @ gain.T
+    )
     error = kept @ after.error_covariance @ kept.T + later
     mean = after.mean + gain @ (ahead.belief.mean - prior.mean)
     return _SmoothedEvent(Belief(mean, symmetric(covariance), symmetric(error)), kept, symmetric(later))

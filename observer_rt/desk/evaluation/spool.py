@@ -40,13 +40,13 @@ class Spool(Sequence[T], Generic[T]):
     def __getitem__(self, number: Any) -> Any:
         if isinstance(number, slice):
             return [self[each] for each in range(len(self))[number]]
-        block, place = divmod(range(len(self))[number], self._size)
+        block, position = divmod(range(len(self))[number], self._size)
         if block == len(self._starts):
-            return self._newest[place]
+            return self._newest[position]
         if block != self._read[0]:
             self._file.seek(self._starts[block])
             self._read = block, pickle.load(self._file)
-        return self._read[1][place]
+        return self._read[1][position]
 
 
 def _filled(in_memory: int, things: Sequence[T]) -> Spool[T]:

@@ -1,5 +1,5 @@
 """Injections looked at twice: learned from forward, then each with what all of them taught; the first are as good as
-the last. What is live cannot know that.
+the last. A live run cannot do that.
 """
 
 import math
@@ -101,7 +101,7 @@ class SecondLook:
 
     def learner(self, fitted: BenchInjector, constants: Constants, knowledge: Knowledge) -> EventLearner:
         """Learner of an injector that is listened to, as of `LearnerFactory`."""
-        return _Listened(make_learner(fitted, constants, knowledge), self)
+        return _EventListener(make_learner(fitted, constants, knowledge), self)
 
     def take(self, outcome: Outcome, interval: float) -> None:
         """Keep an event from which something was learned; interval: of its samples [s]."""
@@ -176,7 +176,7 @@ class SecondLook:
         return _Again(again, theta, gated.covariance + np.diag(event.unseen), rails)
 
 
-class _Listened:
+class _EventListener:
     """A learner whose outcomes a second look keeps."""
 
     def __init__(self, learner: Learner, look: SecondLook) -> None:
@@ -212,7 +212,7 @@ def _by_event(
 
 
 def _report_by(report: InjectionReport, again: _Again, window: slice, is_judged: bool) -> InjectionReport:
-    """A report by an event run again; is_judged: it only lacked knowledge, and is valid by what is known now."""
+    """A report by an event run again; is_judged: it only lacked knowledge, and is valid by the knowledge of now."""
     volume, budget = volume_in(again.event, window), volume_budget(again.event, window)
     low, high = volume_interval(again.event, window, math.nan)
     report = replace(

@@ -78,7 +78,7 @@ def connected(address: str | None, workers: int | None) -> Iterator[Any]:
 
 
 @dataclass
-class Evaluated:
+class EvaluatedFiles:
     """Numbers of files by outcome, and those that failed; skipped: done before, or copies."""
 
     done: int = 0
@@ -99,13 +99,13 @@ class Evaluated:
 
 def evaluate_all(
     client: Any, stop: threading.Event, task: Task, paths: Sequence[Path], dataset: Dataset, console: Console
-) -> Evaluated:
+) -> EvaluatedFiles:
     """Rows of all files into the dataset. client: of `connected`; stop: set when the user wants no more.
 
     Only as many files are at work as keep the workers busy. Raises `InterruptionError` when it is interrupted.
     """
     submit = partial(client.submit, pure=False, retries=_RETRIES)
-    remaining, counts = iter(paths), Evaluated()
+    remaining, counts = iter(paths), EvaluatedFiles()
     running: dict[Any, tuple[Path, str]] = {}
     begun: set[str] = set()
     with progress_bar(console, "evaluating", len(paths)) as progress:
@@ -165,7 +165,7 @@ def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str |
     }
 
 
-def tell(dataset: Dataset, counts: Evaluated, as_json: bool, console: Console) -> None:
+def tell(dataset: Dataset, counts: EvaluatedFiles, as_json: bool, console: Console) -> None:
     """Print the numbers of files by outcome, in words or JSON, and which files failed."""
     for failed in counts.failed:
         say(console, f"left out: {failed.problem}")

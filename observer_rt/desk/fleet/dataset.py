@@ -30,7 +30,7 @@ _PARTITION = "injector"
 
 
 class Dataset:
-    """Takes results in whatever order; what is there when the power fails is whole, and is not done again."""
+    """Takes results in any order; results written before a power failure are complete, and are not computed again."""
 
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
         """settings: what the rows depend on beside the files. Raises `UserError` for a folder with others.
@@ -54,10 +54,10 @@ class Dataset:
         """First the rows of one file are written, then it is noted as done."""
         with file_errors(self.folder):
             for name in pc.unique(rows[_PARTITION]).to_pylist():
-                place = self.folder / INJECTIONS / f"{_PARTITION}={quote(name, safe='')}"
-                place.mkdir(exist_ok=True)
+                partition = self.folder / INJECTIONS / f"{_PARTITION}={quote(name, safe='')}"
+                partition.mkdir(exist_ok=True)
                 its = rows.filter(pc.equal(rows[_PARTITION], name)).drop_columns([_PARTITION])
-                with replacing(place / f"{sha256}.parquet") as part:
+                with replacing(partition / f"{sha256}.parquet") as part:
                     pq.write_table(its, part)
             _append(self.folder / _DONE, {"sha256": sha256, "file": str(path), "injections": rows.num_rows})
         self._done.add(sha256)
@@ -77,18 +77,18 @@ class Dataset:
         return {str(json.loads(line)["sha256"]) for line in text.splitlines()}
 
     def _refuse_other(self, settings: dict[str, Any]) -> None:
-        path, place = self.folder / _SETTINGS, f"--out {self.folder}"
+        path, location = self.folder / _SETTINGS, f"--out {self.folder}"
         before = None
         with suppress(FileNotFoundError, ValueError):
             before = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(before, dict):
             for name in (_SETTINGS, _DONE, _ERRORS, INJECTIONS):
                 if (self.folder / name).exists():
-                    raise UserError(place, f"holds {name}, of no batch", "name another folder")
+                    raise UserError(location, f"holds {name}, of no batch", "name another folder")
             write_text(path, json.dumps(settings, indent=2))
         elif other := [key for key in settings if before.get(key) != settings[key]]:
             problem = f"holds the results of another batch: {', '.join(other)} differ"
-            raise UserError(place, problem, "name another folder")
+            raise UserError(location, problem, "name another folder")
 
 
 def _append(path: Path, said: dict[str, Any]) -> None:
@@ -98,13 +98,13 @@ def _append(path: Path, said: dict[str, Any]) -> None:
 
 def read_injections(folder: Path, columns: Iterable[str] = SCHEMA.names) -> pa.Table:
     """All rows of a batch's folder. Raises `UserError` for another folder."""
-    place = folder / INJECTIONS
-    if not place.is_dir():
+    dataset = folder / INJECTIONS
+    if not dataset.is_dir():
         raise UserError(
             str(folder), "is no folder of a batch", "make one: observer-rt batch RECORDING... --out DIR"
         )
-    with file_errors(place):
+    with file_errors(dataset):
         partitioning = ds.partitioning(pa.schema([(_PARTITION, pa.string())]), flavor="hive")
-        rows = ds.dataset(place, schema=SCHEMA, format="parquet", partitioning=partitioning)
+        rows = ds.dataset(dataset, schema=SCHEMA, format="parquet", partitioning=partitioning)
         table: pa.Table = rows.to_table(columns=list(columns))
     return table

@@ -95,10 +95,10 @@ def _table(rows: Iterator[dict[str, Any]]) -> pa.Table:
 def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[str, Any]]:
     """Rows of one injector of a file."""
     name = injector_of(path, task.names, alone)
-    place = task.folder / path
-    evaluation = _evaluation(task, place, alone)
+    file = task.folder / path
+    evaluation = _evaluation(task, file, alone)
     c = effective_model(alone.injector.parameters).coefficients
-    zero, by = zero_of(place, evaluation.source)
+    zero, by = zero_of(file, evaluation.source)
     for result in evaluation.injections:
         yield {
             **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
@@ -110,16 +110,16 @@ def _rows(task: Task, path: Path, sha256: str, alone: Bench) -> Iterator[dict[st
         }
 
 
-def _evaluation(task: Task, place: Path, alone: Bench) -> Evaluation:
-    source = open_source(place, alone, (), Console(quiet=True))
+def _evaluation(task: Task, file: Path, alone: Bench) -> Evaluation:
+    source = open_source(file, alone, (), Console(quiet=True))
     learning = task.learning and alone.injector.config.learning.enabled
-    with file_errors(place):
+    with file_errors(file):
         # not ahead: other workers have the other processors
         (evaluation,), _ = evaluate_stream(
             alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
         )
-    if not is_log(place):
-        refuse_dead(place, source.survey, source.names)
+    if not is_log(file):
+        refuse_dead(file, source.survey, source.names)
     return evaluation
 
 

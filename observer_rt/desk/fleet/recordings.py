@@ -34,8 +34,8 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
     for source in sources:
         files = list(_files(source))
         if not files:
-            known = ", ".join(suffixes_of(BUILT_IN))
-            raise UserError(source, "names no recording", f"give files, folders or patterns of {known}")
+            suffixes = ", ".join(suffixes_of(BUILT_IN))
+            raise UserError(source, "names no recording", f"give files, folders or patterns of {suffixes}")
         paths |= dict.fromkeys(files)
     return list(paths)
 

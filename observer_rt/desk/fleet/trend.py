@@ -99,8 +99,8 @@ def _trend(injector: str, table: pd.DataFrame) -> InjectorTrend:
     if (spans["min"].to_numpy()[1:] <= spans["max"].to_numpy()[:-1]).any():
         remedy = f"{_HOW}; or give each recording once, into a new folder"
         raise UserError(f"trend of {injector}", "has recordings at the same time", remedy)
-    known = table[table["valid"]].dropna(subset=list(chain.from_iterable(_COLUMNS.values())))
-    last = known.groupby("sha256", sort=False).tail(1)
+    valid = table[table["valid"]].dropna(subset=list(chain.from_iterable(_COLUMNS.values())))
+    last = valid.groupby("sha256", sort=False).tail(1)
     days = (last["time"] - last["time"].min()).dt.total_seconds().to_numpy(float) / _DAY
     courses: dict[str, Course] = {}
     for name in _COLUMNS if len(last) else ():

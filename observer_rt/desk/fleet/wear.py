@@ -74,13 +74,13 @@ class WearLine:
 
     def at(self, days: Signal) -> tuple[Signal, Signal]:
         """Levels and halves of their 95 % intervals, as days (k,)."""
-        place = np.vander(days, 2)
-        return place @ self.coefficients, np.sqrt(((place @ self.spread) * place).sum(axis=1))
+        design = np.vander(days, 2)
+        return design @ self.coefficients, np.sqrt(((design @ self.spread) * design).sum(axis=1))
 
     def reaches(self, limit: Limit) -> tuple[float, float, float]:
         """Day on which the level reaches a limit, between the ends of its 95 % interval.
 
-        Nothing is said of what is farther ahead than the recordings reach back: infinite, but for the low end.
+        No forecast reaches farther ahead than the recordings reach back: infinite, except for the low end.
         """
         side, last = math.copysign(1.0, limit.size), self.days[-1]
         is_reached = side * (self.at(self.days)[0][-1] - limit.size) >= 0.0

@@ -104,7 +104,8 @@ class DiscoveryResult:
             return self.load(Path(folder) / AMENDED)
 
     def plan(self) -> pd.DataFrame:
-        """Plan what to measure next: operating points that decide between what is left; empty where nothing is."""
+        """Plan what to measure next: operating points that decide between the remaining candidates; empty without
+        any."""
         with progress_bar(screen, "planning what to measure next", 1.0) as progress:
             plan = planned(self.findings, self.task, two_injections, progress).plan
         return pd.DataFrame([] if plan is None else [one.model_dump() for one in plan.measurements])
@@ -130,7 +131,7 @@ class DiscoveryResult:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class AmendmentChoice:
     """Choices for the amended model, as options of `observer-rt discover`."""
 
     choose: str = ""
@@ -143,7 +144,7 @@ def discovered(
     measured: Sequence[Measurement],
     healthy: Sequence[Measurement],
     digests: dict[str, str],
-    wanted: Wanted,
+    wanted: AmendmentChoice,
     notes: CallNotes,
     load: "Callable[[Path], Injector]",
 ) -> DiscoveryResult:
@@ -159,6 +160,6 @@ def discovered(
     )
     refuse_incomparable(task, file.name)
     with progress_bar(screen, "looking for what is missing", 1.0) as progress:
-        found = answer(task, {}, progress)
+        findings = answer(task, {}, progress)
     said = (*notes, *map(coverage, (*measured, *healthy)))
-    return DiscoveryResult(file, task, found, said, load)
+    return DiscoveryResult(file, task, findings, said, load)

@@ -1,4 +1,4 @@
-"""An injector as the library has it: its model, fitted, evaluated, searched for what is missing."""
+"""An injector as the library has it: its model, fit, evaluation, and search for missing effects."""
 
 import sys
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from observer_rt.daemon.persistence.state_file import restored_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.histories import look_over, refuse_missing_state, run_by_run
 from observer_rt.desk.evaluation.run import Progress
-from observer_rt.desk.library.discovery import DiscoveryResult, Wanted, discovered
+from observer_rt.desk.library.discovery import AmendmentChoice, DiscoveryResult, discovered
 from observer_rt.desk.library.fit import FitResult
 from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
@@ -73,12 +73,12 @@ class Injector:
         UserError
             Naming file, key, problem and remedy.
         TypeError
-            For what is no path.
+            For other types.
         """
         model = None if path is None else path_of("path", path)
         stated = EXAMPLE_BENCH if bench is None else path_of("bench", bench)
-        found = load_bench(stated, model, off_bus=True).of(injector)
-        return cls(found, InjectorFile.read(found.injector.parameters_path))
+        loaded = load_bench(stated, model, off_bus=True).of(injector)
+        return cls(loaded, InjectorFile.read(loaded.injector.parameters_path))
 
     def __hash__(self) -> int:
         return hash(self.file)
@@ -137,15 +137,15 @@ class Injector:
             most = (
                 MOST_SAMPLES if masses is None else sys.maxsize
             )  # whole: masses go by the injection's number
-            found = self._measured(sources, notes, most)
-            refuse_rates_missing([one.recording for one in found])
-            refuse_clipped(found)
-            weighed = {} if masses is None else read_masses(path_of("masses", masses), found)
-            doubted = warnings(found)
+            measured = self._measured(sources, notes, most)
+            refuse_rates_missing([one.recording for one in measured])
+            refuse_clipped(measured)
+            weighed = {} if masses is None else read_masses(path_of("masses", masses), measured)
+            doubted = warnings(measured)
             with progress_bar(screen, "fitting", 1.0) as progress:
                 sensors = calibration_of(self.bench.injector)
-                fitted = fitted_model(self.parameters, found, weighed, digests(sources), progress, sensors)
-            said = (*map(coverage, found), *doubted)
+                fitted = fitted_model(self.parameters, measured, weighed, digests(sources), progress, sensors)
+            said = (*map(coverage, measured), *doubted)
         with TemporaryDirectory() as folder:
             path = Path(folder) / _FITTED
             fitted.write(path, self.file)
@@ -199,9 +199,12 @@ class Injector:
             c = effective_model(self.parameters).coefficients
 
             def evaluate_run(
-                run: Sequence[SignalStream], known: Knowledge | None, report: Progress, made: LearnerFactory
+                run: Sequence[SignalStream],
+                knowledge: Knowledge | None,
+                report: Progress,
+                made: LearnerFactory,
             ) -> tuple[Sequence[Evaluation], Knowledge]:
-                history = evaluate(self.bench, run, known, learning, report, made, curves_of=c)
+                history = evaluate(self.bench, run, knowledge, learning, report, made, curves_of=c)
                 return history.evaluations, history.knowledge
 
             with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
@@ -251,7 +254,7 @@ class Injector:
                 measured[: len(sources)],
                 measured[len(sources) :],
                 digests(sources),
-                Wanted(choose, accept_term),
+                AmendmentChoice(choose, accept_term),
                 notes,
                 self._with_file,
             )
@@ -278,7 +281,7 @@ class Injector:
 
     @property
     def _lines(self) -> list[str]:
-        """Name of the file, line model, fit, and what is in force."""
+        """Name of the file, line model, fit, and the effects in force."""
         baseline, line = self.parameters.baseline, self.parameters.line
         lines = [f"Injector of {self.file.name}: line {line.model}"]
         if baseline is not None:

@@ -38,7 +38,7 @@ class CallNotes(list[str]):
 
 @contextmanager
 def naming_parameters(names: Mapping[str, str]) -> Iterator[None]:
-    """Name the parameter of a call in what is refused within. names: parameters by options of the command line."""
+    """Name the parameter of a call in errors raised within. names: parameters by options of the command line."""
     try:
         yield
     except UserError as error:
@@ -47,7 +47,7 @@ def naming_parameters(names: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def noted() -> Iterator[CallNotes]:
-    """Collect the notes of what is done within; at its end, warn of what is worth a warning."""
+    """Collect the notes of the block; at its end, turn those marked as warnings into warnings."""
     notes = CallNotes()
     yield notes
     notes.end()

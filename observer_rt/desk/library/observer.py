@@ -81,13 +81,13 @@ class SampleObserver:
         bus = map_bus(bench)
         before = None if state is None else path_of("state", state)
         refuse_missing_state("state", before)
-        known = restored_knowledge(before, injector.parameters, lambda _: None, set_aside=False)
+        restored = restored_knowledge(before, injector.parameters, lambda _: None, set_aside=False)
         fuel = injector.parameters.fluid.reference_temperature
-        self._core = Core(bench.injector, bus, known, listeners=[self._take], fuel_temperature=fuel)
+        self._core = Core(bench.injector, bus, restored, listeners=[self._take], fuel_temperature=fuel)
         self._device = Device(bus)
         self._device.begin(sample_rate_Hz)
         self._held: Chunk | None = None
-        self._given = self._seen = 0
+        self._samples_fed = self._seen = 0
 
     def feed(
         self,
@@ -126,10 +126,10 @@ class SampleObserver:
             raise UserError("feed", f"the signals have the shapes {shapes}", "give each one value a sample")
         if not signals[0].size:
             return self._table([])
-        time = (self._given + np.arange(signals[0].size)) / self._rate
+        time = (self._samples_fed + np.arange(signals[0].size)) / self._rate
         rail, lift, line = signals
-        chunk = Chunk(time, rail, lift, line, rate=self._rate, first=self._given)
-        self._given += chunk.samples
+        chunk = Chunk(time, rail, lift, line, rate=self._rate, first=self._samples_fed)
+        self._samples_fed += chunk.samples
         joined = chunk if self._held is None else followed(self._held, chunk)
         full = joined.samples - joined.samples % self._device.block
         self._held = cut(joined, full, joined.samples) if full < joined.samples else None

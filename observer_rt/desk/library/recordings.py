@@ -30,11 +30,11 @@ RecordingLike: TypeAlias = str | PathLike[str] | Recording | pd.DataFrame | Mapp
 Recordings: TypeAlias = RecordingLike | Sequence[RecordingLike]
 
 
-def path_of(parameter: str, given: str | PathLike[str]) -> Path:
-    """Path that a parameter gives. Raises `TypeError` for what is no path."""
-    if not isinstance(given, str | PathLike):
-        raise TypeError(f"{parameter}: {type(given).__name__} is no path; give a str or a pathlib.Path")
-    return Path(given)
+def path_of(parameter: str, value: str | PathLike[str]) -> Path:
+    """Path that a parameter gives. Raises `TypeError` for other types."""
+    if not isinstance(value, str | PathLike):
+        raise TypeError(f"{parameter}: {type(value).__name__} is no path; give a str or a pathlib.Path")
+    return Path(value)
 
 
 def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Recording:
@@ -58,15 +58,15 @@ def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Reco
     UserError
         For a file or a table that cannot serve, with the remedy.
     TypeError
-        For what is no recording.
+        For other types.
 
     Examples
     --------
     >>> recording = ort.read("worn.csv")  # doctest: +SKIP
     """
-    found = load_bench(EXAMPLE_BENCH if bench is None else path_of("bench", bench), off_bus=True)
+    loaded = load_bench(EXAMPLE_BENCH if bench is None else path_of("bench", bench), off_bus=True)
     with noted() as notes:
-        (source,) = sources_of([given], found, notes.console)
+        (source,) = sources_of([given], loaded, notes.console)
         return source.collected()
 
 
@@ -88,37 +88,37 @@ def to_frame(recording: Recording) -> pd.DataFrame:
     return with_units(pd.DataFrame(columns))
 
 
-def sources_of(given: Recordings, bench: Bench, console: Console) -> list[SignalStream]:
+def sources_of(recordings: Recordings, bench: Bench, console: Console) -> list[SignalStream]:
     """Recordings looked through, files by the bench's `[recording]`; those in memory are named by their number.
 
-    Raises `TypeError` for what is no recording, `UserError` for one that cannot serve.
+    Raises `TypeError` for other types, `UserError` for a recording that cannot serve.
     """
-    several = _listed(given)
+    several = _listed(recordings)
     if not several:
         raise UserError("recordings", "there is none", "give a file, a DataFrame, or a list of them")
     return [_source(one, number, bench, console) for number, one in enumerate(several, 1)]
 
 
-def _listed(given: Recordings) -> list[RecordingLike]:
-    is_one = isinstance(given, str | PathLike | Recording | pd.DataFrame | Mapping)
-    if not is_one and not isinstance(given, Sequence):
+def _listed(recordings: Recordings) -> list[RecordingLike]:
+    is_one = isinstance(recordings, str | PathLike | Recording | pd.DataFrame | Mapping)
+    if not is_one and not isinstance(recordings, Sequence):
         raise TypeError(
-            f"recordings: {type(given).__name__} is no recording; give a path, a DataFrame, a mapping of arrays, a "
-            "Recording, or a list of them"
+            f"recordings: {type(recordings).__name__} is no recording; give a path, a DataFrame, a mapping of "
+            "arrays, a Recording, or a list of them"
         )
-    return [given] if is_one else list(given)  # type: ignore[arg-type]  # as was looked at
+    return [recordings] if is_one else list(recordings)  # type: ignore[arg-type]  # as was looked at
 
 
-def _source(given: RecordingLike, number: int, bench: Bench, console: Console) -> SignalStream:
-    match given:
+def _source(recording: RecordingLike, number: int, bench: Bench, console: Console) -> SignalStream:
+    match recording:
         case str() | PathLike():
-            return open_source(Path(given), bench, (), console)
+            return open_source(Path(recording), bench, (), console)
         case Recording():
-            return _held(given, number)
+            return _held(recording, number)
         case pd.DataFrame() | Mapping():
-            return _of_table(given, bench.injector.config.recording, f"recording {number}", console)
+            return _of_table(recording, bench.injector.config.recording, f"recording {number}", console)
     raise TypeError(
-        f"recording {number}: {type(given).__name__} is none; give a path, a DataFrame, a mapping of arrays or a "
+        f"recording {number}: {type(recording).__name__} is none; give a path, a DataFrame, a mapping of arrays or a "
         "Recording"
     )
 
@@ -132,13 +132,13 @@ def _held(recording: Recording, number: int) -> HeldSignals:
 
 
 def _of_table(
-    given: pd.DataFrame | Mapping[str, Any], layout: RecordingConfig | None, name: str, console: Console
+    table: pd.DataFrame | Mapping[str, Any], layout: RecordingConfig | None, name: str, console: Console
 ) -> SignalStream:
     """Columns by a layout; without one those of a `Recording` in SI units, else what names and units say."""
-    if layout is None and {"time", *SIGNALS[:3]} <= set(given) <= {"time", *SIGNALS}:
-        arrays: dict[str, Any] = {str(column): np.asarray(given[column], float) for column in given}
+    if layout is None and {"time", *SIGNALS[:3]} <= set(table) <= {"time", *SIGNALS}:
+        arrays: dict[str, Any] = {str(column): np.asarray(table[column], float) for column in table}
         return _held(Recording(**arrays, path=Path(name)), 0)
-    stream = signals_of(given, layout, name)
+    stream = signals_of(table, layout, name)
     refuse_implausible(stream.path, stream.survey, stream.names)
     for note in stream.notes:
         say(console, note)

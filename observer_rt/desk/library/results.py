@@ -97,9 +97,9 @@ class EvaluationResult:
         """
         from observer_rt.desk.evaluation.figures import injections_figure, picture_of
 
-        there = {one.report.number for each in self.evaluations for one in each.injections}
+        numbers = {one.report.number for each in self.evaluations for one in each.injections}
         with naming_parameters({OPTION: "injections"}):
-            shown = numbers_shown(injections, there)
+            shown = numbers_shown(injections, numbers)
         return injections_figure([picture_of(each, shown) for each in self.evaluations], "measured")
 
     def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
@@ -125,8 +125,8 @@ class EvaluationResult:
         count = len(self.injections)
         recordings = f"{len(self.evaluations)} recording{'s' if len(self.evaluations) > 1 else ''}"
         valid = f"{count} injections of {recordings}, {int(self.injections.valid.sum())} of them valid"
-        found = [each.level for each in self.evaluations if each.level]
-        return f"{valid}; {found[0]}" if found else valid
+        levels = [each.level for each in self.evaluations if each.level]
+        return f"{valid}; {levels[0]}" if levels else valid
 
     @property
     def _in_short(self) -> pd.DataFrame:
@@ -136,25 +136,25 @@ class EvaluationResult:
         )
 
 
-def _name(one: Evaluation) -> str:
-    return one.path.name if one.path is not None else ""
+def _name(evaluation: Evaluation) -> str:
+    return evaluation.path.name if evaluation.path is not None else ""
 
 
-def _row(one: Evaluation, result: InjectionResult, c: Coefficients) -> dict[str, Any]:
+def _row(evaluation: Evaluation, result: InjectionResult, c: Coefficients) -> dict[str, Any]:
     return {
-        RECORDING: _name(one),
+        RECORDING: _name(evaluation),
         **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
         _BOUND.name: _BOUND.of(result, c),
     }
 
 
-def _samples(one: Evaluation) -> pd.DataFrame:
-    trace = one.trace
+def _samples(evaluation: Evaluation) -> pd.DataFrame:
+    trace = evaluation.trace
     states = pd.Categorical.from_codes(trace.state, [state.name for state in State])
     return pd.DataFrame(
         {
-            RECORDING: pd.Categorical.from_codes(np.zeros(one.time.size, int), [_name(one)]),
-            "time_s": one.time,
+            RECORDING: pd.Categorical.from_codes(np.zeros(evaluation.time.size, int), [_name(evaluation)]),
+            "time_s": evaluation.time,
             "injection_rate_mm3_per_ms": trace.injection_rate / MM3_PER_MS,
             "injection_rate_sigma_mm3_per_ms": trace.injection_rate_sigma / MM3_PER_MS,
             "nominal_rate_mm3_per_ms": trace.nominal_rate / MM3_PER_MS,

@@ -1,1 +1,1 @@
-"""The live page: what is on the buses of a bench, listened to and drawn; nothing of it is part of the daemon."""
+"""The live page: traffic on the buses of a bench, read and drawn; no part of it belongs to the daemon."""

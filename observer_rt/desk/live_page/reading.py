@@ -33,7 +33,7 @@ SECOND = 1e9  # ns
 
 
 @dataclass(frozen=True)
-class Seen:
+class InjectorSnapshot:
     """An injector now: its name, state in words, faults; silent: all else is of before."""
 
     name: str
@@ -46,7 +46,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class BusSeen:
+class BusSnapshot:
     """A bus now: the share of the time that frames of all injectors shown take, and why it is down, if it is."""
 
     label: str
@@ -96,19 +96,25 @@ class DaemonReader:
         """Those kept after the `since`-th, the newest last."""
         return [*takewhile(lambda each: each.count > since, reversed(list(self._injections)))][::-1]
 
-    def seen(self) -> Seen:
+    def seen(self) -> InjectorSnapshot:
         """State and faults now."""
         status = self._status
         if status is not None and not self._is_old(status.moment):
-            return Seen(self.name, status.state, status.words, status.level, status.faults, lost=status.lost)
+            return InjectorSnapshot(
+                self.name, status.state, status.words, status.level, status.faults, lost=status.lost
+            )
         since = self._begin if status is None else status.moment
         if status is None and not self._is_old(since):
-            return Seen(self.name, "no status yet", "nothing was heard of the observer", StatusLevel.WAITING)
+            return InjectorSnapshot(
+                self.name, "no status yet", "nothing was heard of the observer", StatusLevel.WAITING
+            )
         what, _, remedy = self._failure.partition(REMEDY)
         silence = Fault(what or "the observer does not answer", since, remedy or self._start)
         lost = 0 if status is None else status.lost
         words = "all below is old"
-        return Seen(self.name, "OBSERVER SILENT", words, StatusLevel.BAD, (silence,), silent=True, lost=lost)
+        return InjectorSnapshot(
+            self.name, "OBSERVER SILENT", words, StatusLevel.BAD, (silence,), silent=True, lost=lost
+        )
 
     @staticmethod
     def _is_old(moment: int) -> bool:
@@ -117,9 +123,9 @@ class DaemonReader:
     def _run(self) -> None:
         while not self._stop.is_set():
             failures = []
-            for place in self._places:
+            for file in self._places:
                 try:
-                    if (daemon := connected(place)) is not None:
+                    if (daemon := connected(file)) is not None:
                         self._follow(daemon)
                 except ObserverError as error:
                     failures.append(str(error))
@@ -139,9 +145,9 @@ class DaemonReader:
                 snapshot = read_snapshot(stream)
                 if snapshot.status.run != self._of:
                     self._of, self._since = snapshot.status.run, 0
-                for each in snapshot.injections:
-                    self._since = each.count
-                    self._injections.append(replace(each, count=self.count + 1))
+                for injection in snapshot.injections:
+                    self._since = injection.count
+                    self._injections.append(replace(injection, count=self.count + 1))
                     self.count += 1
                 self._status = snapshot.status
                 self._stop.wait(_PAUSE)
@@ -159,7 +165,7 @@ class Watching:
         for reader in self.readers:
             reader.close()
 
-    def buses(self) -> list[BusSeen]:
+    def buses(self) -> list[BusSnapshot]:
         """Every bus as it is now. Messages that several injectors read count once."""
         loads: dict[str, dict[str, float]] = {}
         down: dict[str, str] = {}
@@ -167,9 +173,9 @@ class Watching:
             for label, bus in reader.buses.items():
                 loads.setdefault(label, {}).update(bus.loads)
                 down[label] = down.get(label) or bus.down
-        return [BusSeen(label, sum(shares.values()), down[label]) for label, shares in loads.items()]
+        return [BusSnapshot(label, sum(shares.values()), down[label]) for label, shares in loads.items()]
 
-    def seen(self, buses: Sequence[BusSeen]) -> Iterator[Seen]:
+    def seen(self, buses: Sequence[BusSnapshot]) -> Iterator[InjectorSnapshot]:
         """Every injector as it is now, with buses that are full as faults; buses: as they are now."""
         full = {bus.label: bus.load for bus in buses if bus.load > FULL}
         self._full_since = {label: self._full_since.get(label, time.time_ns()) for label in full}

@@ -38,7 +38,7 @@ _ELSEWHERE = ("192.0.2.1", 9)  # a computer of RFC 5737, that is nowhere
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
 
 
-class _Guarded(RequestHandler):
+class _GuardedHandler(RequestHandler):
     """Serves whoever has the token of the page, by its address at first, then by a cookie; all if it has none."""
 
     def prepare(self) -> None:
@@ -55,13 +55,13 @@ class _Guarded(RequestHandler):
             )
 
 
-class _PageFiles(_Guarded, StaticFileHandler):
+class _PageFiles(_GuardedHandler, StaticFileHandler):
     def set_extra_headers(self, path: str) -> None:
         self.set_header("Cache-Control", "no-cache")  # else a browser may keep those of an older version
 
 
-class _Channel(_Guarded, WebSocketHandler):
-    """Brings what is new to a browser, which answers each message with its number once it is drawn."""
+class _Channel(_GuardedHandler, WebSocketHandler):
+    """Sends updates to a browser, which answers each message with its number once it is drawn."""
 
     def initialize(self, watching: Watching, folder: Path) -> None:
         """As of `Session`."""
@@ -99,7 +99,7 @@ class _Channel(_Guarded, WebSocketHandler):
 
 
 class _PageServer(HTTPServer):
-    """Takes a limited number of connections, so that files can still be opened; what is beyond is closed at once.
+    """Takes a limited number of connections, so that files can still be opened; further ones are closed at once.
 
     Whoever asks for a token comes through it, too: it is asked for once the headers of a request have come.
     """

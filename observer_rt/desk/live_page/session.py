@@ -1,4 +1,4 @@
-"""One browser's view: it is sent what is new, as fast as it draws, and asks for older curves and for files."""
+"""One browser's view: it gets updates as fast as it draws, and asks for older curves and for files."""
 
 import json
 import time
@@ -38,7 +38,7 @@ def pressed(message: str | bytes) -> tuple[str, int, int] | None:
 
 
 class Session:
-    """Sends one browser what is new."""
+    """Sends updates to one browser."""
 
     def __init__(self, watching: Watching, folder: Path) -> None:
         """folder: where injections are saved."""
@@ -51,19 +51,19 @@ class Session:
         self._due = 0.0  # s
 
     def take(self, button: str, of: int, count: int) -> None:
-        """Take a message of the browser: of which injector, and which injection of its; `drawn`: which message."""
+        """Take a message of the browser. of: the injector, count: its injection; `drawn`: of is the message drawn."""
         if button == "drawn":
             self._drawn = min(max(of, self._drawn), self._number)
             return
         if of not in range(len(self._sent)):
             return
         reader = self._watching.readers[of]
-        found = next((each for each in reader.injections(count - 1) if each.count == count), None)
+        injection = next((each for each in reader.injections(count - 1) if each.count == count), None)
         self._due = 0.0  # who presses a button waits for nothing
         if button == "save":
-            self._answer["said"] = self._save(found, reader.name)
-        elif button == "curves" and found is not None and count <= self._sent[of]:
-            self._asked.append((of, found))
+            self._answer["said"] = self._save(injection, reader.name)
+        elif button == "curves" and injection is not None and count <= self._sent[of]:
+            self._asked.append((of, injection))
 
     def message(self) -> bytes | None:
         """Changes since the last message; None: nothing, or the browser is not through with those before."""
@@ -76,14 +76,14 @@ class Session:
         buses = self._watching.buses()
         said: list[dict[str, Any]] = []
         curves: list[bytes] = []
-        for place, seen in enumerate(self._watching.seen(buses)):
-            news = readers[place].injections(self._sent[place])
-            self._sent[place] = news[-1].count if news else self._sent[place]
-            asked = [each for of, each in self._asked if of == place]
+        for number, seen in enumerate(self._watching.seen(buses)):
+            news = readers[number].injections(self._sent[number])
+            self._sent[number] = news[-1].count if news else self._sent[number]
+            asked = [each for of, each in self._asked if of == number]
             sent = [*asked, *_without_old_curves(news)]
             said.append({**asdict(seen), "news": [_shown(each) for each in sent]})
             curves += [each.data for each in sent]
-        told = {
+        content = {
             "number": self._number,
             "now": time.time_ns(),
             "buses": [asdict(bus) for bus in buses],
@@ -91,13 +91,13 @@ class Session:
             **self._answer,
         }
         self._answer, self._asked = {}, []
-        return packed(told, curves)
+        return packed(content, curves)
 
-    def _save(self, found: ShownInjection | None, name: str) -> str:
-        if found is None:
+    def _save(self, injection: ShownInjection | None, name: str) -> str:
+        if injection is None:
             return "there is no injection yet"
         try:
-            return f"saved: {save_injection(found, self._folder, name)}, .json"
+            return f"saved: {save_injection(injection, self._folder, name)}, .json"
         except ObserverError as error:
             return str(error)
 
@@ -106,9 +106,9 @@ def _without_old_curves(news: Sequence[ShownInjection]) -> list[ShownInjection]:
     return [*(replace(each, curves={}) for each in news[:-_WITH_CURVES]), *news[-_WITH_CURVES:]]
 
 
-def _shown(each: ShownInjection) -> dict[str, Any]:
-    values = {name: each.values.get(name) for name in _VALUES}
-    return {**each.text, "values": values, "nominal": each.references.get("nominal")}
+def _shown(injection: ShownInjection) -> dict[str, Any]:
+    values = {name: injection.values.get(name) for name in _VALUES}
+    return {**injection.text, "values": values, "nominal": injection.references.get("nominal")}
 
 
 def packed(said: dict[str, Any], curves: Sequence[bytes]) -> bytes:

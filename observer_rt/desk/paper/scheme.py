@@ -176,15 +176,15 @@ def swept(window: Window, setting: PaperSetting, network: FreeNetwork) -> EventP
     return result
 
 
-def check_gain(place: str, gain: float, c: Coefficients) -> None:
+def check_gain(location: str, gain: float, c: Coefficients) -> None:
     """Refuse a gain l [1/s] that cannot identify anything.
 
     L l e~ is the fault through l s / (s^2 + l s + w^2), w the line mode: a high pass that only a gain well above w
-    moves out of the way. Raises `UserError` naming `place`.
+    moves out of the way. Raises `UserError` naming `location`.
     """
     if gain <= c.line.mode:
         raise UserError(
-            place,
+            location,
             f"{gain:g} 1/s is not above the line's own {c.line.mode:.0f} rad/s: x~ would follow the fault",
             f"sample at {WELL_ABOVE * c.line.mode:.2g} Hz or more",
         )

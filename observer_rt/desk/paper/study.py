@@ -189,7 +189,7 @@ class _Scheme:
         self._span = slice(injection.first - start, injection.last - start)
 
     def trained(self, trainings: int) -> FreeNetwork:
-        """The network after so many trainings, each of which takes force whatever it came to; phi = 0 after none."""
+        """The network after so many trainings; every result takes force, good or bad. phi = 0 after none."""
         in_force, start = no_fault(), scaled_identity(BETA)
         for _ in range(trainings):
             in_force = start = train(self._window, self._setting, in_force, start)

@@ -1,4 +1,4 @@
-"""Ours beside the paper's scheme: what is compared, how it is scored, and the table on screen, as CSV, Markdown."""
+"""Ours beside the paper's scheme: quantities, scores, and the table on screen, as CSV, Markdown."""
 
 import math
 from dataclasses import dataclass

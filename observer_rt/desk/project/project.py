@@ -99,16 +99,16 @@ class Project:
 
     @property
     def recordings(self) -> list[Path]:
-        """Recordings to be evaluated. Raises `UserError` where there is none."""
-        found = self._files(self.config.recordings)
-        if not found:
+        """Recordings to be evaluated. Raises `UserError` without any."""
+        files = self._files(self.config.recordings)
+        if not files:
             named = ", ".join(self.config.recordings) or "nothing"
             raise UserError(
                 f"{self.folder / PROJECT}: recordings",
                 f"{named} matches no file",
                 "put recordings there, or name them",
             )
-        return found
+        return files
 
     @property
     def results(self) -> Path:
@@ -125,8 +125,8 @@ class Project:
         return folder
 
     def _files(self, patterns: Iterable[str]) -> list[Path]:
-        found = {path for pattern in patterns for path in self.folder.glob(pattern) if path.is_file()}
-        return sorted(path for path in found if not path.name.endswith(TRUTH_SUFFIX))
+        files = {path for pattern in patterns for path in self.folder.glob(pattern) if path.is_file()}
+        return sorted(path for path in files if not path.name.endswith(TRUTH_SUFFIX))
 
     def state_of(self, files: Iterable[Path | None]) -> str:
         """Digest of files as they are now, of this version of the program."""
@@ -157,7 +157,7 @@ class Project:
     def _done(self) -> dict[str, str]:
         path = self.results / DONE
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
+            record = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return {}
-        return found if isinstance(found, dict) else {}
+        return record if isinstance(record, dict) else {}

@@ -66,7 +66,7 @@ def _rows(injections: pd.DataFrame, budget: pd.DataFrame) -> list[dict[str, Any]
 
 
 def _json(path: Path) -> Any:
-    """A document; None where there is none."""
+    """A document; None without one."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
@@ -83,7 +83,7 @@ def _files(project: Project) -> list[Path]:
 
 
 def fit(project: Project, say: Say) -> Path:
-    """Fit the model to the healthy recordings; the fitted injector file, or the model as given where there is none.
+    """Fit the model to the healthy recordings; the fitted injector file, or the stated model without any.
 
     say: takes what was done, a line each.
     """
@@ -133,11 +133,11 @@ def discover(project: Project, model: Path, say: Say) -> Path:
     if project.is_done("discover", state, page):
         say(f"discover: {page} is up to date")
         return page
-    found = Injector.load(model, project.bench).discover(list(recordings))
-    found.report(project.results / DISCOVERY, force=True)
-    write_text(project.results / ANSWER, f"{found!r}\n")
+    discovery = Injector.load(model, project.bench).discover(list(recordings))
+    discovery.report(project.results / DISCOVERY, force=True)
+    write_text(project.results / ANSWER, f"{discovery!r}\n")
     project.set_done("discover", state)
-    say(f"discover: {page}: {repr(found).splitlines()[0]}")
+    say(f"discover: {page}: {repr(discovery).splitlines()[0]}")
     return page
 
 
@@ -154,7 +154,7 @@ WITH_MODEL = {"evaluate": evaluate, "discover": discover, "report": report}
 
 
 def do(step: str, project: Project, say: Say) -> Path:
-    """Do a step by its name, after the fit. Raises `UserError` for a name that is none."""
+    """Do a step by its name, after the fit. Raises `UserError` for an unknown name."""
     if step != FIT_STEP and step not in WITH_MODEL:
         raise UserError(step, "is no step", f"give one of {', '.join((FIT_STEP, *WITH_MODEL))}")
     model = fit(project, say)

@@ -243,13 +243,13 @@ def parse_effects(texts: Sequence[str]) -> tuple[SizedEffect, ...]:
     return tuple(sized(name, **values) for name, values in sizes.items())
 
 
-def sizes_of(one: SizedEffect) -> str:
+def sizes_of(effect: SizedEffect) -> str:
     """An effect with its sizes and their units, such as `channel_skew d = 10 us`."""
     sizes = [
         f"{p.name} = {value / p.si:g}" + ("" if p.unit == "-" else f" {p.unit}")
-        for p, value in zip(one.effect.parameters, one.values, strict=True)
+        for p, value in zip(effect.effect.parameters, effect.values, strict=True)
     ]
-    return f"{one.effect.id} {', '.join(sizes)}".rstrip()
+    return f"{effect.effect.id} {', '.join(sizes)}".rstrip()
 
 
 def _number(text: str, parameter: EffectParameter) -> float:

@@ -101,7 +101,7 @@ def _require_integrable(fitted: BenchInjector, injector: InjectorParameters, con
     model = effective_model(injector)
     fastest = fastest_rate(model.injector, model.departures)
     raise UserError(
-        fitted.place("sampling.rate_hz"),
+        fitted.location("sampling.rate_hz"),
         f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS}), "
         f"for the sac of {fitted.parameters_path.name} relaxes at up to {fastest:.3g} 1/s",
         f"sample at {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give line.model = 'wave', beside which a sac "

@@ -46,8 +46,8 @@ class BlfLog(LogReader):
                 self._position = file.tell()
                 data += part
                 position = 0
-                while (place := self._next(data, position, number + 1)) is not None:
-                    begin, position = place
+                while (block := self._next(data, position, number + 1)) is not None:
+                    begin, position = block
                     number += 1
                     entry = self._object(data[begin:position], number, start)
                     if entry is not None:
@@ -89,20 +89,20 @@ class BlfLog(LogReader):
             container += 1
             begin = max(0, head.find(_MARK, 0, _LONGEST_PADDING + len(_MARK)))
             head = head[begin:] + file.read(begin)
-            place = f"{self.path}, container {container}"
+            location = f"{self.path}, container {container}"
             mark, _, _, size, kind = _HEAD.unpack(head.ljust(_HEAD.size, b"\0"))
             if len(head) == _HEAD.size and (mark != _MARK or size < _HEAD.size):
-                raise UserError(place, "is damaged: no object begins where one should", READABLE)
+                raise UserError(location, "is damaged: no object begins where one should", READABLE)
             if len(head) < _HEAD.size or size - _HEAD.size > self._size - file.tell():
                 self.remarks.append(f"it ends within container {container}, whose frames are lost")
                 return
             body = file.read(size - _HEAD.size)
             padding = file.read(size % 4)
-            yield self._unpacked(body, place) if kind == layout.LOG_CONTAINER else head + body + padding
+            yield self._unpacked(body, location) if kind == layout.LOG_CONTAINER else head + body + padding
 
-    def _unpacked(self, body: bytes, place: str) -> bytes:
+    def _unpacked(self, body: bytes, location: str) -> bytes:
         if len(body) < layout.LOG_CONTAINER_STRUCT.size:
-            raise UserError(place, "is damaged: shorter than its own header", READABLE)
+            raise UserError(location, "is damaged: shorter than its own header", READABLE)
         packing, size = layout.LOG_CONTAINER_STRUCT.unpack_from(body)
         data = body[layout.LOG_CONTAINER_STRUCT.size :]
         if packing == layout.ZLIB_DEFLATE:
@@ -110,13 +110,15 @@ class BlfLog(LogReader):
             try:
                 data = unpacker.decompress(data, MOST_UNPACKED)
             except zlib.error as error:
-                raise UserError(place, f"is damaged: {error}", READABLE) from None
+                raise UserError(location, f"is damaged: {error}", READABLE) from None
             if not unpacker.eof:
-                raise UserError(place, "is damaged: what is packed does not end", READABLE)
+                raise UserError(location, "is damaged: what is packed does not end", READABLE)
         elif packing != layout.NO_COMPRESSION:
-            raise UserError(place, f"is packed in a way unknown here ({packing})", "save it again unpacked")
+            raise UserError(
+                location, f"is packed in a way unknown here ({packing})", "save it again unpacked"
+            )
         if len(data) < size:
-            raise UserError(place, f"is damaged: {len(data)} bytes instead of {size}", READABLE)
+            raise UserError(location, f"is damaged: {len(data)} bytes instead of {size}", READABLE)
         return data
 
     def _next(self, data: bytes, position: int, number: int) -> tuple[int, int] | None:

@@ -41,7 +41,7 @@ def lost_note(frames: int) -> str:
 class LogReader(ABC):
     """Data frames of one log, read while iterating, in the order of the file; the counters belong to one reading.
 
-    Iterating raises `UserError` that names file and place for what is malformed, for a frame no bus can carry and for
+    Iterating raises `UserError` that names file and place for a malformed entry, for a frame no bus can carry and for
     stamps that are whole seconds only. A file that ends within a frame was cut while it was written: the frames
     before are read. Where time steps back on a channel, a new part of the log begins, `PAUSE` after the one before.
     `notes` reports both.
@@ -112,7 +112,7 @@ class LogReader(ABC):
             notes.append(f"{self._steps_back[0]}{more}: split there, the next part follows after 1 s")
         return [f"{self.path}: {note}" for note in (*notes, *self.remarks)]
 
-    def place(self, number: int) -> str:
+    def location(self, number: int) -> str:
         """A place in the file, for a message."""
         return f"{self.path}, {self.unit} {number}"
 
@@ -123,7 +123,7 @@ class LogReader(ABC):
             if self.unit == "line"
             else "record it again, or take another copy"
         )
-        raise UserError(self.place(number), problem, remedy or usual)
+        raise UserError(self.location(number), problem, remedy or usual)
 
     def note_text(self, text: str) -> None:
         """Take a comment of the log: it may report lost frames."""
@@ -228,9 +228,9 @@ class ChannelNumbers:
 
 def text_nanoseconds(text: str) -> int:
     """Decimal text of seconds as whole ns: nothing is lost to binary fractions. Raises ValueError for other text."""
-    whole, _, fraction = text.replace(",", ".").partition(".")
-    size = int(whole.lstrip("-")) * NANOSECONDS + int(fraction[:9].ljust(9, "0"))
-    return -size if whole.startswith("-") else size
+    seconds, _, fraction = text.replace(",", ".").partition(".")
+    size = int(seconds.lstrip("-")) * NANOSECONDS + int(fraction[:9].ljust(9, "0"))
+    return -size if seconds.startswith("-") else size
 
 
 @dataclass(frozen=True)

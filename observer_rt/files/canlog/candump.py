@@ -46,7 +46,7 @@ _COLOUR = re.compile(r"\x1b\[[\d;]*m")
 class CandumpLog(TextLogReader):
     """Reader; a line that begins with `#` is a comment.
 
-    python-can reads neither comments nor what is printed on the screen, takes most error frames for data frames, and
+    python-can reads neither comments nor screen output, takes most error frames for data frames, and
     keeps no ns.
     """
 
@@ -152,8 +152,8 @@ class CandumpWriter(LogRecorder):
 
     def write(self, entry: LogFrame) -> None:
         frame = entry.frame
-        seconds, rest = divmod(frame.stamp_ns, NANOSECONDS)
-        stamp = f"{seconds:010d}." + (f"{rest:09d}" if rest % 1000 else f"{rest // 1000:06d}")
+        seconds, fraction = divmod(frame.stamp_ns, NANOSECONDS)
+        stamp = f"{seconds:010d}." + (f"{fraction:09d}" if fraction % 1000 else f"{fraction // 1000:06d}")
         channel = entry.channel
         if channel.isdigit():
             channel = f"can{self._numbers.of(channel) - 1}"

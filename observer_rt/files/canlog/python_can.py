@@ -71,7 +71,7 @@ class PythonCanLog(TextLogReader):
 
     @abstractmethod
     def _pass_over(self, words: list[str]) -> None:
-        """Count a line of which no frame came. Raises `ValueError` unless it is known to hold none."""
+        """Count a line that gave no frame. Raises `ValueError` unless such a line never holds one."""
 
     @abstractmethod
     def _frame(self, message: can.Message) -> LogFrame | None:

@@ -1,4 +1,4 @@
-"""Logs of text, line by line; what is foreign is refused by name."""
+"""Text logs, line by line; foreign lines are refused by name."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -61,7 +61,7 @@ def likeness(path: Path) -> tuple[str, str]:
 
 
 class TextLogReader(LogReader):
-    """Reader of a log of text, in UTF-8 or what is left of another encoding."""
+    """Reader of a log of text, in UTF-8, other bytes replaced."""
 
     kind: ClassVar[str]
     """Kind of its files, with an article."""
@@ -71,7 +71,7 @@ class TextLogReader(LogReader):
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Lines that are not blank, stripped, with their numbers, counted from 1.
 
-        A last one without its end is left out, and reported: what is left of a frame may look like a shorter one.
+        A last one without its end is left out, and reported: a cut frame may look like a shorter one.
         """
         with self.path.open(encoding="utf-8-sig", errors="replace") as file:
             for number, line in enumerate(iter(partial(file.readline, LONGEST_LINE), ""), 1):
@@ -85,7 +85,7 @@ class TextLogReader(LogReader):
                     yield number, text
 
     def refuse_line(self, number: int, text: str) -> NoReturn:
-        """Refuse a line that is none of such a log."""
+        """Refuse a line that does not belong to such a log."""
         shown = "".join(sign if sign.isprintable() else "?" for sign in text[:60])
         self.refuse_content(number, f"not a line of {self.kind}: '{shown}'", self.remedy)
 

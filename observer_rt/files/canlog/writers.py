@@ -71,7 +71,7 @@ class BlfWriter(PythonCanWriter, LogRecorder):
 
     @property
     def size(self) -> int:
-        """Bytes in the file, without what is not packed yet."""
+        """Bytes in the file, without the objects that are not packed yet."""
         return self._writer.file.tell()
 
     def flush(self) -> None:

@@ -1,1 +1,1 @@
-"""Evidence of events on disk: what a daemon keeps for whoever asks later what is missing."""
+"""Evidence of events on disk: kept by a daemon for a later search of the missing effect."""

@@ -94,13 +94,13 @@ def _is_of_bus(group: Any) -> bool:
 
 
 def _contradictions(file: MDF, groups: list["_Frames"]) -> Iterator[str]:
-    """Contradictions between what is read and the bytes that there are."""
+    """Contradictions between the records read and the bytes in the file."""
     uncounted = missing = 0
-    for each in groups:
-        group = file.groups[each.number]
-        there = stored_records(file, group)
-        uncounted += max(0, there - each.stamps.size)
-        missing += max(0, int(group.channel_group.cycles_nr) - there)
+    for channel_group in groups:
+        group = file.groups[channel_group.number]
+        stored = stored_records(file, group)
+        uncounted += max(0, stored - channel_group.stamps.size)
+        missing += max(0, int(group.channel_group.cycles_nr) - stored)
     if uncounted:
         yield f"its heading leaves out {uncounted} frames that are in it: it may be damaged"
     if missing:
@@ -127,9 +127,9 @@ def start_of(file: MDF) -> int:
     start = int(file.header.abs_time)
     if not file.header.time_flags & LOCAL_TIME:
         return start
-    seconds, rest = divmod(start, NANOSECONDS)
+    seconds, fraction = divmod(start, NANOSECONDS)
     moment = datetime.fromtimestamp(seconds, UTC).replace(tzinfo=None)
-    return int(moment.timestamp()) * NANOSECONDS + rest
+    return int(moment.timestamp()) * NANOSECONDS + fraction
 
 
 class _Frames:
@@ -207,7 +207,7 @@ class _Frames:
         return values
 
     def _numbers(self, field: str, rows: range) -> NDArray[np.int64]:
-        return _whole(field, self._values(field, rows))
+        return _whole_numbers(field, self._values(field, rows))
 
     def _flags(self, field: str, rows: range, default: NDArray[Any] | bool) -> NDArray[np.bool_]:
         return np.asarray(self._numbers(field, rows) if field in self._places else default).astype(np.bool_)
@@ -216,7 +216,7 @@ class _Frames:
         if "BusChannel" not in self._places:
             return np.array("1")
         values = self._values("BusChannel", rows)
-        return _text(values) if _is_text(values) else _whole("BusChannel", values).astype(np.str_)
+        return _text(values) if _is_text(values) else _whole_numbers("BusChannel", values).astype(np.str_)
 
     def _are_sent(self, rows: range) -> NDArray[np.bool_]:
         if "Dir" not in self._places:
@@ -224,7 +224,7 @@ class _Frames:
         values = self._values("Dir", rows, keeps_text=True)
         if _is_text(values):
             return np.array([text.strip().lower() == "tx" for text in _text(values).tolist()], np.bool_)
-        return _whole("Dir", values).astype(np.bool_)
+        return _whole_numbers("Dir", values).astype(np.bool_)
 
     def _read_data(self, rows: range, result: NDArray[np.void]) -> None:
         if "DataLength" in self._places:
@@ -257,7 +257,7 @@ def _text(values: NDArray[Any]) -> NDArray[np.str_]:
     return np.array(texts, np.str_)
 
 
-def _whole(field: str, values: NDArray[Any]) -> NDArray[np.int64]:
+def _whole_numbers(field: str, values: NDArray[Any]) -> NDArray[np.int64]:
     """Whole numbers that a field of a frame may hold. Raises `ValueError` for others."""
     if values.dtype.kind not in "buif" or values.ndim != 1:
         raise ValueError(f"the {field} of its frames is no number")

@@ -76,13 +76,13 @@ class Mdf4Log(LogReader):
             with crash_told(self.path):
                 records = _records_of(part)
             data = records["data"].tobytes()
-            for place, (*fields, channel, is_sent, length) in zip(
+            for number, (*fields, channel, is_sent, length) in zip(
                 range(0, len(data), MAX_LENGTH),
                 records[list(RECORD.fields or ())[:-1]].tolist(),
                 strict=True,
             ):
                 self._position += 1
-                frame = Frame(fields[0], data[place : place + length], *fields[1:])
+                frame = Frame(fields[0], data[number : number + length], *fields[1:])
                 yield self._position, LogFrame(frame, channel, is_sent)
 
 

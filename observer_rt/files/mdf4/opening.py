@@ -103,7 +103,7 @@ def stored_records(file: MDF, group: Any) -> int:
 
 
 def stored_bytes(file: MDF, address: int) -> int:
-    """Bytes of data at an address, unpacked; asammdf passes over what is behind the records stated."""
+    """Bytes of data at an address, unpacked; asammdf ignores bytes behind the stated records."""
     mdf = file._mdf
     blocks = mdf._get_data_blocks_info(
         address=address,

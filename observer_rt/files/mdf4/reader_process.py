@@ -24,7 +24,7 @@ def mdf4_apart(module: str, function: str, path: Path, *arguments: Any) -> Itera
 
 @contextmanager
 def crash_told(path: Path) -> Iterator[None]:
-    """Turn `WorkerError` of a reader, or of what is made of its answers, into `UserError`."""
+    """Turn `WorkerError` of a reader, or of the use of its answers, into `UserError`."""
     try:
         yield
     except WorkerError as error:
@@ -32,7 +32,7 @@ def crash_told(path: Path) -> Iterator[None]:
 
 
 def refuse_other_files(path: Path) -> None:
-    """Raise `UserError` for what is not MDF of version 4."""
+    """Raise `UserError` for a file that is not MDF of version 4."""
     with path.open("rb") as file:
         mark, version = file.read(len(MAGICS[0])), file.read(len(MAJOR_VERSION))
     if mark not in MAGICS:

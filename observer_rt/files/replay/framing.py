@@ -57,7 +57,7 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
     layout = bench.injector.config.recording
     if bench.path != EXAMPLE_BENCH and (layout is None or layout.rate_hz is None):
         raise UserError(
-            bench.injector.place("sampling.rate_hz"),
+            bench.injector.location("sampling.rate_hz"),
             f"is {stated:g} Hz, but {recording.path} is sampled at {rate:g} Hz",
             "set rate_hz to the recording's rate, or leave out --bench",
         )
@@ -94,7 +94,7 @@ class Span:
     end: int
 
 
-def whole(recording: Recording) -> list[Span]:
+def all_samples(recording: Recording) -> list[Span]:
     """The recording in one span."""
     return [Span(0, recording.samples)]
 
@@ -172,14 +172,14 @@ class Framer:
                     time, layout.frame_id, layout.is_extended, layout.is_fd, payload, bus=layout.bus
                 )
 
-    def framed(self, recording: Recording, spans: Sequence[Span]) -> Iterator["Framed"]:
+    def framed(self, recording: Recording, spans: Sequence[Span]) -> Iterator["FramedRecording"]:
         """Frames of some spans in arrays, span by span."""
         values = np.column_stack([getattr(recording, role.value) for role in ROLES])
         for span in spans:
             yield _merged([self._encode(number, values, span) for number in range(len(self._counters))])
         self.next_index += recording.samples
 
-    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> "Framed":
+    def _encode(self, number: int, values: NDArray[np.float64], span: Span) -> "FramedRecording":
         """The frames of one input message."""
         message, inputs = self._bus.inputs.messages[number], self._bus.inputs
         steps = int(message_timing(self._bus, number)["steps"])
@@ -195,7 +195,7 @@ class Framer:
         self._counters[number] += count
         block, kind = np.divmod(np.arange(count), int(message["kind_count"]))
         end = inputs.kinds["end"][int(message["first_kind"]) + kind]
-        return Framed(
+        return FramedRecording(
             np.full(count, number),
             first + (block * int(message["samples"]) + end - 1) * steps,
             np.arange(count + 1) * length,
@@ -204,7 +204,7 @@ class Framer:
 
 
 @dataclass(frozen=True, eq=False)
-class Framed:
+class FramedRecording:
     """Frames in order (n of them): numbers (n,) of their input messages; due (n,), the sample each is sent with.
 
     starts (n + 1,): where each begins in `data`, and where the last one ends.
@@ -221,35 +221,35 @@ class Framed:
         return (data[first:end] for first, end in pairwise(self.starts.tolist()))
 
 
-def _merged(messages: Sequence[Framed]) -> Framed:
+def _merged(messages: Sequence[FramedRecording]) -> FramedRecording:
     """Frames of several messages by the samples they are sent with, those of each in its own order."""
     if len(messages) == 1:
         return messages[0]
-    numbers = np.concatenate([each.numbers for each in messages])
-    due = np.concatenate([each.due for each in messages])
-    not_before = np.concatenate([np.maximum.accumulate(each.due) for each in messages])
+    numbers = np.concatenate([message.numbers for message in messages])
+    due = np.concatenate([message.due for message in messages])
+    not_before = np.concatenate([np.maximum.accumulate(message.due) for message in messages])
     order = np.lexsort((numbers, not_before))
-    lengths = np.concatenate([np.diff(each.starts) for each in messages])
+    lengths = np.concatenate([np.diff(message.starts) for message in messages])
     starts = np.concatenate(([0], np.cumsum(lengths[order])))
     data = np.empty(int(starts[-1]), np.uint8)
-    for number, each in enumerate(messages):
-        if not each.numbers.size:
+    for number, message in enumerate(messages):
+        if not message.numbers.size:
             continue
-        payloads = each.data.reshape(len(each.numbers), -1)
+        payloads = message.data.reshape(len(message.numbers), -1)
         begins = starts[:-1][numbers[order] == number]
         data[begins[:, None] + np.arange(payloads.shape[1])] = payloads
-    return Framed(numbers[order], due[order], starts, data)
+    return FramedRecording(numbers[order], due[order], starts, data)
 
 
 def clamped_in(survey: Survey, bus: BusMap) -> list[str]:
     """Lines for the roles with values that the bus cannot hold, which are clamped when sent."""
     warnings = []
     for role in ROLES:
-        found, limits = survey.signals[role.value], role_range(bus, role)
+        extremes, limits = survey.signals[role.value], role_range(bus, role)
         unit, factor = _SHOWN_UNIT[role]
         for reached, limit, is_beyond in (
-            (found.lowest, limits.lowest, limits.lowest - found.lowest),
-            (found.highest, limits.highest, found.highest - limits.highest),
+            (extremes.lowest, limits.lowest, limits.lowest - extremes.lowest),
+            (extremes.highest, limits.highest, extremes.highest - limits.highest),
         ):
             if is_beyond > 0.5 * role_resolution(bus, role, limit):
                 name = bus.input_layouts[message_of(bus, role)].name

@@ -24,22 +24,22 @@ class Sent(NamedTuple):
 
 def channel_map(texts: Sequence[str]) -> dict[str, str]:
     """Bus channels by channel of the log. Raises `UserError` for text that is not `FROM=TO`, or maps one twice."""
-    found: dict[str, str] = {}
+    channels: dict[str, str] = {}
     for text in texts:
         source, _, target = text.partition("=")
         if not source or not target:
             raise UserError(
                 "--map-channel", f"'{text}' is not of the form FROM=TO", "write it like can0=vcan0"
             )
-        if source in found:
+        if source in channels:
             raise UserError("--map-channel", f"'{source}' is mapped twice", "once is enough")
-        found[source] = target
-    return found
+        channels[source] = target
+    return channels
 
 
 @dataclass(frozen=True)
 class LogExtent(Extent):
-    """Extent of a log, what of it is sent where, from which channels, and what is odd about it."""
+    """Extent of a log, its routes from channels to buses, and its oddities."""
 
     identifiers: frozenset[Sent]
     channels: tuple[str, ...]
@@ -65,7 +65,7 @@ class LogPart:
         return self._frames(open_log(self.path))
 
     def extent(self) -> LogExtent:
-        """Read the log to its end: what is malformed is found before anything is sent; errors as by iterating."""
+        """Read the log to its end: malformed entries are found before anything is sent; errors as by iterating."""
         log = open_log(self.path)
         duration, frames = 0.0, 0
         identifiers: set[Sent] = set()
@@ -111,7 +111,7 @@ class LogPart:
             self._refuse_empty(channels, moment, log.notes())
 
     def _refuse_empty(self, channels: set[str], until: float, notes: Sequence[str]) -> None:
-        """Raise `UserError` for a log of which nothing is sent; until: time of its last frame [s]."""
+        """Raise `UserError` for a log without a frame to send; until: time of its last frame [s]."""
         if not channels:
             said = f" ({'; '.join(notes)})" if notes else ""
             raise UserError(

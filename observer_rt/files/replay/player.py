@@ -43,7 +43,7 @@ PROGRESS_PERIOD = 100_000_000  # ns
 
 @dataclass(frozen=True)
 class ReplaySource:
-    """Source of what is sent: frames as they are in the file, how many, which kinds of frames, on which buses."""
+    """Source of a replay: frames as they are in the file, how many, which kinds of frames, on which buses."""
 
     frames: Iterator[TimedFrame]
     extent: Extent
@@ -73,10 +73,10 @@ def log_source(
         routes, buses = _chosen_routes(links, channels)
     elif len(links) > 1:
         needed = {layout.bus for bus in mapped.injectors for layout in bus.input_layouts}
-        found = matched_channels(
+        matches = matched_channels(
             path, links, needed, {}, lambda number: f"--map-channel CHANNEL={links[number].config.channel}"
         )
-        routes = {channel: number for number, channel in sorted(found.items())}
+        routes = {channel: number for number, channel in sorted(matches.items())}
         buses = {number: links[number].config for number in routes.values()}
     # results recorded beside the inputs are not sent again: the daemon sends its own
     results = frozenset(
@@ -107,11 +107,11 @@ def _chosen_routes(
     routes: dict[str, int] = {}
     others = sorted(set(channels.values()))
     for channel, target in channels.items():
-        found = [n for n, link in enumerate(links) if target in (link.name, link.config.channel)]
-        number = found[0] if found else len(links) + others.index(target)
+        numbers = [n for n, link in enumerate(links) if target in (link.name, link.config.channel)]
+        number = numbers[0] if numbers else len(links) + others.index(target)
         routes[channel] = number
         first = links[0].config
-        buses[number] = links[number].config if found else first.model_copy(update={"channel": target})
+        buses[number] = links[number].config if numbers else first.model_copy(update={"channel": target})
     return routes, buses
 
 
@@ -158,12 +158,12 @@ def refuse_traffic(buses: Mapping[int, LinkConfig], sent: Collection[Sent], stop
         for bus, config in buses.items():
             mine = sorted((each.identifier, each.is_extended) for each in sent if each.bus == bus)
             links[bus] = stack.enter_context(open_link(config.interface, config.channel, config.fd, mine))
-        heard = first_heard(links, stop)
-    if heard is not None:
-        config = buses[heard.bus]
+        traffic = first_heard(links, stop)
+    if traffic is not None:
+        config = buses[traffic.bus]
         raise UserError(
             f"{config.interface} {config.channel}",
-            f"another sender is active: frames with identifier 0x{heard.frame.frame_id:X} come in already",
+            f"another sender is active: frames with identifier 0x{traffic.frame.frame_id:X} come in already",
             "stop it, or send all the same (--force)",
         )
 
@@ -236,17 +236,17 @@ class PlayStatistics:
     def as_json(self) -> dict[str, Any]:
         """Statistics for a program; null where nothing was measured."""
 
-        def known(value: float) -> float | None:
+        def finite(value: float) -> float | None:
             return None if math.isnan(value) else value
 
         return {
             "frames": self.frames,
             "duration_s": self.duration,
             "paused_s": self.paused,
-            "lateness_median_s": known(self.lateness.median),
-            "lateness_p99_s": known(self.lateness.p99),
-            "lateness_max_s": known(self.lateness.maximum),
-            "late_share": known(self.lateness.late_share),
+            "lateness_median_s": finite(self.lateness.median),
+            "lateness_p99_s": finite(self.lateness.p99),
+            "lateness_max_s": finite(self.lateness.maximum),
+            "late_share": finite(self.lateness.late_share),
         }
 
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock
 from observer_rt.bus.mapping.bus_map import BusMap, message_timing
 from observer_rt.files.replay.framing import (
-    Framed,
+    FramedRecording,
     Framer,
     Span,
     TimedFrame,
+    all_samples,
     block_samples,
     grid_samples,
-    whole,
     windows_of,
 )
 from observer_rt.files.signals.recording import Chunk
@@ -109,7 +109,7 @@ class RecordingPart:
         begin, interval = framer.next_index, 1.0 / self._stream.sample_rate
         for piece in pieces(self._chunks(), _in_pieces(spans, self._block)):
             framer.skip(begin + piece.first - framer.next_index)
-            for frame in framer.frames(piece, whole(piece)):
+            for frame in framer.frames(piece, all_samples(piece)):
                 due = piece.first + round(frame.time * self._stream.sample_rate)
                 yield frame._replace(time=due * interval + offset)
         framer.skip(begin + samples - framer.next_index)
@@ -177,8 +177,8 @@ def _between(stream: SignalStream, start: float | None, stop: float | None) -> t
     samples = stream.grid_samples
 
     def sample_at(moment: float) -> int:
-        place = (moment - stream.stretches[0].start) * stream.sample_rate
-        return math.ceil(min(max(place, 0.0), float(samples)) - SAMPLE_TOLERANCE)
+        position = (moment - stream.stretches[0].start) * stream.sample_rate
+        return math.ceil(min(max(position, 0.0), float(samples)) - SAMPLE_TOLERANCE)
 
     first = 0 if start is None else sample_at(start)
     last = samples if stop is None else sample_at(stop)
@@ -248,8 +248,8 @@ class Device:
         for framed, stamps in self._stamped(chunk):
             yield FrameBlock(self._keys[framed.numbers], stamps, framed.starts, framed.data)
 
-    def _stamped(self, chunk: Chunk) -> Iterator[tuple[Framed, NDArray[np.int64]]]:
+    def _stamped(self, chunk: Chunk) -> Iterator[tuple[FramedRecording, NDArray[np.int64]]]:
         interval = 1.0 / chunk.sample_rate
-        for framed in self._framer.framed(chunk, whole(chunk)):
+        for framed in self._framer.framed(chunk, all_samples(chunk)):
             since = np.rint((chunk.first + framed.due) * interval * NANOSECONDS).astype(np.int64)
             yield framed, self._start + since + self._delays[framed.numbers]

@@ -23,7 +23,7 @@ class Calendar:
     form: str
 
     def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
-        """Nanoseconds since 1970 of stamps (n,); `NO_MOMENT` of those that are none."""
+        """Nanoseconds since 1970 of stamps (n,); `NO_MOMENT` for invalid ones."""
         import pandas  # slow to import
 
         try:
@@ -34,8 +34,8 @@ class Calendar:
                 str(error),
                 "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime",
             ) from None
-        found: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
-        return found
+        moments: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
+        return moments
 
     def as_text(self, origin: int) -> str:
         """Description of how the stamps are read."""

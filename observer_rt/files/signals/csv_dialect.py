@@ -52,9 +52,9 @@ class Dialect:
         separator = _WORDS.get(self.separator, f"'{self.separator}'")
         return f"CSV, {named}, separated by {separator}, decimal '{self.decimal}', {self.encoding}"
 
-    def calendar(self, place: int, config: RecordingConfig | None = None) -> Calendar | None:
+    def calendar(self, location: int, config: RecordingConfig | None = None) -> Calendar | None:
         """Calendar of the stamps in a column; None: they are numbers."""
-        cells = [row[place] for row in self.rows if place < len(row)]
+        cells = [row[location] for row in self.rows if location < len(row)]
         return calendar_of(None if config is None else config.time, cells)
 
     @property
@@ -74,14 +74,14 @@ class _Trial:
     cells: Sequence[Sequence[str]]
     above: Sequence[Sequence[str]]
     heading: int
-    found: int
+    name_count: int
     fitting: Sequence[int]
 
     @property
     def score(self) -> tuple[int, int, int]:
-        """How many names are there, and numbers below them."""
+        """Number of names, and of numbers below them."""
         numbers = sum(_count(self.cells[number]) for number in self.fitting)
-        return self.found, numbers, len(self.above[self.heading]) if not numbers else 0
+        return self.name_count, numbers, len(self.above[self.heading]) if not numbers else 0
 
 
 def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False) -> Dialect:
@@ -127,7 +127,7 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
         units = _units(behind, best.above[heading + 1 : first])
     places: dict[str, int] = {}
     for signal, column in wanted.items():
-        if (at := _place(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
+        if (at := _column_number(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
             places[signal] = at
         elif not (is_own and signal == OPTIONAL):
             raise _missing(f"{path}, line {heading + 1}", column.name, best.above[heading])
@@ -163,29 +163,29 @@ def _trial(
     cells = [split_line(line.split(comment)[0], separator) for line in lines]
     names = [split_line(line.lstrip("\ufeff").lstrip(comment + " "), separator) for line in lines]
     above = [[cell.strip() for cell in row] for row in names]
-    heading = found = -1
+    heading = name_count = -1
     if by_name:
-        counts = [sum(_place(column, row) is not None for column in wanted.values()) for row in above]
-        found = max(counts)
-        heading = counts.index(found)
-    found_at = {name: _place(column, above[heading]) for name, column in wanted.items()}
+        counts = [sum(_column_number(column, row) is not None for column in wanted.values()) for row in above]
+        name_count = max(counts)
+        heading = counts.index(name_count)
+    found_at = {name: _column_number(column, above[heading]) for name, column in wanted.items()}
     places = [place for name, place in found_at.items() if place is not None and (by_name or name != TIME)]
     fitting = [n for n, row in enumerate(cells) if n > heading and _fits(row, places, by_name)]
-    return _Trial(separator, cells, above, heading, found, fitting)
+    return _Trial(separator, cells, above, heading, name_count, fitting)
 
 
 def _fits(row: Sequence[str], places: Sequence[int], by_name: bool) -> bool:
-    """Whether a line has numbers, where they must be; a cell that is none is named by who reads the line."""
+    """Whether a line has numbers, where they must be; the reader of the line names a cell that is no number."""
     cells = [row[place] for place in places if place < len(row)] if places else row
     if by_name:
         return _count(cells) > 0
     if places:
-        known = [cell for cell in cells if cell.strip().lower() not in MISSING]
-        return len(cells) == len(places) and 0 < _count(known) == len(known)
+        values = [cell for cell in cells if cell.strip().lower() not in MISSING]
+        return len(cells) == len(places) and 0 < _count(values) == len(values)
     return _count(cells) > max(len(cells) / 2, _FEWEST - 1)
 
 
-def _place(column: ColumnConfig, names: Sequence[str], where: str = "") -> int | None:
+def _column_number(column: ColumnConfig, names: Sequence[str], where: str = "") -> int | None:
     """Place of a column among names, with units behind them or not. where: of them, for who has one twice."""
     if isinstance(column.column, int):
         return column.column - 1
@@ -215,10 +215,10 @@ def _units(behind: Sequence[str], below: Sequence[Sequence[str]]) -> list[str]:
     return [(stated[place] if place < len(stated) else "") or unit for place, unit in enumerate(behind)]
 
 
-def _missing(place: str, name: str, names: Sequence[str]) -> UserError:
+def _missing(location: str, name: str, names: Sequence[str]) -> UserError:
     unnamed = ". A file without names: give places, column = 1, 2, ..." if _count(names) == len(names) else ""
     return UserError(
-        place,
+        location,
         f"column '{name}' is missing{hint(name, names)}",
         f"name the columns in [recording] of the bench file as the file: it has {', '.join(names[:40])}{unnamed}",
     )

@@ -76,7 +76,7 @@ class CsvTable(FileTable):
             yield part
             row += part.time.size
 
-    def place(self, row: int, raster: int) -> str:
+    def location(self, row: int, raster: int) -> str:
         """Place of a row in the file: its line."""
         numbers = (before + number for before, lines in self._blocks() for number in self._cells(lines))
         number = next(islice(numbers, row, None), None)
@@ -98,12 +98,12 @@ class CsvTable(FileTable):
         table = self._at_once(lines)
         if table is None:
             table = self._one_by_one(before, lines)
-        found = {name: np.asarray(table[place]) for name, place in places.items()}
+        columns = {name: np.asarray(table[place]) for name, place in places.items()}
         if self._calendar is not None:
-            found[TIME] = self._seconds(before, lines, found[TIME])
+            columns[TIME] = self._seconds(before, lines, columns[TIME])
         if not self.is_own:
-            self._refuse_thousands(before, lines, found)
-        return found
+            self._refuse_thousands(before, lines, columns)
+        return columns
 
     def _at_once(self, lines: list[str]) -> Mapping[int, Any] | None:
         """Columns by their places, by pandas; None where a line is not as the others."""
@@ -159,23 +159,23 @@ class CsvTable(FileTable):
     def _one_by_one(self, before: int, lines: list[str]) -> Mapping[int, Any]:
         """Columns by their places. Raises `UserError` for a line that is no row of numbers."""
         dialect, columns = self._dialect, len(self._dialect.names)
-        found: dict[int, list[Any]] = {place: [] for place in dialect.places.values()}
+        cells_of: dict[int, list[Any]] = {location: [] for location in dialect.places.values()}
         for number, cells in self._cells(lines).items():
-            place = f"{self.path}, line {before + number}"
+            location = f"{self.path}, line {before + number}"
             if any(cell.strip() for cell in cells[columns:]) or (self.is_own and len(cells) < columns):
                 problem = f"{len(cells)} cells, but there are {columns} columns"
                 raise UserError(
-                    place, problem, "mend the line, or delete it if the file was cut while being written"
+                    location, problem, "mend the line, or delete it if the file was cut while being written"
                 )
             for at, name in {at: name for name, at in dialect.places.items()}.items():
                 cell = cells[at] if at < len(cells) else ""
                 if name == TIME and self._calendar is not None:
-                    found[at].append(cell)
+                    cells_of[at].append(cell)
                 else:
-                    found[at].append(self._number(cell, f"{place}: {self.label(name)}"))
-        return found
+                    cells_of[at].append(self._number(cell, f"{location}: {self.label(name)}"))
+        return cells_of
 
-    def _number(self, cell: str, place: str) -> float:
+    def _number(self, cell: str, location: str) -> float:
         bare, decimal = cell.strip(" \t"), self._dialect.decimal
         if bare.lower() in MISSING:
             return np.nan
@@ -185,7 +185,7 @@ class CsvTable(FileTable):
             remedy = (
                 _UNGROUP if grouped else "write numbers; leave the cell empty where a value is not available"
             )
-            raise UserError(place, f"'{cell}' is not a number with decimal '{decimal}'", remedy)
+            raise UserError(location, f"'{cell}' is not a number with decimal '{decimal}'", remedy)
         return float(text)
 
     def _seconds(self, before: int, lines: list[str], stamps: Any) -> Values:
@@ -203,7 +203,7 @@ class CsvTable(FileTable):
                 )
         return seconds_since(self._origin, moments)
 
-    def _refuse_thousands(self, before: int, lines: list[str], found: Mapping[str, Values]) -> None:
+    def _refuse_thousands(self, before: int, lines: list[str], columns: Mapping[str, Values]) -> None:
         """Raise `UserError` for whole numbers with a separator of thousands, which reads as a decimal sign.
 
         `999` and `1.002` in one column are 999 and 1002, or 999 and 1.002. A writer of decimals leaves out zeros at
@@ -211,10 +211,10 @@ class CsvTable(FileTable):
         """
         decimal = re.escape(self._dialect.decimal)
         pattern = re.compile(rf"([+-]?[1-9]\d{{0,2}}{decimal}\d{{3}})|[+-]?\d{{1,3}}")
-        for name, values in found.items():
-            there = values[np.isfinite(values)]
-            is_whole = there == np.rint(there)
-            if not is_whole.any() or np.count_nonzero(~is_whole) < ENOUGH or np.abs(there).max() >= 1e3:
+        for name, values in columns.items():
+            finite = values[np.isfinite(values)]
+            is_whole = finite == np.rint(finite)
+            if not is_whole.any() or np.count_nonzero(~is_whole) < ENOUGH or np.abs(finite).max() >= 1e3:
                 continue
             rows, at = self._cells(lines), self._dialect.places[name]
             cells = {number: row[at].strip() for number, row in rows.items() if at < len(row)}

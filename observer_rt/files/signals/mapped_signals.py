@@ -94,8 +94,8 @@ class AxisSurvey:
             run = self.runs[-1]
             run.last = self.rows + end - 1
             run.end = max(run.end, float(time[first:end].max()))
-            place = (time[first:end] - run.begin) * self._rate
-            self.off_grid = max(self.off_grid, float(np.abs(place - np.rint(place)).max()))
+            position = (time[first:end] - run.begin) * self._rate
+            self.off_grid = max(self.off_grid, float(np.abs(position - np.rint(position)).max()))
         self.rows += time.size
 
 
@@ -110,23 +110,23 @@ class Cursor:
 
     def knots(self, time: Values, begin: float) -> tuple[Values, NDArray[np.bool_]]:
         """Places of stamps [s] on the grid that begins at `begin`, and which of them rise."""
-        place = (time - begin) * self._rate
+        position = (time - begin) * self._rate
         if self._is_on_grid:
-            place = np.rint(place)
-        rises = np.ones(place.size, np.bool_)
-        rises[1:] = place[1:] > np.maximum.accumulate(place)[:-1]
-        return place, rises
+            position = np.rint(position)
+        rises = np.ones(position.size, np.bool_)
+        rises[1:] = position[1:] > np.maximum.accumulate(position)[:-1]
+        return position, rises
 
-    def at(self, grid: Values, place: Values, values: Values) -> Values:
+    def at(self, grid: Values, position: Values, values: Values) -> Values:
         """Values at places of the grid: NaN beyond the knots, and where neighbours are too far apart."""
-        there = ~np.isnan(values)
-        place, values = place[there], values[there]
-        if not place.size:
+        available = ~np.isnan(values)
+        position, values = position[available], values[available]
+        if not position.size:
             return np.full(grid.size, np.nan)
-        result = np.interp(grid, place, values, left=np.nan, right=np.nan)
-        after = np.minimum(np.searchsorted(place, grid), place.size - 1)
+        result = np.interp(grid, position, values, left=np.nan, right=np.nan)
+        after = np.minimum(np.searchsorted(position, grid), position.size - 1)
         before = np.maximum(after - 1, 0)
-        result[(place[after] != grid) & (place[after] - place[before] > self._reach)] = np.nan
+        result[(position[after] != grid) & (position[after] - position[before] > self._reach)] = np.nan
         return result
 
 
@@ -241,12 +241,12 @@ class MappedSignals(TableSignals):
         ):
             pass
         count = rows.time.size if last is None else min(rows.time.size, last + 1 - rows.first)
-        place, rises = cursor.knots(rows.time[:count], begin)
+        position, rises = cursor.knots(rows.time[:count], begin)
         signals = {
-            name: cursor.at(grid, place[rises], values[:count][rises])
+            name: cursor.at(grid, position[rises], values[:count][rises])
             for name, values in rows.signals.items()
         }
-        passed = int(np.searchsorted(np.maximum.accumulate(place), grid[-1] - 1.0)) if count else 0
+        passed = int(np.searchsorted(np.maximum.accumulate(position), grid[-1] - 1.0)) if count else 0
         longest = max(axis.reach for axis in self._axes)
         kept = math.ceil(longest * self.rate) + 2  # rows that a bridge may begin with
         rows.drop(max(0, min(passed - kept, count - 1)))
@@ -286,7 +286,7 @@ class MappedSignals(TableSignals):
             bad = np.flatnonzero(~np.isfinite(part.time))
             if bad.size:
                 raise UserError(
-                    self._table.place(rows + int(bad[0]), raster),
+                    self._table.location(rows + int(bad[0]), raster),
                     "the time is not a finite number",
                     "mend the line",
                 )
@@ -320,14 +320,14 @@ class MappedSignals(TableSignals):
         return axis
 
     def _refuse_blocks(self) -> None:
-        """Raise `UserError` where rows hold blocks of samples, of which only the first is mapped."""
-        found, columns = 1.0 / self._axes[self._main].period, self._table.columns
+        """Raise `UserError` where rows hold blocks of samples and only the first is mapped."""
+        rate, columns = 1.0 / self._axes[self._main].period, self._table.columns
         for name, column in self._mapped.items():
             if (block := _FIRST_OF_BLOCK.fullmatch(column.name)) is None:
                 continue
             stem, width = block[1], len(block[2])
             samples = next(k for k in range(len(columns) + 1) if f"{stem}{k:0{width}}" not in columns)
-            if samples > 1 and abs(samples * found / self.rate - 1.0) < SAME_RATE:
+            if samples > 1 and abs(samples * rate / self.rate - 1.0) < SAME_RATE:
                 raise UserError(
                     f"{self.path}, {self._table.label(name)}",
                     f"a row holds {samples} samples, {column.name} to {stem}{samples - 1:0{width}}, one is mapped",
@@ -336,11 +336,11 @@ class MappedSignals(TableSignals):
 
     def _usable_runs(self) -> list[RowRun]:
         axis = self._axes[self._main]
-        found = 1.0 / axis.period
-        if not self.rate / SLOWEST <= found <= self.rate * FASTEST:
+        rate = 1.0 / axis.period
+        if not self.rate / SLOWEST <= rate <= self.rate * FASTEST:
             raise UserError(
                 str(self.path),
-                f"is sampled at {found:.6g} Hz, to be put on {self.rate:g} Hz of sampling.rate_hz",
+                f"is sampled at {rate:.6g} Hz, to be put on {self.rate:g} Hz of sampling.rate_hz",
                 "mind column and unit of the time, and rate_hz",
             )
         if len(self._axes) > 1 and any(run.is_restart for each in self._axes for run in each.runs):
@@ -372,11 +372,11 @@ class MappedSignals(TableSignals):
 
     def _notes(self) -> Iterator[str]:
         axis = self._axes[self._main]
-        found = 1.0 / axis.period
+        rate = 1.0 / axis.period
         if not self._table.brings_time and TIME not in self._mapped:
             yield f"{self.path}: no column of the time: rows are placed by the rate stated, {self.rate:g} Hz"
-        if abs(found / self.rate - 1.0) > SAME_RATE:
-            yield f"{self.path}: recorded at {found:.6g} Hz, resampled to {self.rate:g} Hz of sampling.rate_hz"
+        if abs(rate / self.rate - 1.0) > SAME_RATE:
+            yield f"{self.path}: recorded at {rate:.6g} Hz, resampled to {self.rate:g} Hz of sampling.rate_hz"
         elif self._main in self._rounding:
             yield (
                 f"{self.path}: its stamps are rounded to {self._rounding[self._main] / MILLISECOND:.3g} ms: rows are "

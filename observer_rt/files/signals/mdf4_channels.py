@@ -47,7 +47,7 @@ def parts(
         samples = min(file.groups[group].channel_group.cycles_nr, stored_records(file, file.groups[group]))
         for first in range(0, samples, at_once):
             count = min(at_once, samples - first)
-            found = {
+            channels = {
                 name: file.get(
                     group=group,
                     index=index,
@@ -57,8 +57,8 @@ def parts(
                 )
                 for name, index in indices.items()
             }
-            columns = {name: _numbers(signal, count) for name, signal in found.items()}
-            yield {"time": next(iter(found.values())).timestamps.astype(np.float64), **columns}
+            columns = {name: _numbers(signal, count) for name, signal in channels.items()}
+            yield {"time": next(iter(channels.values())).timestamps.astype(np.float64), **columns}
 
 
 def _stated(path: Path, group: Any) -> int:

@@ -23,7 +23,7 @@ class Channel(NamedTuple):
     name: str
     unit: str
     group: int
-    place: int
+    number: int
     surplus: int
 
 
@@ -44,13 +44,14 @@ class Mdf4Table(FileTable):
         channels = _channels(path)
         self.columns = {each.name: each.unit for each in reversed(channels)}
         self.mapped = present(path, dict(config.signals), self.columns, is_own, self.word)
-        self._found = {name: self._channel(column, channels) for name, column in self.mapped.items()}
-        self.units = {name: each.unit for name, each in self._found.items() if each.unit}
-        self._groups = sorted({each.group for each in self._found.values()})
+        self._channels = {name: self._channel(column, channels) for name, column in self.mapped.items()}
+        self.units = {name: each.unit for name, each in self._channels.items() if each.unit}
+        self._groups = sorted({each.group for each in self._channels.values()})
         self.rasters = tuple(
-            tuple(name for name, each in self._found.items() if each.group == group) for group in self._groups
+            tuple(name for name, each in self._channels.items() if each.group == group)
+            for group in self._groups
         )
-        for surplus in dict.fromkeys(each.surplus for each in self._found.values() if each.surplus):
+        for surplus in dict.fromkeys(each.surplus for each in self._channels.values() if each.surplus):
             self.notes.append(
                 f"{path}: its heading leaves out {surplus} samples that are in it: it may be damaged"
                 if surplus > 0
@@ -76,42 +77,43 @@ class Mdf4Table(FileTable):
 
     def parts(self, raster: int) -> Iterator[TablePart]:
         """Parts of a group."""
-        indices = {name: self._found[name].place for name in self.rasters[raster]}
+        indices = {name: self._channels[name].number for name in self.rasters[raster]}
         row = 0
         for columns in mdf4_apart(FILE, "parts", self.path, self._groups[raster], indices, SAMPLES_AT_ONCE):
             with crash_told(self.path):
                 columns = checked(_PART, columns)
             time = columns.pop(TIME)
             for name, values in columns.items():
-                place = f"{self.path}, channel {self.mapped[name].name}"
+                location = f"{self.path}, channel {self.mapped[name].name}"
                 if not values.size:
-                    raise UserError(place, "holds no plain numbers", "map a channel of numbers")
+                    raise UserError(location, "holds no plain numbers", "map a channel of numbers")
                 beyond = np.flatnonzero(np.abs(values) > LARGEST)
                 if beyond.size:
                     raise UserError(
-                        place,
+                        location,
                         f"sample {row + beyond[0]} is {values[beyond[0]]:g} {self.units.get(name, '')}".strip(),
                         "record it again: the file is damaged, or mark such samples as invalid",
                     )
             row += time.size
             yield TablePart(time, columns)
 
-    def place(self, row: int, raster: int) -> str:
+    def location(self, row: int, raster: int) -> str:
         """Place of a row: its number in the group."""
         return f"{self.path}, group {self._groups[raster]}, sample {row}"
 
     def _channel(self, column: ColumnConfig, channels: Sequence[Channel]) -> Channel:
         """The channel of a name that is there."""
-        there = [each for each in channels if each.name == column.name]
-        chosen = [each for each in there if column.group in (None, each.group)]
+        candidates = [each for each in channels if each.name == column.name]
+        chosen = [each for each in candidates if column.group in (None, each.group)]
         if len(chosen) == 1:
             return chosen[0]
-        times = f"appears {len(there)} times: it " if len(there) > 1 else ""
+        times = f"appears {len(candidates)} times: it " if len(candidates) > 1 else ""
         other = f", not in {column.group}" if column.group is not None else ""
         raise UserError(
             f"{self.path}, channel {column.name}",
-            f"{times}is in the groups {', '.join(str(each.group) for each in there)}{other}",
-            f"say which in [recording] of the bench file, group = {there[0].group}, or keep one channel of this name",
+            f"{times}is in the groups {', '.join(str(each.group) for each in candidates)}{other}",
+            f"say which in [recording] of the bench file, group = {candidates[0].group}, "
+            "or keep one channel of this name",
         )
 
 

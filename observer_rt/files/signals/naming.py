@@ -34,7 +34,7 @@ class _Choice:
     problem: str = ""
 
 
-def layout_of(place: str, headings: Sequence[Heading], brings_time: bool = False) -> RecordingConfig:
+def layout_of(location: str, headings: Sequence[Heading], brings_time: bool = False) -> RecordingConfig:
     """Mapping of a file of these headings. brings_time: no column is its time.
 
     Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
@@ -44,7 +44,7 @@ def layout_of(place: str, headings: Sequence[Heading], brings_time: bool = False
     problems = [f"{each.signal}: {each.problem}" for each in needed if each.problem]
     if problems:
         raise UserError(
-            place,
+            location,
             f"its headings do not say which column is which signal: {'; '.join(problems)}",
             f"say it in a bench file, given by --bench:\n\n{_section(needed, headings)}\n",
         )
@@ -62,10 +62,10 @@ def in_words(layout: RecordingConfig) -> str:
 
 def name_and_unit(cell: str) -> tuple[str, str]:
     """`p_Rail [bar]` as both."""
-    found = _NAME_AND_UNIT.match(cell)
-    if found is None or not found["name"]:
+    match = _NAME_AND_UNIT.match(cell)
+    if match is None or not match["name"]:
         return cell, ""
-    return found["name"], (found["square"] if found["square"] is not None else found["round"]).strip()
+    return match["name"], (match["square"] if match["square"] is not None else match["round"]).strip()
 
 
 def is_unit(text: str) -> bool:
@@ -74,7 +74,7 @@ def is_unit(text: str) -> bool:
 
 
 def known_unit(signal: str, unit: str) -> str:
-    """A unit as it is written for a signal; empty where it is none of its units."""
+    """A unit as it is written for a signal; empty if it is not one of its units."""
     return spelled(unit, UNITS[signal]) or spelled(_GAUGE.sub("", unit), UNITS[signal])
 
 
@@ -84,8 +84,8 @@ def signals_named(name: str) -> set[str]:
     words = re.sub(r"[^a-zà-ÿµμ0-9]+", " ", apart.lower()).strip()
     if re.search(_COMMANDED, words):
         return set()
-    found = {signal for signal, pattern in _ALIASES.items() if re.search(pattern, words)}
-    return found - {"line_pressure"} if "rail_pressure" in found and len(found) > 1 else found
+    signals = {signal for signal, pattern in _ALIASES.items() if re.search(pattern, words)}
+    return signals - {"line_pressure"} if "rail_pressure" in signals and len(signals) > 1 else signals
 
 
 def _chosen(signal: str, headings: Sequence[Heading]) -> _Choice:
@@ -124,16 +124,16 @@ def _entries(choice: _Choice) -> Iterator[tuple[str, str | int]]:
 
 def _section(choices: Sequence[_Choice], headings: Sequence[Heading]) -> str:
     """The `[recording]` section, with places to fill in."""
-    names = [each.name for each in headings if each.name]
+    names = [choice.name for choice in headings if choice.name]
     among = f'"..."  # one of {", ".join(names[:_SHOWN])}' if names else f"...  # from 1 to {len(headings)}"
     lines = ["[recording]"]
-    for each in choices:
-        lines += ["", f"[recording.{each.signal}]"]
-        if each.heading is None:
-            end = "; or leave out this part, and state rate_hz" if each.signal == TIME else ""
+    for choice in choices:
+        lines += ["", f"[recording.{choice.signal}]"]
+        if choice.heading is None:
+            end = "; or leave out this part, and state rate_hz" if choice.signal == TIME else ""
             lines += [f"column = {among}{end}"]
         else:
-            lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in _entries(each)]
-        if not each.unit and not (each.heading is not None and each.heading.is_calendar):
-            lines += [f'unit = "..."  # one of {", ".join(UNITS[each.signal])}']
+            lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in _entries(choice)]
+        if not choice.unit and not (choice.heading is not None and choice.heading.is_calendar):
+            lines += [f'unit = "..."  # one of {", ".join(UNITS[choice.signal])}']
     return "\n".join(lines)

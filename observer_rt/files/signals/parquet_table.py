@@ -72,7 +72,7 @@ class ParquetTable(FileTable):
                 yield self._part({name: columns[each.name] for name, each in self.mapped.items()}, row)
                 row += batch.num_rows
 
-    def place(self, row: int, raster: int) -> str:
+    def location(self, row: int, raster: int) -> str:
         """Place of a row in the file: its number."""
         return f"{self.path}, row {row}"
 
@@ -88,8 +88,8 @@ def _is_number(kind: Any) -> bool:
     return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind))
 
 
-def _numbers(column: Any, place: str) -> Values:
-    """An array of Arrow as doubles; stamps of a calendar as seconds. Raises `UserError` for what is none."""
+def _numbers(column: Any, location: str) -> Values:
+    """An array of Arrow as doubles; stamps of a calendar as seconds. Raises `UserError` for other types."""
     import pyarrow
 
     kind = column.type
@@ -97,7 +97,7 @@ def _numbers(column: Any, place: str) -> Values:
         scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
         return _doubles(column.cast(pyarrow.int64())) * scale
     if not _is_number(kind):
-        raise UserError(place, f"holds {kind}, no numbers", "map a column of numbers")
+        raise UserError(location, f"holds {kind}, no numbers", "map a column of numbers")
     return _doubles(column)
 
 

@@ -80,13 +80,13 @@ class SignalStream(ABC):
             return
         places, reached = self._places(), 0
         for part in self.chunks():
-            place = places[part.stretch] + part.first
-            for first in range(reached, place, SAMPLES_AT_ONCE):
-                time = self._grid(first, min(place, first + SAMPLES_AT_ONCE))
+            start = places[part.stretch] + part.first
+            for first in range(reached, start, SAMPLES_AT_ONCE):
+                time = self._grid(first, min(start, first + SAMPLES_AT_ONCE))
                 missing = dict.fromkeys(part.signals, np.full(time.size, np.nan))
                 yield replace(part.with_arrays({**missing, "time": time}), stretch=0, first=first)
-            reached = place + part.samples
-            yield replace(part, time=self._grid(place, reached), stretch=0, first=place)
+            reached = start + part.samples
+            yield replace(part, time=self._grid(start, reached), stretch=0, first=start)
 
     def collected(self) -> Recording:
         """Recording of all samples in memory, as `on_one_grid`."""
@@ -144,14 +144,14 @@ class HeldSignals(SignalStream):
 
     def chunks(self) -> Iterator[Chunk]:
         """Views of the recording."""
-        whole = Chunk(**self._recording.arrays, path=self._path, rate=self.rate)  # type: ignore[arg-type]
-        for first in range(0, whole.samples, SAMPLES_AT_ONCE):
-            yield cut(whole, first, first + SAMPLES_AT_ONCE)
+        chunk = Chunk(**self._recording.arrays, path=self._path, rate=self.rate)  # type: ignore[arg-type]
+        for first in range(0, chunk.samples, SAMPLES_AT_ONCE):
+            yield cut(chunk, first, first + SAMPLES_AT_ONCE)
 
     def collected(self) -> Recording:
         """The recording."""
-        whole = self._recording
-        return whole if whole.meaning is self.meaning else replace(whole, meaning=self.meaning)
+        recording = self._recording
+        return recording if recording.meaning is self.meaning else replace(recording, meaning=self.meaning)
 
 
 def cut(chunk: Chunk, start: int, end: int) -> Chunk:

@@ -72,7 +72,7 @@ class Table(ABC):
         """The rows of a time axis in order, read anew."""
 
     @abstractmethod
-    def place(self, row: int, raster: int) -> str:
+    def location(self, row: int, raster: int) -> str:
         """A zero-based row, as a user finds it."""
 
     def _wanted(self) -> dict[str, ColumnConfig]:
@@ -116,18 +116,18 @@ class FileTable(Table):
 
 
 def present(
-    path: Path, wanted: Mapping[str, ColumnConfig], there: Collection[str], is_own: bool, word: str = "column"
+    path: Path, wanted: Mapping[str, ColumnConfig], names: Collection[str], is_own: bool, word: str = "column"
 ) -> dict[str, ColumnConfig]:
     """The columns wanted that a file has. Raises `UserError` where one is missing that it must have."""
-    found = {}
+    columns = {}
     for name, column in wanted.items():
-        if column.name in there:
-            found[name] = column
+        if column.name in names:
+            columns[name] = column
         elif not (is_own and name == OPTIONAL):
             raise UserError(
                 str(path),
-                f"{word} '{column.name}' is missing{hint(column.name, there)}",
+                f"{word} '{column.name}' is missing{hint(column.name, names)}",
                 f"name the {word}s {', '.join(each.name for each in wanted.values())}, or say in [recording] of a "
-                f"bench file which is which: it has {', '.join(list(there)[:40])}",
+                f"bench file which is which: it has {', '.join(list(names)[:40])}",
             )
-    return found
+    return columns

@@ -79,23 +79,23 @@ class TableSignals(SignalStream):
 
     def _look_at(self, part: TablePart, row: int, raster: int) -> None:
         """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
-        refuse_infinite(part.signals, lambda inside: self._table.place(row + inside, raster))
+        refuse_infinite(part.signals, lambda inside: self._table.location(row + inside, raster))
         for name, values in part.signals.items():
             self.survey.take(name, values)
 
     def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
         """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""
-        found = (self._table.units.get(name, ""), "as the file says")
-        unit, said = found if column.unit is None else (column.unit, "as the bench file says")
-        known = spelled(unit, UNITS[name])
-        if not known:
+        stated = (self._table.units.get(name, ""), "as the file says")
+        unit, said = stated if column.unit is None else (column.unit, "as the bench file says")
+        spelling = spelled(unit, UNITS[name])
+        if not spelling:
             raise UserError(
                 f"{self.path}, {self._table.label(name)}",
                 f"unit '{unit}' is not known" if unit else "has no unit",
                 f'state it in the bench file, [recording.{name}] unit = "...": one of {", ".join(UNITS[name])}; a '
                 "factor makes one of any other",
             )
-        return known, said
+        return spelling, said
 
     def _scale(self, name: str, column: ColumnConfig) -> _Scale:
         unit = UNITS[name][self._unit(name, column)[0]]
@@ -163,8 +163,8 @@ class EvenSignals(TableSignals):
     def _refuse_short(self, samples: int) -> None:
         if samples < 2:
             problem = "holds one sample only" if samples else "holds no sample"
-            raise UserError(self._table.place(0, 0), problem, "record, or select, at least two samples")
+            raise UserError(self._table.location(0, 0), problem, "record, or select, at least two samples")
 
     def _refuse(self, uneven: UnevenTime | None) -> None:
         if uneven is not None:
-            raise UserError(self._table.place(uneven.row, 0), uneven.problem, EQUIDISTANT)
+            raise UserError(self._table.location(uneven.row, 0), uneven.problem, EQUIDISTANT)

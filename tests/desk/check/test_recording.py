@@ -11,7 +11,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.desk.check.given_files import log_findings
 from observer_rt.files.canlog.can_log import LogFrame
-from observer_rt.files.replay.framing import whole
+from observer_rt.files.replay.framing import all_samples
 from tests.daemon.time_frames import END, StampedFrame, jitter, merged, send, write_time_bench
 from tests.daemon.time_scenarios import GRID, ONE_BASE, OTHER, RATE, TWO_BASES
 from tests.desk.evaluation.test_logged import BENCH, frames, log_of, worn
@@ -50,7 +50,7 @@ def test_a_good_log(tmp_path: Path) -> None:
 def test_hum_is_told(tmp_path: Path) -> None:
     hum = 0.2e6 * np.sin(2.0 * np.pi * 50.0 * worn().time)
     humming = replace(worn(), line_pressure=worn().line_pressure + hum)
-    findings = found(tmp_path, log_of(humming, whole(humming)))
+    findings = found(tmp_path, log_of(humming, all_samples(humming)))
     assert {finding.level for finding in findings} == {Level.OK}
     told = findings[-1]
     assert told.text.startswith("noise of the line pressure is not white: hum ")

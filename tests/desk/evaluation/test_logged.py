@@ -13,7 +13,7 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.desk.evaluation.evaluate import History, evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.files.canlog.can_log import LogFrame
-from observer_rt.files.replay.framing import Span, whole, windows
+from observer_rt.files.replay.framing import Span, all_samples, windows
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from tests.benches import bench_with, block_bench, own_bench
@@ -33,7 +33,7 @@ def worn() -> Recording:
 
 @cache
 def frames(bench: Bench = BENCH) -> list[LogFrame]:
-    return log_of(worn(), whole(worn()), bench)
+    return log_of(worn(), all_samples(worn()), bench)
 
 
 def log_of(
@@ -84,9 +84,11 @@ def test_the_frames_of_a_log_give_what_the_recording_gives(write: Write) -> None
     history = evaluate(BENCH, [logged])
     assert history.frames == expected().frames
     assert len(history.evaluations[0].reports) == 3
-    whole = expected().evaluations[0].trace
+    all_samples = expected().evaluations[0].trace
     for name in ("injection_rate", "injection_rate_sigma", "nominal_rate", "valid", "state", "x", "phi"):
-        np.testing.assert_array_equal(history.evaluations[0].trace[name][: len(whole)], whole[name])
+        np.testing.assert_array_equal(
+            history.evaluations[0].trace[name][: len(all_samples)], all_samples[name]
+        )
 
 
 @pytest.mark.parametrize("suffix", [".trc", ".mf4"])
@@ -94,7 +96,7 @@ def test_classic_frames_give_what_the_recording_gives(
     write: Write, classic_bench: Bench, suffix: str
 ) -> None:
     recording = simulated(2, 0.0, (60e6,), 20e3, seed=4)
-    path = write(log_of(recording, whole(recording), classic_bench), suffix)
+    path = write(log_of(recording, all_samples(recording), classic_bench), suffix)
     logged = LoggedSignals(classic_bench, path)
     assert logged.notes == ()
     known = evaluate(classic_bench, [recording])

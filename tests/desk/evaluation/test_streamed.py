@@ -16,7 +16,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate, evaluate_stream
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.segment import Segment, Signal
 from observer_rt.desk.evaluation.spool import Spool
-from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.signals.recording import Chunk, Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream, Stretch
 from observer_rt.model.effects import effective_model
@@ -174,7 +174,9 @@ def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     framer = Framer(map_bus(BENCH))
     frames, begin = [], 0.0
     for _ in range(3):
-        frames += [frame._replace(time=frame.time + begin) for frame in framer.frames(worn(), whole(worn()))]
+        frames += [
+            frame._replace(time=frame.time + begin) for frame in framer.frames(worn(), all_samples(worn()))
+        ]
         framer.pause(100_000)
         begin = framer.next_index / 100e3
     path = tmp_path / "bus.blf"

@@ -10,7 +10,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.control_socket import Message, control_socket, socket_places
 from observer_rt.daemon.snapshot import SNAPSHOT, BusStatus, ShownInjection, Snapshot, Status, StatusLevel
-from observer_rt.desk.live_page.reading import Seen, Watching
+from observer_rt.desk.live_page.reading import InjectorSnapshot, Watching
 from tests.daemon.participants import bench_file, until
 from tests.desk.live_page.daemons import daemons_of
 from tests.device import frames_of, worn_recording
@@ -45,7 +45,7 @@ def said(
     return answer
 
 
-def first(view: Watching) -> Seen:
+def first(view: Watching) -> InjectorSnapshot:
     return next(view.seen(view.buses()))
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
-from observer_rt.files.replay.framing import Framer, Span, whole, windows
+from observer_rt.files.replay.framing import Framer, Span, all_samples, windows
 from observer_rt.files.signals.recording import Recording
 from tests.files.replay.decoded import SIGNALS, decoded
 
@@ -56,7 +56,7 @@ def bench_with_three_messages(folder: Path) -> Path:
 
 def test_frames_are_protected_and_counted(bus: BusMap) -> None:
     recording = recording_of(9 * 300)
-    frames = list(Framer(bus).frames(recording, whole(recording)))
+    frames = list(Framer(bus).frames(recording, all_samples(recording)))
     assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(300)]
     for frame in frames:
         data = bytearray(frame.payload)
@@ -69,20 +69,20 @@ def test_missing_values_and_a_frame_not_filled_are_not_available(bus: BusMap) ->
     lift = np.full(10, 1e-4)
     lift[4] = np.nan
     recording = recording_of(10, lift)
-    values = decoded(list(Framer(bus).frames(recording, whole(recording))))
+    values = decoded(list(Framer(bus).frames(recording, all_samples(recording))))
     assert np.flatnonzero(np.isnan(list(values[1].values()))).tolist() == [4, *range(10, 18)]
     assert np.flatnonzero(np.isnan(list(values[0].values()))).tolist() == list(range(10, 18))
 
 
 def test_values_beyond_the_bus_are_clamped_and_never_read_as_not_available(bus: BusMap) -> None:
     recording = recording_of(9, np.full(9, 1.0))
-    values = decoded(list(Framer(bus).frames(recording, whole(recording))))
+    values = decoded(list(Framer(bus).frames(recording, all_samples(recording))))
     assert list(values[1].values()) == pytest.approx([605.33e-6] * 9)
 
 
 def test_messages_of_their_own_come_in_order_of_time(three_messages: BusMap) -> None:
     recording = recording_of(28 * 5 + 3)
-    frames = list(Framer(three_messages).frames(recording, whole(recording)))
+    frames = list(Framer(three_messages).frames(recording, all_samples(recording)))
     assert [frame.frame_id for frame in frames] == [RAIL_BLOCK, LIFT_BLOCK, LINE_BLOCK] * 6
     times = [frame.time for frame in frames]
     assert times == sorted(times)

@@ -50,7 +50,7 @@ class InParts(Table):
             first += size
             yield TablePart(values / 1e5, dict.fromkeys(SIGNALS, values))
 
-    def place(self, row: int, raster: int) -> str:
+    def location(self, row: int, raster: int) -> str:
         return f"parts, row {row}"
 
 

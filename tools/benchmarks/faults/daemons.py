@@ -19,7 +19,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.daemon.persistence.journal import Row, reading_journal
 from observer_rt.daemon.persistence.state_file import load_knowledge
 from observer_rt.desk.simulation.schedule import make_schedule
-from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError, UserError
 from tools.benchmarks import campaign
@@ -143,7 +143,7 @@ def _learning(disk: Path, environment: dict[str, Path]) -> Iterator[Observer]:
     )
     schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
     recording = worn_injector(schedule, 100e3, wear=0.3, seed=3).recording
-    frames = list(Framer(map_bus(load_bench(path))).frames(recording, whole(recording)))
+    frames = list(Framer(map_bus(load_bench(path))).frames(recording, all_samples(recording)))
     files = ("--state", disk / "state.json", "--journal", disk / "injections.sqlite")
 
     def send() -> None:

@@ -18,7 +18,7 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.engine.service.messages import OutputFrame
-from observer_rt.files.replay.framing import Framer, TimedFrame, whole
+from observer_rt.files.replay.framing import Framer, TimedFrame, all_samples
 from observer_rt.files.replay.player import play
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
@@ -114,7 +114,7 @@ def run_live(count: int, master_seed: int, folder: Path) -> list[Row]:
             scenario = _scenario(Task(names[number % len(names)], master_seed, number))
             outcome = record(scenario.bench)
             recording = recording_of(outcome)
-            frames = list(framer.frames(recording, whole(recording)))
+            frames = list(framer.frames(recording, all_samples(recording)))
             published = _played(scenario, outcome, frames, Bus(daemon, device), ear)
             rows.append(facts_of(scenario, outcome, published))
             if daemon.process.poll() is not None:

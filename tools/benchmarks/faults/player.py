@@ -21,7 +21,7 @@ from observer_rt.daemon.persistence.state_file import load_knowledge, save_knowl
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason
-from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from tests.plants.plant import Signals
@@ -96,7 +96,7 @@ def play(scenario: Scenario, measured: Signals, bench: Bench) -> Results:
     layouts = {(layout.bus, layout.frame_id): number for number, layout in enumerate(bus.input_layouts)}
     frames: Frames = [
         Sent(each.time, each.time, layouts[each.bus, each.frame_id], each.payload)
-        for each in Framer(bus).frames(recording, whole(recording))
+        for each in Framer(bus).frames(recording, all_samples(recording))
     ]
     for placed in scenario.placed:
         frames = with_frame_fault(frames, placed, bus)

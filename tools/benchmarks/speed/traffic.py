@@ -12,7 +12,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import PACKAGE_DATA
 from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
 from observer_rt.engine.service.core import Core
-from observer_rt.files.replay.framing import Framer, whole
+from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.foundation.units import MILLISECOND
 from tests.observed_plants import bench_at
 from tools.benchmarks.scoring import bench_text, worn_injector
@@ -84,7 +84,7 @@ def make_traffic(folder: Path, period: float = PERIOD, count: int = _EVENTS) -> 
     )
     recording = worn_injector(Schedule(events, count * period - 1.0 / SAMPLE_RATE), SAMPLE_RATE).recording
     bus = map_bus(bench_at(SAMPLE_RATE))
-    payloads = [frame.payload for frame in Framer(bus).frames(recording, whole(recording))]
+    payloads = [frame.payload for frame in Framer(bus).frames(recording, all_samples(recording))]
     raw = np.zeros(len(payloads), RAW_FRAME)
     raw["id"], raw["length"], raw["flags"] = INPUT_ID, 64, _SWITCHED
     raw["data"] = np.frombuffer(b"".join(payloads), np.uint8).reshape(-1, 64)

@@ -1,4 +1,4 @@
-"""What `discover` is asked about: recordings from files, or evidence that a daemon kept, and their model."""
+"""Inputs of `discover`: recordings from files, or evidence that a daemon kept, and their model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from observer_rt.model.effect import SizedEffect
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class DiscoverInputs:
     """The injector file, measurements with their SHA-256 by name, healthy ones with their files.
 
-    stated: what is known of the channels.
+    stated: delays and lags of the channels, from the bench file.
     """
 
     model: Path
@@ -32,14 +32,14 @@ class Asked:
     stated: tuple[SizedEffect, ...] = ()
 
 
-def asked_of_recordings(
+def inputs_of_recordings(
     recordings: Sequence[Path],
     healthy: Sequence[Path],
     model: Path | None,
     decoder: Bench | None,
     from_channel: Sequence[str],
     console: Console,
-) -> Asked:
+) -> DiscoverInputs:
     """Recordings read from files; model: None: the bench file's. Raises `UserError` for files that cannot serve."""
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     baseline = load_injector(start).baseline
@@ -49,10 +49,12 @@ def asked_of_recordings(
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     given = [*paths, *references]
     measured = read_measured(given, read, console, stated=stated, baseline=baseline)
-    return Asked(start, measured[: len(paths)], hashes(paths), measured[len(paths) :], stated)
+    return DiscoverInputs(start, measured[: len(paths)], hashes(paths), measured[len(paths) :], stated)
 
 
-def asked_of_evidence(folder: Path, model: Path | None, decoder: Bench | None, console: Console) -> Asked:
+def inputs_of_evidence(
+    folder: Path, model: Path | None, decoder: Bench | None, console: Console
+) -> DiscoverInputs:
     """Evidence of one model: that named, else the bench file's, else that in force at the newest event.
 
     Raises `UserError` for a folder without, and for a model that was changed since.
@@ -67,4 +69,4 @@ def asked_of_evidence(folder: Path, model: Path | None, decoder: Bench | None, c
             f"was kept with {start} as it was before it was changed",
             "name a copy of it as it was by --model, or let the observer see more injections",
         )
-    return Asked(start, (kept.measurement,), kept.hashes, stated=kept.measurement.stated)
+    return DiscoverInputs(start, (kept.measurement,), kept.hashes, stated=kept.measurement.stated)

@@ -20,9 +20,10 @@ from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from tests.identification.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
-from tests.observed_plants import recording_of
+from tests.observed_plants import bench_at, observed, recording_of
 from tests.plants.healthy import healthy_benches
-from tests.plants.plant import record, wave_injector
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings, record, wave_injector
 from tests.plants.wave import LINES, Variant, WaveLine, real_part
 
 pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a whole closed loop
@@ -54,12 +55,17 @@ def test_the_numbers_of_another_discretisation_are_near(travelling: Calibrated) 
     assert fitted.line.loss_factor == pytest.approx(8.0, rel=0.03)
 
 
-def fitted_to(plant: WaveLine) -> InjectorParameters:
-    """A plant that knows nothing of our cells, explained by waves drained by the seat."""
-    benches = [replace(one, line=plant) for one in healthy_benches(Variant.PLAIN, 1).values()]
+def fitted_to(
+    plant: WaveLine, part: Injector | None = None, file: InjectorParameters = SMALL_SAC
+) -> InjectorParameters:
+    """A plant that knows nothing of our cells, explained by waves drained by the seat; part: on it, a file of it."""
+    benches = [
+        replace(one, line=plant, injector=part or one.injector)
+        for one in healthy_benches(Variant.PLAIN, 1).values()
+    ]
     found = measurements([recording_of(record(bench)) for bench in benches])
     by_seat = [one for one in WAVES if one.outflow is LineOutflow.SEAT]
-    done = calibrate(SMALL_SAC, found, {}, lambda _: None, by_seat)
+    done = calibrate(file, found, {}, lambda _: None, by_seat if part is None else by_seat[:1])
     assert done.inadequate == ()
     return done.injector
 
@@ -72,6 +78,22 @@ def test_a_throttle_at_the_rail_is_found() -> None:
     assert line.wall_viscosity is None
     assert line.inlet_loss_factor is not None
     assert line.inlet_loss_factor * density / (2.0 * line.area**2) == pytest.approx(2e14, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_long_line_may_still_ring_when_the_next_injection_comes() -> None:
+    """Of 0.6 m, which sound crosses and comes back in 0.9 ms."""
+    long, part = 0.6, real_part(1)
+    part = part._replace(line_length=long, line_volume=part.line_volume + part.line_area * (long - 0.15))
+    line = SMALL_SAC.line.model_copy(update={"length": long, "volume": part.line_volume})
+    plant = LINES[Variant.PLAIN]._replace(elements=24)
+    model = fitted_to(plant, part, SMALL_SAC.model_copy(update={"line": line}))
+    for period in (0.02, 0.06):
+        starts = tuple(0.15 + period * np.arange(10))
+        events = (Event(100e6, (Shot(0.0, 1.9e-3),), Faults()),) * len(starts)
+        bench = Bench(part, Needle(), events, line=plant, around=Surroundings(starts=starts))
+        found = observed(bench, bench_at(bench.sample_rate).with_parameters(model))[3:]
+        assert all(found.valid + found.inside)
 
 
 @pytest.mark.slow

@@ -5,19 +5,18 @@ import json
 import re
 from dataclasses import replace
 
-import cantools.database
 import pytest
 from rich.console import Console
 
 from observer_rt.bus.mapping.output_signals import StatusValues
-from observer_rt.config.bench import PACKAGE_DATA, load_injector
+from observer_rt.config.bench import load_injector
 from observer_rt.daemon.event_logger import EventLogger
 from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notify import Notifier
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.words import COUNTERS, REASONS, STATES, TOPICS, Topic, named
+from observer_rt.engine.words import COUNTERS, REASONS, STATES, TOPICS, Topic
 from observer_rt.model.effects import effective_model
 from tests.daemon.samples import some_report
 from tests.pages import Page
@@ -72,17 +71,6 @@ def test_an_offset_is_told_with_its_size() -> None:
     offset, lag = stream.getvalue().splitlines()
     assert offset.endswith(", line pressure reads +3.00 MPa off")
     assert "MPa off" not in lag
-
-
-@pytest.mark.parametrize("database", ["observer_fd.dbc", "observer_classic.dbc"])
-def test_the_databases_say_the_same(database: str) -> None:
-    for message in cantools.database.load_file(PACKAGE_DATA / database).messages:
-        for name, members in (("State", State), ("Reason", Reason)):
-            for signal in (signal for signal in message.signals if signal.name == name):
-                choices = signal.choices or {}
-                assert {int(code): str(text) for code, text in choices.items()} == {
-                    int(member): named(member) for member in members
-                }
 
 
 @pytest.mark.parametrize("words", [*STATES.values(), *REASONS.values(), *COUNTERS.values(), *TOPICS.values()])

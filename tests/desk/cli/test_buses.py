@@ -101,29 +101,6 @@ def test_replay_sends_every_message_on_its_bus(
     assert [heard(bus) for bus in ears] == sent
 
 
-def test_a_busy_bus_is_refused_and_another_bus_does_not_matter(
-    command: Command, channels: list[str], tmp_path: Path, worn: Path
-) -> None:
-    bench = block_bench(tmp_path, "virtual", channels)
-    for busy, code in ((channels[0], 0), (channels[1], 2)):  # NeedleLiftBlock of the lift's bus
-        over = threading.Event()
-
-        def send(channel: str, over: threading.Event) -> None:
-            with open_link("virtual", channel, True, []) as link:
-                while not over.wait(0.01):
-                    link.send(0x111, b"\1", False, True)
-
-        sender = threading.Thread(target=send, args=(busy, over))
-        sender.start()
-        try:
-            outcome = command("replay", worn, "--bench", bench, "--speed", "0", "--stop", "0.01")
-        finally:
-            over.set()
-            sender.join()
-        assert outcome.code == code, outcome.err
-    assert f"virtual {channels[1]}: another sender is active" in outcome.err
-
-
 def test_all_buses_are_recorded_into_one_log(command: Command, channels: list[str], tmp_path: Path) -> None:
     bench = block_bench(tmp_path, "virtual", channels)
     path = tmp_path / "bus.log"

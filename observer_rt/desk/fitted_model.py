@@ -6,7 +6,13 @@ from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.evaluation.healthy_events import observer_remainder
-from observer_rt.identification.fit.calibrate import Calibrated, baseline_of, calibrate, rounded, write_fitted
+from observer_rt.identification.fit.calibrate import (
+    CalibrationResult,
+    baseline_of,
+    calibrate,
+    rounded,
+    write_fitted,
+)
 from observer_rt.identification.fit.cross_validation import MeasuredMasses
 from observer_rt.identification.fit.sensor_gain import masses_without, sensor_gain, without_gain
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -19,7 +25,7 @@ from observer_rt.model.parameters import InjectorParameters
 class FittedModel:
     """A fit, and the section [baseline] of its file."""
 
-    done: Calibrated
+    done: CalibrationResult
     baseline: Baseline
 
     def write(self, path: Path, start: InjectorFile) -> None:

@@ -17,13 +17,7 @@ from observer_rt.daemon.control_socket import ask, socket_places
 from observer_rt.daemon.persistence.state_file import learned_beside, model_hash
 from observer_rt.daemon.reloading import RELOAD
 from observer_rt.desk.beforehand import learn_beforehand
-from observer_rt.desk.model_steps import (
-    TakeOver,
-    naming,
-    note_steps,
-    replace_text,
-    steps,
-)
+from observer_rt.desk.model_steps import TakeOver, naming, note_steps, replace_text, steps
 from observer_rt.desk.other_changes import other_changes, parameter_changes
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors

@@ -26,13 +26,7 @@ from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.files.signals.signal_format import OwnLayout, SignalFormat
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table_signals import EvenSignals
-from observer_rt.files.signals.table_writers import (
-    PRINTED,
-    SI,
-    WrittenColumn,
-    recording_writer,
-    write_whole,
-)
+from observer_rt.files.signals.table_writers import PRINTED, SI, WrittenColumn, recording_writer, write_whole
 from observer_rt.foundation.console import check_suffix
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -73,18 +67,7 @@ PARQUET = SignalFormat(
     (".parquet",), f"Parquet, {_header(SI)}", OwnLayout(ParquetTable, _by_header(SI)), write_whole
 )
 
-BUILT_IN: tuple[Format, ...] = (
-    CSV,
-    MDF4_SIGNALS,
-    PARQUET,
-    TEXT,
-    CANDUMP,
-    BLF,
-    ASC,
-    TRC,
-    MDF4_LOG,
-    CSV_LOG,
-)
+BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, TEXT, CANDUMP, BLF, ASC, TRC, MDF4_LOG, CSV_LOG)
 
 
 def log_formats() -> list[LogFormat]:

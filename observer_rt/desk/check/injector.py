@@ -28,12 +28,7 @@ from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.service.constants import (
-    bench_constants,
-    calibration_of,
-    configured_noise,
-    rail_every,
-)
+from observer_rt.engine.service.constants import bench_constants, calibration_of, configured_noise, rail_every
 from observer_rt.engine.service.learners import doubt_about_fit
 from observer_rt.engine.stream.front_end import noise_gain
 from observer_rt.foundation.errors import UserError

@@ -25,8 +25,7 @@ class BatchOptions:
     out: Annotated[
         Path,
         Option(
-            "Folder for the tables (Parquet); recordings that are in them are not evaluated again.",
-            "DIR",
+            "Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR"
         ),
         Writes(
             "tables; marker: `batch.json`",

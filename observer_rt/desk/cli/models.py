@@ -146,8 +146,7 @@ class DiscoverOptions(ModelOptions):
         ),
     ] = ""
     accept_term: Annotated[
-        int | None,
-        Option("Number of the proposed law that the amended model is to have.", "N", 0),
+        int | None, Option("Number of the proposed law that the amended model is to have.", "N", 0)
     ] = None
     force: shared.Force = False
     plan: Annotated[

@@ -23,12 +23,7 @@ from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.learners import LearnerFactory
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.console import (
-    FIGURE_SUFFIXES,
-    progress_bar,
-    results,
-    say,
-)
+from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE
 from observer_rt.foundation.outputs import check_output, make_folder, replacing

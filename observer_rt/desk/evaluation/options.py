@@ -40,8 +40,7 @@ class EvaluateOptions:
         Path | None, Option("Figure (png, svg, pdf): curves, masses, wear."), Writes("figure")
     ] = None
     injections: Annotated[
-        str | None,
-        Option("Injections to draw as curves, such as 1,5-8 (default: first, middle, last)."),
+        str | None, Option("Injections to draw as curves, such as 1,5-8 (default: first, middle, last).")
     ] = None
     from_channel: shared.FromChannel = ()
     injector: Injector = None

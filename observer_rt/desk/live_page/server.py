@@ -162,10 +162,7 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console)
             "  remedy: choose another port, or --port 0 for any that is free"
         ) from error
     server = _PageServer(
-        application,
-        idle_connection_timeout=_PATIENCE,
-        body_timeout=_PATIENCE,
-        max_body_size=_LONGEST,
+        application, idle_connection_timeout=_PATIENCE, body_timeout=_PATIENCE, max_body_size=_LONGEST
     )
     server.limit(console)
     server.add_sockets(sockets)

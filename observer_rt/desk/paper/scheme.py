@@ -69,11 +69,7 @@ def scaled_identity(beta: float) -> NDArray[np.float64]:
     sees argument z_i and output i sees neuron i; b gets beta in every row.
     """
     return np.concatenate(
-        [
-            beta * np.eye(HIDDEN, ARGUMENTS).ravel(),
-            beta * np.eye(ROWS, HIDDEN).ravel(),
-            np.full(ROWS, beta),
-        ]
+        [beta * np.eye(HIDDEN, ARGUMENTS).ravel(), beta * np.eye(ROWS, HIDDEN).ravel(), np.full(ROWS, beta)]
     )
 
 

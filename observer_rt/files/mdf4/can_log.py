@@ -77,9 +77,7 @@ class Mdf4Log(LogReader):
                 records = _records_of(part)
             data = records["data"].tobytes()
             for number, (*fields, channel, is_sent, length) in zip(
-                range(0, len(data), MAX_LENGTH),
-                records[list(RECORD.fields or ())[:-1]].tolist(),
-                strict=True,
+                range(0, len(data), MAX_LENGTH), records[list(RECORD.fields or ())[:-1]].tolist(), strict=True
             ):
                 self._position += 1
                 frame = Frame(fields[0], data[number : number + length], *fields[1:])

@@ -13,12 +13,7 @@ from observer_rt.config.injector_file import InjectorFile, section_of, tables_in
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.identification.discovery.findings import starts_anew
 from observer_rt.identification.discovery.search.hypothesis import Sizing, minimum_from
-from observer_rt.identification.discovery.search.results import (
-    Discovery,
-    FittedEffect,
-    Size,
-    Verdict,
-)
+from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Size, Verdict
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -36,7 +31,7 @@ REMAINDER = "remainder"
 
 def amended_effects(
     parameters: InjectorParameters,
-    found: Discovery,
+    discovery: Discovery,
     measured: Sequence[Measurement],
     recordings: Mapping[str, str],
     healthy: HealthyShape | None = None,
@@ -48,42 +43,39 @@ def amended_effects(
     An effect that is in force already and found again is fitted anew, from the model without it. Raises `RunError`
     when that fails.
     """
-    if not found.effects:
+    if not discovery.effects:
         return ()
-    ids = found.named.ids
+    ids = discovery.named.ids
     kept = tuple(effect for effect in parameters.effects if effect.id not in ids)
     again = {effect.id: sized_in_force(effect).values for effect in parameters.effects if effect.id in ids}
-    sizes = {effect.id: effect.parameters for effect in found.effects}
+    sizes = {effect.id: effect.parameters for effect in discovery.effects}
     if again:
-        sizes = _totals(parameters.model_copy(update={"effects": kept}), again, found, measured, healthy)
+        sizes = _totals(parameters.model_copy(update={"effects": kept}), again, discovery, measured, healthy)
     added = (
         EffectInForce(
             id=effect.id,
             parameters=sizes[effect.id],
             origin=ORIGIN,
-            evidence=_reason(found, effect, recordings),
+            evidence=_reason(discovery, effect, recordings),
             date=date.today().isoformat(),
         )
-        for effect in found.effects
+        for effect in discovery.effects
     )
     return (*kept, *added)
 
 
 def accepted(
-    parameters: InjectorParameters,
-    found: Discovery,
-    number: int,
-    recordings: Mapping[str, str],
+    parameters: InjectorParameters, discovery: Discovery, number: int, recordings: Mapping[str, str]
 ) -> tuple[tuple[EffectInForce, ...], tuple[TermInForce, ...]]:
     """All effects and terms that the amended file has in force with a proposal, 1 for the first.
 
     Raises `UserError` where there is no such proposal, or it may not enter a model.
     """
-    option, many = f"--accept-term {number}", len(found.proposals)
+    option, many = f"--accept-term {number}", len(discovery.proposals)
     if not 1 <= number <= many:
-        there = f"there are {many}" if many else f"the verdict is '{found.verdict.value}'"
-        raise UserError(option, f"there is no such proposal: {there}", "see the report")
-    proposal = found.proposals[number - 1]
+        answer = f"there are {many}" if many else f"the verdict is '{discovery.verdict.value}'"
+        raise UserError(option, f"there is no such proposal: {answer}", "see the report")
+    proposal = discovery.proposals[number - 1]
     if proposal.refusal is not None:
         reason, remedy = proposal.refusal
         raise UserError(option, f"no model may have this proposal: {reason}", remedy)
@@ -148,18 +140,20 @@ def write_amended(
 
 
 def _totals(
-    rest: InjectorParameters,
+    others: InjectorParameters,
     again: Mapping[str, tuple[float, ...]],
-    found: Discovery,
+    discovery: Discovery,
     measured: Sequence[Measurement],
     healthy: HealthyShape | None,
 ) -> dict[str, dict[str, Size]]:
     """Parameters of the effects found, fitted to a model without them. again: those that were in force, SI."""
-    base, hypothesis = effective_model(rest), found.named.hypothesis
+    base, hypothesis = effective_model(others), discovery.named.hypothesis
     start = np.concatenate(
         [
             values + np.array(again.get(effect.id, [0.0] * values.size))
-            for effect, values in zip(hypothesis.effects, hypothesis.split(found.named.theta), strict=True)
+            for effect, values in zip(
+                hypothesis.effects, hypothesis.split(discovery.named.theta), strict=True
+            )
         ]
     )
     fitted = minimum_from(Sizing(joint_likelihood(measured, base, healthy), base, hypothesis), [start])
@@ -167,18 +161,18 @@ def _totals(
         raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
     spread = math.sqrt(max(1.0, float(np.mean(fitted.residuals.z**2))))
     half = NORMAL_975 * spread * fitted.sigmas()
-    total = replace(found.named, sizes=tuple(fitted.theta.tolist()), half=tuple(half.tolist()))
+    total = replace(discovery.named, sizes=tuple(fitted.theta.tolist()), half=tuple(half.tolist()))
     return total.parameters
 
 
-def _reason(found: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
+def _reason(discovery: Discovery, effect: FittedEffect, recordings: Mapping[str, str]) -> str:
     """Reason for an effect's adoption, in a line."""
     or_else = ", ".join(effect.indistinguishable_from)
     doubt = f"; cannot be told from {or_else}" if or_else else ""
-    if found.verdict is Verdict.AMBIGUOUS:
+    if discovery.verdict is Verdict.AMBIGUOUS:
         doubt += ", chosen by --choose"
     return (
-        f"verdict {found.verdict.value}, confidence {found.confidence:.2f}{doubt}; "
-        f"-2 log L falls by {effect.gain:.0f} (threshold {found.detection.threshold:.0f}); "
+        f"verdict {discovery.verdict.value}, confidence {discovery.confidence:.2f}{doubt}; "
+        f"-2 log L falls by {effect.gain:.0f} (threshold {discovery.detection.threshold:.0f}); "
         f"{', '.join(shortened(recordings))}"
     )

@@ -58,9 +58,9 @@ class Caveat:
     sentence: str
 
 
-def remedies(found: Discovery) -> tuple[str, ...]:
+def remedies(discovery: Discovery) -> tuple[str, ...]:
     """Remedies for the effects found that no injector file can have in force."""
-    return tuple(remedy for effect in found.effects if (remedy := VOCABULARY[effect.id].remedy))
+    return tuple(remedy for effect in discovery.effects if (remedy := VOCABULARY[effect.id].remedy))
 
 
 def is_level_measured(nominal: EffectiveModel) -> bool:
@@ -183,13 +183,13 @@ class Findings(Discovery):
     found is one that another inertance of the line would make as well; level_measured: whether the fit of the model
     had a measured rate or mass; chosen: effects the user chose among those that explain as much; amended_model: name
     of the file beside the document, None when nothing is added; in_force, terms: all effects and terms that it has
-    then; not_accepted: why a proposal that the user accepts is not in it, empty where it is; remainder: what that
-    leaves where it is accepted in part; overlays: injections to be shown; injections: what is missed of each; masses:
-    by operating point; files: names of the recordings; judged_in_part: which of these were too long to be judged as a
-    whole, and how injections were chosen of them; points: of their operating points, each of which counts as a
-    recording; fitted_on, held_out: of these; seconds: it took; baseline: what the model leaves of the healthy
-    injector, None where nothing is known of it; healthy: names of healthy recordings; plan: what to measure next,
-    None where that was not asked or nothing is left to decide; folder: that all this is written to.
+    then; not_accepted: why a proposal that the user accepts is not in it, empty where it is; remainder: the residual
+    of a proposal accepted in part; overlays: injections to be shown; injections: the residual of each; masses: by
+    operating point; files: names of the recordings; judged_in_part: which of these were too long to be judged as a
+    whole, and how injections were chosen from them; points: their operating points, each counted as a recording;
+    fitted_on, held_out: of these; seconds: it took; baseline: what the model leaves of the healthy injector, None
+    where nothing is known of it; healthy: names of healthy recordings; plan: what to measure next, None where that
+    was not asked or nothing is left to decide; folder: that all this is written to.
     """
 
     schema: Literal[1] = 1

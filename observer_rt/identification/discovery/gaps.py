@@ -23,7 +23,13 @@ from observer_rt.identification.likelihood.likelihood import (
     joint_likelihood,
 )
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
-from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, noisier, simulated
+from observer_rt.identification.likelihood.open_loop import (
+    SimulatedInjection,
+    mass,
+    measured_mass,
+    noisier,
+    simulated,
+)
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import Effect, Equation, Place
@@ -164,9 +170,9 @@ def _point(
 
 def _rate_gap(
     measurement: Measurement,
-    before: Sequence[Simulated],
-    after: Sequence[Simulated],
-    noisy: Sequence[Sequence[Simulated]],
+    before: Sequence[SimulatedInjection],
+    after: Sequence[SimulatedInjection],
+    noisy: Sequence[Sequence[SimulatedInjection]],
 ) -> Gap | None:
     measured = measurement.recording.injection_rate
     if measured is None:
@@ -193,14 +199,14 @@ def _rate_gap(
 def _mass_gap(
     measurement: Measurement,
     models: tuple[EffectiveModel, EffectiveModel, EffectiveModel],
-    runs: tuple[Sequence[Simulated], Sequence[Simulated], Sequence[Simulated]],
-    noisy: Sequence[Sequence[Simulated]],
+    runs: tuple[Sequence[SimulatedInjection], Sequence[SimulatedInjection], Sequence[SimulatedInjection]],
+    noisy: Sequence[Sequence[SimulatedInjection]],
 ) -> tuple[Gap, float]:
     """The gap in mass, and the mean mass it belongs to [kg]. models, runs: nominal, refitted, reference."""
     nominal, refitted, amended = models
     before, after, reference = runs
 
-    def masses(model: EffectiveModel, ones: Sequence[Simulated]) -> NDArray[np.float64]:
+    def masses(model: EffectiveModel, ones: Sequence[SimulatedInjection]) -> NDArray[np.float64]:
         return np.array([mass(measurement, one, model.coefficients.density) for one in ones])
 
     of_after = masses(refitted, after)
@@ -220,7 +226,7 @@ def _mass_gap(
 
 
 def _moves(
-    noisy: Sequence[Sequence[Simulated]], quiet: Sequence[Simulated], name: str
+    noisy: Sequence[Sequence[SimulatedInjection]], quiet: Sequence[SimulatedInjection], name: str
 ) -> list[NDArray[np.float64]]:
     """By how much noise moves a result, event after event."""
     return [

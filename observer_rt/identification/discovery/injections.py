@@ -14,7 +14,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import ModelGaps, PointGap, rms
 from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.open_loop import Simulated, mean_mass, simulated
+from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, simulated
 from observer_rt.model.effective import EffectiveModel
 
 POINT = Entry(lambda number, findings: findings.points[number], str)  # name of an operating point
@@ -58,7 +58,7 @@ def _overlay(
     every = simulated(measurement, nominal)
     number = int(np.argmax([_missed(measurement, one) for one in every]))
     before = every[number]
-    after: Simulated | None = None if amended is None else simulated(measurement, amended)[number]
+    after: SimulatedInjection | None = None if amended is None else simulated(measurement, amended)[number]
     last = before.event.openings[-1].last + round(SHOWN_RINGING * recording.sample_rate)
     shown = slice(0, max(1, last - int(before.samples[0])))
     samples = before.samples[shown]
@@ -78,9 +78,11 @@ def _overlay(
     )
 
 
-def _missed(measurement: Measurement, one: Simulated) -> float:
+def _missed(measurement: Measurement, simulated_injection: SimulatedInjection) -> float:
     """Rms of the line pressure's gap on an event [Pa]."""
-    return rms([one.line_pressure - measurement.recording.line_pressure[one.samples]])
+    return rms(
+        [simulated_injection.line_pressure - measurement.recording.line_pressure[simulated_injection.samples]]
+    )
 
 
 @dataclass(frozen=True)
@@ -98,10 +100,10 @@ class InjectionGap:
 
 @dataclass(frozen=True)
 class MassChange:
-    """By how much what was found changes the mass of an injection at one operating point, mean [kg].
+    """Change of the mass of an injection by the effects found, at one operating point, mean [kg].
 
     recording: its number; nominal: mean mass by the model as given; half: half width of the 95 % interval of the
-    change, from those of the sizes and from what is left.
+    change, from those of the sizes and from the residuals.
     """
 
     recording: Annotated[int, POINT]

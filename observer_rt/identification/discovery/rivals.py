@@ -18,7 +18,7 @@ from observer_rt.model.effective import EffectiveModel
 
 
 def next_measurement(
-    found: Discovery,
+    discovery: Discovery,
     measured: Sequence[Measurement],
     nominal: EffectiveModel,
     healthy: Healthy,
@@ -29,25 +29,25 @@ def next_measurement(
 
     healthy: what the model leaves of the healthy injector; progress is given the share done.
     """
-    rivals = rivals_of(found, nominal)
+    rivals = rivals_of(discovery, nominal)
     if len(rivals) < 2:
         return None
     measured = [with_healthy_offset(one, healthy) for one in measured]
-    known = known_of(measured, joint_likelihood(measured, nominal, healthy.shape), rivals)
-    planner = Planner(rivals, nominal, known, simulate, confidence_before)
+    known_recordings = known_of(measured, joint_likelihood(measured, nominal, healthy.shape), rivals)
+    planner = Planner(rivals, nominal, known_recordings, simulate, confidence_before)
     return planner.plan(points_for(measured), len(os.sched_getaffinity(0)), progress)
 
 
-def rivals_of(found: Discovery, nominal: EffectiveModel) -> list[Rival]:
+def rivals_of(discovery: Discovery, nominal: EffectiveModel) -> list[Rival]:
     """Explanations that are left, the leading one first: those tied, else the answer and the next best."""
-    left = [(proposal_words(one), one.found) for one in found.proposals]
-    tied = (found.named.ids, *found.rivals) if found.verdict is not Verdict.UNKNOWN else ()
-    left = [*(_in_words(one) for ids in tied for one in found.ranking if one.ids == ids), *left]
+    left = [(proposal_words(one), one.found) for one in discovery.proposals]
+    tied = (discovery.named.ids, *discovery.rivals) if discovery.verdict is not Verdict.UNKNOWN else ()
+    left = [*(_in_words(one) for ids in tied for one in discovery.ranking if one.ids == ids), *left]
     if len(left) == 1:
         leader = left[0][1]
         others = [
             one
-            for one in sorted(found.ranking, key=attrgetter("price"))
+            for one in sorted(discovery.ranking, key=attrgetter("price"))
             if one.plausible and one.ids != leader.ids and not set(leader.ids) < set(one.ids)
         ]
         left += [_in_words(one) for one in others[:1]]
@@ -63,5 +63,5 @@ def rivals_of(found: Discovery, nominal: EffectiveModel) -> list[Rival]:
     ]
 
 
-def _in_words(one: Candidate) -> tuple[str, Candidate]:
-    return (candidate_words(one) if one.ids else "the model as it is"), one
+def _in_words(candidate: Candidate) -> tuple[str, Candidate]:
+    return (candidate_words(candidate) if candidate.ids else "the model as it is"), candidate

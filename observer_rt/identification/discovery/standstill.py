@@ -55,14 +55,16 @@ def standstill_checks(
 
     usual_offset: of the line-pressure sensor on the healthy injector [Pa]. Apparent offset and leak come from the
     settled needle alone. A lag does not show there, a ringing recorded late being a ringing like any other: it is
-    what is left of one beside the amended model, from opening to ringing.
+    its residual beside the amended model, from opening to ringing.
     """
     result: list[StandstillFigure] = []
     for number, measurement in enumerate(measured):
         result += _of_recording(number, measurement, nominal.coefficients, usual_offset)
-    told = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
+    shown_effects = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
     # of the settled needle, sensors first; then of what is left
-    for effect in sorted(told, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR)):
+    for effect in sorted(
+        shown_effects, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR)
+    ):
         settled = effect.apparent is Apparent.SETTLED
         figures = _apparent(likelihood, nominal if settled else amended, effect, settled)
         if settled and not all(figure.passed for figure in figures):
@@ -78,8 +80,8 @@ def _of_recording(
     noise, result = measurement.noise, []
     blocks = _blocks(measurement, 2.0 * math.pi / c.line.mode)
     if blocks is not None:
-        offset, each = float(np.mean(blocks.differences)), float(np.std(blocks.differences, ddof=1))
-        moved, spread = offset - usual_offset, each / math.sqrt(blocks.runs.size)
+        offset, scatter = float(np.mean(blocks.differences)), float(np.std(blocks.differences, ddof=1))
+        moved, spread = offset - usual_offset, scatter / math.sqrt(blocks.runs.size)
         for name, unit, tolerated, value, sigma in (
             ("rail_line_offset", "MPa", OFFSET_TOLERATED, moved, spread),
             ("line_pressure_slope", "MPa/s", SLOPE_TOLERATED, *_slope(blocks)),
@@ -100,7 +102,7 @@ def _of_recording(
 def _judged(
     name: str, number: int | None, value: float, sigma: float, si: float, unit: str, tolerated: float
 ) -> StandstillFigure:
-    """A figure and its standard deviation [SI], which stands out beyond both that and what is tolerated."""
+    """A figure and its standard deviation [SI], which stands out beyond both that and its tolerance."""
     passed = abs(value) <= max(tolerated, SIGNIFICANT * sigma)
     return StandstillFigure(name, number, value / si, sigma / si, unit, passed)
 
@@ -167,11 +169,11 @@ def _apparent(
     """
     parameter = effect.parameters[0]
     step = parameter.dead_zone
-    here, there = likelihood.judge(model), likelihood.judge(effect.apply(model, (step,)))
-    if here is None or there is None:
+    here, moved = likelihood.judge(model), likelihood.judge(effect.apply(model, (step,)))
+    if here is None or moved is None:
         return []
     along, length = 0.0, 0.0
-    for recorded, before, after in zip(likelihood.recordings, here, there, strict=True):
+    for recorded, before, after in zip(likelihood.recordings, here, moved, strict=True):
         used = recorded.phases == Phase.STANDSTILL if settled else np.ones(recorded.phases.size, np.bool_)
         slope = (after.z[used] - before.z[used]) / step
         along -= float(slope @ before.z[used])

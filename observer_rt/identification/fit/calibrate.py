@@ -41,7 +41,7 @@ from observer_rt.identification.fit.search import (
     ROUGH_EVENTS,
     ROUGH_ITERATIONS,
     FailedStructure,
-    Fitted,
+    FittedStructure,
     beside,
     explains,
     fitted,
@@ -83,9 +83,9 @@ class Choice:
     as_good: those that explain the recordings as well, the one chosen among them.
     """
 
-    best: Fitted
-    tried: Sequence[Fitted | FailedStructure]
-    as_good: Sequence[Fitted]
+    best: FittedStructure
+    tried: Sequence[FittedStructure | FailedStructure]
+    as_good: Sequence[FittedStructure]
     reason: str
 
     @property
@@ -94,14 +94,14 @@ class Choice:
         return max(abs(one.mass / self.best.mass - 1.0) for one in self.as_good)
 
 
-def judged_by(one: Fitted) -> UnexplainedSignal:
+def judged_by(structure: FittedStructure) -> UnexplainedSignal:
     """Residuals of a structure on recordings it was not fitted to; on all, where none could be left out."""
-    return one.left if one.held_out is None else one.held_out.unexplained
+    return structure.left if structure.held_out is None else structure.held_out.unexplained
 
 
-def choose(tried: Sequence[Fitted | FailedStructure]) -> Choice | None:
+def choose(tried: Sequence[FittedStructure | FailedStructure]) -> Choice | None:
     """None where no structure could be fitted. Of equally good and simple ones that which conserves mass."""
-    candidates = [one for one in tried if isinstance(one, Fitted)]
+    candidates = [one for one in tried if isinstance(one, FittedStructure)]
     if not candidates:
         return None
     lowest = min(candidates, key=lambda one: judged_by(one).mean)
@@ -117,14 +117,20 @@ def choose(tried: Sequence[Fitted | FailedStructure]) -> Choice | None:
     return Choice(best, tried, as_good, _reason(best, lowest, candidates, as_good))
 
 
-def _is_as_good(one: UnexplainedSignal, best: UnexplainedSignal) -> bool:
-    return one.mean <= MARGIN * best.mean + NOISE and all(
-        not np.isfinite(best.chi2[phase]) or one.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
+def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool:
+    return unexplained.mean <= MARGIN * best.mean + NOISE and all(
+        not np.isfinite(best.chi2[phase])
+        or unexplained.chi2[phase] <= WORST_MARGIN * max(best.chi2[phase], 1.0)
         for phase in Phase
     )
 
 
-def _reason(best: Fitted, lowest: Fitted, candidates: Sequence[Fitted], as_good: Sequence[Fitted]) -> str:
+def _reason(
+    best: FittedStructure,
+    lowest: FittedStructure,
+    candidates: Sequence[FittedStructure],
+    as_good: Sequence[FittedStructure],
+) -> str:
     unseen = judged_by(best)
     where = "of recordings left out" if best.held_out is not None else "of the only injection there is"
     worse = [one for one in candidates if one not in as_good]
@@ -169,7 +175,7 @@ class FittedNumber:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibrated:
+class CalibrationResult:
     """Result of a fit.
 
     file: the injector before; choice: of structures, compared on few events; fitted: the chosen one on many; kept:
@@ -179,7 +185,7 @@ class Calibrated:
     file: InjectorParameters
     found: Sequence[Measurement]
     choice: Choice
-    fitted: Fitted
+    fitted: FittedStructure
     kept: tuple[FreeParameter, ...]
     level: FlowLevel
     comparison: Comparison
@@ -198,12 +204,14 @@ class Calibrated:
     def sizes(self) -> dict[str, FittedNumber]:
         """The parameters fitted, by name."""
         sizes = {}
-        for one, sigma in zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True):
-            value, before = one.of(self.injector), one.stated(self.file)
-            low, high = one.interval(value, float(sigma))
-            file = None if before is None else before / one.si
-            ci95 = (low / one.si, high / one.si)
-            sizes[one.name] = FittedNumber(one.symbol, value / one.si, ci95, file, one.unit)
+        for parameter, sigma in zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True):
+            value, before = parameter.of(self.injector), parameter.stated(self.file)
+            low, high = parameter.interval(value, float(sigma))
+            file = None if before is None else before / parameter.si
+            ci95 = (low / parameter.si, high / parameter.si)
+            sizes[parameter.name] = FittedNumber(
+                parameter.symbol, value / parameter.si, ci95, file, parameter.unit
+            )
         return sizes
 
     @property
@@ -217,7 +225,7 @@ class Calibrated:
         return tuple(phase for phase in Phase if self.left.chi2[phase] > GATE)
 
     def _is_tolerated(self, phase: Phase) -> bool:
-        """Whether what is left hardly moves a mass; at standstill nothing flows, and it is no fault of the model."""
+        """Whether the residual hardly moves a mass; at standstill nothing flows, and it is no fault of the model."""
         return phase is not Phase.STANDSTILL and self.comparison.share(phase) <= TOLERATED
 
     @property
@@ -257,22 +265,22 @@ class Calibrated:
 
 def calibrate(
     file: InjectorParameters,
-    found: Sequence[Measurement],
+    recordings: Sequence[Measurement],
     weighed: Mapping[int, MeasuredMasses],
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
-) -> Calibrated:
+) -> CalibrationResult:
     """Fit an injector to recordings of it in health. weighed: measured masses, by the number of the recording.
 
     Raises `RunError` where no structure has a solution.
     """
     level = FlowLevel.MASS if weighed else FlowLevel.FILE
-    if any(one.recording.injection_rate is not None for one in found):  # which gives it at every sample
+    if any(one.recording.injection_rate is not None for one in recordings):  # which gives it at every sample
         level = FlowLevel.RATE
-    folds = folds_of(found, weighed)
+    folds = folds_of(recordings, weighed)
     coarse = tuple(thinned(fold, ROUGH_EVENTS) for fold in folds)  # structures are compared on
     steps = len(structures) + 2
-    tried: list[Fitted | FailedStructure] = []
+    tried: list[FittedStructure | FailedStructure] = []
     for structure in structures:
         tried.append(_tried(structure, tried, file, level, coarse))
         progress(len(tried) / steps)
@@ -286,48 +294,52 @@ def calibrate(
     progress((len(structures) + 1) / steps)
     offsets = best.minimum.at.theta[len(best.calibration.free) :]
     comparison = compared(file, best.injector, offsets, best.calibration.folds)
-    return Calibrated(file, found, choice, best, kept, level, comparison)
+    return CalibrationResult(file, recordings, choice, best, kept, level, comparison)
 
 
 def _tried(
     structure: Structure,
-    earlier: Sequence[Fitted | FailedStructure],
+    earlier: Sequence[FittedStructure | FailedStructure],
     file: InjectorParameters,
     level: FlowLevel,
     folds: Sequence[Fold],
-) -> Fitted | FailedStructure:
+) -> FittedStructure | FailedStructure:
     """A structure fitted roughly, from the numbers of the file, or from those of one it is a refinement of.
 
     With what an injector may have beside it, as the best so far has; of each kind of line that is asked once, as long
     as nothing explains the recordings: by a line that leaves much nothing is beyond doubt.
     """
     free = structure.free if level is FlowLevel.FILE else (*structure.free, INERTANCE)
-    known = [one for one in earlier if isinstance(one, Fitted)]
+    fits = [one for one in earlier if isinstance(one, FittedStructure)]
     has: Sequence[FreeParameter] = ()
-    if known:
-        best = min(known, key=lambda one: one.minimum.statistic)
+    if fits:
+        best = min(fits, key=lambda one: one.minimum.statistic)
         has, file = _with_beside(best, file)
     if all(one.structure.line != structure.line for one in earlier) and not any(map(explains, earlier)):
         every = [one for group in BESIDE for one in group]
         asked = searched(structure, file, (*free, *every), folds, ROUGH_ITERATIONS, explained=False)
-        if isinstance(asked, Fitted):
+        if isinstance(asked, FittedStructure):
             has, file = _with_beside(asked, file)
             if len(has) == len(every):
                 return asked
     free = (*free, *has)
-    simpler = [one for one in earlier if isinstance(one, Fitted) and structure.refines(one.structure)]
+    simpler = [
+        one for one in earlier if isinstance(one, FittedStructure) and structure.refines(one.structure)
+    ]
     if simpler:
         return fitted(structure, simpler[-1].injector, free, folds, ROUGH_ITERATIONS)
     return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
 
 
-def _with_beside(one: Fitted, file: InjectorParameters) -> tuple[Sequence[FreeParameter], InjectorParameters]:
+def _with_beside(
+    structure: FittedStructure, file: InjectorParameters
+) -> tuple[Sequence[FreeParameter], InjectorParameters]:
     """What a fitted injector has of `BESIDE`, and the file with it."""
-    has = [parameter for group in beside(one) for parameter in group]
-    return has, with_values(file, has, values_of(one.injector, has))
+    has = [parameter for group in beside(structure) for parameter in group]
+    return has, with_values(file, has, values_of(structure.injector, has))
 
 
-def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Baseline) -> None:
+def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseline: Baseline) -> None:
     """Write the file given with the fitted numbers. Raises `RunError` when it would not be taken back."""
     injector = done.injector
     with file.changed(path) as document:
@@ -352,23 +364,23 @@ def write_fitted(path: Path, file: InjectorFile, done: Calibrated, baseline: Bas
         content[BASELINE] = section_of(baseline.model_dump(mode="json", exclude_none=True))
 
 
-def baseline_of(done: Calibrated, hashes: dict[str, str]) -> Baseline:
+def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     """Makes the section [baseline] of the file. hashes: SHA-256 of the recordings by name."""
-    found, left = done.found, worst_folds(done.fitted.calibration, done.fitted.judged)
+    recordings, left = done.found, worst_folds(done.fitted.calibration, done.fitted.judged)
     noise = {
-        "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in found],
-        "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in found],
-        "needle_lift_um": [one.noise.needle_lift / MICROMETRE for one in found],
+        "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in recordings],
+        "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in recordings],
+        "needle_lift_um": [one.noise.needle_lift / MICROMETRE for one in recordings],
     }
     pressures = [
-        rail_pressure_before(event, one.recording) / MEGAPASCAL for one in found for event in one.events
+        rail_pressure_before(event, one.recording) / MEGAPASCAL for one in recordings for event in one.events
     ]
     sigmas = done.fitted.certainty.sigmas
     return Baseline(
         adequate=not done.inadequate,
         level=done.level.value,
         mass_share=rounded(done.mass_share),
-        sample_rate_Hz=rounded(found[0].recording.sample_rate),
+        sample_rate_Hz=rounded(recordings[0].recording.sample_rate),
         injections=sum(len(fold.measurement.events) for fold in done.fitted.calibration.folds),
         rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
         variance=_by_phase(left.variance),
@@ -390,13 +402,13 @@ def _by_phase(figures: Mapping[Phase, float]) -> PhaseFigures:
     return PhaseFigures.of({phase.name: rounded(value) for phase, value in figures.items()})
 
 
-def _remainder(done: Calibrated) -> HealthyRemainder:
+def _remainder(done: CalibrationResult) -> HealthyRemainder:
     """Measures what the fitted model leaves of its injections, each fold compared with the others."""
     offset = float(np.mean(done.offsets)) * MEGAPASCAL
     model = effective_model(done.injector).with_terms("sensor", offset=offset)
     likelihood = joint_likelihood([fold.measurement for fold in done.fitted.calibration.folds], model)
-    found = healthy_remainder(likelihood, model, tuple(VOCABULARY.values()))
-    return found.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
+    remainder = healthy_remainder(likelihood, model, tuple(VOCABULARY.values()))
+    return remainder.model_copy(update={"line_pressure_offset_MPa": rounded(offset / MEGAPASCAL)})
 
 
 def rounded(value: float) -> float:

@@ -76,18 +76,18 @@ class Fold:
         return np.array(residuals)
 
 
-def folds_of(found: Sequence[Measurement], weighed: Mapping[int, MeasuredMasses]) -> tuple[Fold, ...]:
+def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeasuredMasses]) -> tuple[Fold, ...]:
     """Every recording as a fold; of a single one its operating points, or else its events by halves.
 
     weighed: by the number of the recording.
     """
     short = []
-    for one in found:
-        tail = round(RING_DOWN * one.recording.sample_rate)
-        events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in one.events)
-        short.append(replace(one, events=events))
+    for recording in recordings:
+        tail = round(RING_DOWN * recording.recording.sample_rate)
+        events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in recording.events)
+        short.append(replace(recording, events=events))
     if len(short) > 1 or len(short[0].events) == 1:
-        groups = [(number, list(one.events)) for number, one in enumerate(short)]
+        groups = [(number, list(recording.events)) for number, recording in enumerate(short)]
     else:
         points = events_by_point(short[0])
         if len(points) == 1:
@@ -132,10 +132,10 @@ def standstill(measurement: Measurement) -> tuple[float, float]:
     return line - rail, rail
 
 
-def refuse_clipped(found: Sequence[Measurement]) -> None:
+def refuse_clipped(recordings: Sequence[Measurement]) -> None:
     """Raise `UserError` for a signal that stays at the edge of its range."""
-    for one in found:
-        recording = one.recording
+    for measurement in recordings:
+        recording = measurement.recording
         signals = (
             ("rail_pressure", recording.rail_pressure, MEGAPASCAL, "MPa", True),
             ("line_pressure", recording.line_pressure, MEGAPASCAL, "MPa", True),
@@ -167,18 +167,22 @@ def _clipped(values: NDArray[np.float64], both: bool) -> tuple[float, int] | Non
     return None
 
 
-def share_between_samples(one: Measurement) -> float:
+def share_between_samples(measurement: Measurement) -> float:
     """Standard deviation of a mass, as a share: instants far apart miss where the needle leaves and meets its seat.
 
     A mean over the sample period does not, for it holds what flowed in between.
     """
-    return 0.0 if one.means else BETWEEN_SAMPLES * max(0.0, (one.interval - FAST) / (SLOW - FAST))
+    return (
+        0.0
+        if measurement.means
+        else BETWEEN_SAMPLES * max(0.0, (measurement.interval - FAST) / (SLOW - FAST))
+    )
 
 
-def warnings(found: Sequence[Measurement]) -> list[str]:
+def warnings(recordings: Sequence[Measurement]) -> list[str]:
     """Reasons why a result is less sure, in sentences."""
     result = []
-    events = [(one, event) for one in found for event in one.events]
+    events = [(one, event) for one in recordings for event in one.events]
     pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
     durations = np.array([open_time(event, one.recording) for one, event in events])
     one_duration = float(np.ptp(durations)) < POINT_DURATION
@@ -193,18 +197,18 @@ def warnings(found: Sequence[Measurement]) -> list[str]:
         result.append("one energizing time only: add recordings with others, such as 0.6 and 1.9 ms")
     if len(events) < _FEW:
         result.append(f"{len(events)} injections only: intervals are wide; record {_FEW} or more")
-    between = max(map(share_between_samples, found))
+    between = max(map(share_between_samples, recordings))
     if between > WORTH_A_WORD:
         result.append(
-            f"samples are instants at {found[0].recording.sample_rate:g} Hz: between them the edges of the lift are "
-            f"lost, and masses are {between:.1%} (1 sigma) less sure, even if the verdict is adequate. Fit at "
+            f"samples are instants at {recordings[0].recording.sample_rate:g} Hz: between them the edges of the lift "
+            f"are lost, and masses are {between:.1%} (1 sigma) less sure, even if the verdict is adequate. Fit at "
             "the full rate of the bench (100 kHz); if samples are means over the sample period, state it: "
             'meaning = "mean" in [sampling] of the bench file (--bench)'
         )
     return result
 
 
-def read_masses(path: Path, found: Sequence[Measurement]) -> dict[int, MeasuredMasses]:
+def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, MeasuredMasses]:
     """Measured masses by the number of the recording.
 
     CSV: `recording` (file name), `mass_mg`, and, where there are such columns, `injection` (number in the recording
@@ -225,80 +229,80 @@ def read_masses(path: Path, found: Sequence[Measurement]) -> dict[int, MeasuredM
     for line, cells in enumerate(rows[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
-        place = f"{path}, line {line}"
+        location = f"{path}, line {line}"
         if len(cells) != len(header):
             raise UserError(
-                place, f"has {len(cells)} cells, the header {len(header)}", "give every column a value"
+                location, f"has {len(cells)} cells, the header {len(header)}", "give every column a value"
             )
         row = {name: cell.strip() for name, cell in zip(header, cells, strict=True)}
-        number = _recording(place, row[RECORDING], found)
-        mass = _mass(place, row)
-        first = _first_sample(place, row.get(INJECTION, ""), found[number])
-        known = means if first is None else single.setdefault(number, {})
+        number = _recording(location, row[RECORDING], recordings)
+        mass = _mass(location, row)
+        first = _first_sample(location, row.get(INJECTION, ""), recordings[number])
+        masses_by_injection = means if first is None else single.setdefault(number, {})
         key = number if first is None else first
-        if key in known:
+        if key in masses_by_injection:
             raise UserError(
-                place, f"another line has the mass of {row[RECORDING]}, too", "give every mass once"
+                location, f"another line has the mass of {row[RECORDING]}, too", "give every mass once"
             )
-        known[key] = mass
+        masses_by_injection[key] = mass
     numbers = sorted(single.keys() | means.keys())
     if not numbers:
         raise UserError(str(path), "holds no mass", f"write {_EXAMPLE}")
     return {number: MeasuredMasses(single.get(number, {}), means.get(number)) for number in numbers}
 
 
-def _check_header(place: str, header: Sequence[str]) -> None:
-    known = (RECORDING, INJECTION, MASS, SIGMA)
+def _check_header(location: str, header: Sequence[str]) -> None:
+    allowed = (RECORDING, INJECTION, MASS, SIGMA)
     for name in (RECORDING, MASS):
         if name not in header:
-            raise UserError(place, f"has no column {name}", f"known columns: {', '.join(known)}")
+            raise UserError(location, f"has no column {name}", f"known columns: {', '.join(allowed)}")
     for name in header:
-        if name not in known or header.count(name) > 1:
-            problem = "is given twice" if name in known else "is unknown"
-            raise UserError(place, f"column '{name}' {problem}", f"known columns: {', '.join(known)}")
+        if name not in allowed or header.count(name) > 1:
+            problem = "is given twice" if name in allowed else "is unknown"
+            raise UserError(location, f"column '{name}' {problem}", f"known columns: {', '.join(allowed)}")
 
 
-def _recording(place: str, name: str, found: Sequence[Measurement]) -> int:
-    paths = [one.recording.path for one in found]
+def _recording(location: str, name: str, recordings: Sequence[Measurement]) -> int:
+    paths = [one.recording.path for one in recordings]
     numbers = [n for n, path in enumerate(paths) if path is not None and name in (path.name, str(path))]
     if len(numbers) != 1:
-        given = ", ".join(sorted({path.name for path in paths if path is not None}))
+        names = ", ".join(sorted({path.name for path in paths if path is not None}))
         problem = "is none of the recordings" if not numbers else "is the name of several recordings"
-        raise UserError(place, f"'{name}' {problem}", f"name one as on the command line: {given}")
+        raise UserError(location, f"'{name}' {problem}", f"name one as on the command line: {names}")
     return numbers[0]
 
 
-def _mass(place: str, row: Mapping[str, str]) -> tuple[float, float]:
+def _mass(location: str, row: Mapping[str, str]) -> tuple[float, float]:
     """Mass and standard deviation [kg]."""
-    mass = _number(f"{place}, {MASS}", row[MASS], LARGEST_MASS)
+    mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
     stated = row.get(SIGMA, "")
-    sigma = _number(f"{place}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
+    sigma = _number(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
     return mass * MILLIGRAM, sigma * MILLIGRAM
 
 
-def _number(place: str, text: str, highest: float) -> float:
+def _number(location: str, text: str, highest: float) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not 0.0 < value <= highest:
-        raise UserError(place, f"'{text}' is out of range", f"give mg above 0 and up to {highest:g}")
+        raise UserError(location, f"'{text}' is out of range", f"give mg above 0 and up to {highest:g}")
     return value
 
 
-def _first_sample(place: str, text: str, one: Measurement) -> int | None:
+def _first_sample(location: str, text: str, measurement: Measurement) -> int | None:
     """First sample of the injection of this number; None for the mean of all."""
     if not text:
         return None
-    time = one.recording.time
-    left_out = np.searchsorted(time, [injection.time for injection in one.found.left_out])
-    firsts = sorted([event.openings[0].first for event in one.events] + left_out.tolist())
+    time = measurement.recording.time
+    left_out = np.searchsorted(time, [injection.time for injection in measurement.found.left_out])
+    firsts = sorted([event.openings[0].first for event in measurement.events] + left_out.tolist())
     try:
         number = int(text)
     except ValueError:
         number = 0
     if not 1 <= number <= len(firsts):
         raise UserError(
-            f"{place}, {INJECTION}", f"'{text}' is none of them", f"give 1 to {len(firsts)}, or nothing"
+            f"{location}, {INJECTION}", f"'{text}' is none of them", f"give 1 to {len(firsts)}, or nothing"
         )
     return int(firsts[number - 1])

@@ -7,7 +7,13 @@ from pydantic import Field, PlainSerializer
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Document, DocumentPart, Number
-from observer_rt.identification.fit.calibrate import GATE, TOLERATED, Calibrated, FittedNumber, judged_by
+from observer_rt.identification.fit.calibrate import (
+    GATE,
+    TOLERATED,
+    CalibrationResult,
+    FittedNumber,
+    judged_by,
+)
 from observer_rt.identification.fit.report import (
     level_words,
     oddities,
@@ -16,7 +22,7 @@ from observer_rt.identification.fit.report import (
     verdict_words,
 )
 from observer_rt.identification.fit.residuals import InjectedMass, Pair, Residual
-from observer_rt.identification.fit.search import FailedStructure, Fitted
+from observer_rt.identification.fit.search import FailedStructure, FittedStructure
 from observer_rt.model.baseline import Baseline
 
 Whole = Annotated[Baseline, PlainSerializer(lambda one: one.model_dump(mode="json"))]
@@ -64,7 +70,7 @@ class FitDocument(Document):
     warnings: tuple[str, ...]
 
 
-def document_of(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -> FitDocument:
+def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[str]) -> FitDocument:
     """Puts a fit into printed units."""
     structure, comparison = done.fitted.structure, done.comparison
     names = [recording_name(done, number) for number in range(len(done.found))]
@@ -100,15 +106,15 @@ def document_of(done: Calibrated, baseline: Baseline, warnings: Sequence[str]) -
     )
 
 
-def _tried(one: Fitted | FailedStructure) -> TriedStructure:
-    if isinstance(one, FailedStructure):
-        return TriedStructure(name=one.structure.name, failed=one.reason)
-    left = judged_by(one)
+def _tried(structure: FittedStructure | FailedStructure) -> TriedStructure:
+    if isinstance(structure, FailedStructure):
+        return TriedStructure(name=structure.structure.name, failed=structure.reason)
+    left = judged_by(structure)
     return TriedStructure(
-        name=one.structure.name,
-        held_out=one.held_out is not None,
+        name=structure.structure.name,
+        held_out=structure.held_out is not None,
         chi2={phase_name(phase): left.chi2[phase] for phase in Phase},
         chi2_mean=left.mean,
-        free=tuple(parameter.name for parameter in one.calibration.free),
-        converged=one.minimum.converged,
+        free=tuple(parameter.name for parameter in structure.calibration.free),
+        converged=structure.minimum.converged,
     )

@@ -210,16 +210,16 @@ class Calibration:
         self._kept: list[dict[tuple[float, ...], JudgedModel | None]] = [{} for _ in folds]
         self.centre = np.concatenate(
             [
-                [one.theta_of(one.of(start)) for one in free],
+                [parameter.theta_of(parameter.of(start)) for parameter in free],
                 [standstill(fold.measurement)[0] / MEGAPASCAL for fold in folds],
             ]
         )
         """Where a search begins, (p + folds,)."""
         self.prior_mean = self.centre.copy()
         """The same, but what is usual of parameters on a linear scale."""
-        for place, one in enumerate(free):
-            if one.linear:
-                self.prior_mean[place] = one.theta_of(one.start)
+        for number, parameter in enumerate(free):
+            if parameter.linear:
+                self.prior_mean[number] = parameter.theta_of(parameter.start)
 
     @property
     def prior_sigmas(self) -> NDArray[np.float64]:
@@ -276,14 +276,18 @@ class Calibration:
         groups.append(((theta - self.prior_mean) / self.prior_sigmas, 0.0))
         return _joined(groups)
 
-    def _groups(self, number: int, one: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
+    def _groups(self, number: int, judged_model: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         fold = self.folds[number]
         samples = max(1, round(RESOLVED / fold.measurement.interval))
-        blocks = one.z[: one.z.size - one.z.size % samples].reshape(
+        blocks = judged_model.z[: judged_model.z.size - judged_model.z.size % samples].reshape(
             -1, samples
         )  # what is left over is left out
         pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
-        return [(pressure, one.log_sigma), (one.rate_z, 0.0), (fold.mass_residuals(one.masses), 0.0)]
+        return [
+            (pressure, judged_model.log_sigma),
+            (judged_model.rate_z, 0.0),
+            (fold.mass_residuals(judged_model.masses), 0.0),
+        ]
 
     def residuals_of(self, theta: NDArray[np.float64], number: int) -> Residuals | None:
         """Residuals of one fold, without the prior."""
@@ -313,7 +317,8 @@ def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
 
 @dataclass(frozen=True)
 class Direction:
-    """An eigenvector of the information on the logarithms of the parameters: what is determined together.
+    """An eigenvector of the information on the logarithms of the parameters: a combination that is determined
+    together.
 
     sigma: standard deviation along it, inf where nothing is determined; share: of each parameter, by symbol.
     """

@@ -15,10 +15,10 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
-from observer_rt.identification.fit.calibrate import GATE, TOLERATED, Calibrated, FlowLevel, judged_by
+from observer_rt.identification.fit.calibrate import GATE, TOLERATED, CalibrationResult, FlowLevel, judged_by
 from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples, spread
 from observer_rt.identification.fit.residuals import FoldOverlay
-from observer_rt.identification.fit.search import FailedStructure, Fitted
+from observer_rt.identification.fit.search import FailedStructure, FittedStructure
 from observer_rt.identification.likelihood.measurement import open_time, rail_pressure_before
 from observer_rt.identification.likelihood.operating_points import point_name
 from observer_rt.model.plausibility import ImplausibleNumber, implausible, wrong_entry
@@ -55,7 +55,7 @@ def phase_name(phase: Phase) -> str:
     return phase.name.lower()
 
 
-def level_words(done: Calibrated) -> str:
+def level_words(done: CalibrationResult) -> str:
     """Describes what fixes the absolute level of flow."""
     if done.level is FlowLevel.RATE:
         return f"fixed by the measured injection rate{_FITTED}"
@@ -68,13 +68,13 @@ def level_words(done: Calibrated) -> str:
     )
 
 
-def verdict_words(done: Calibrated) -> str:
+def verdict_words(done: CalibrationResult) -> str:
     """Adequate or not, where, and what to try; with which numbers no injector has."""
     odd = ", ".join(one.name for one in _beyond_physics(done))
     return _fit_words(done) + (f". IMPLAUSIBLE: {odd}; correct the file and fit again" if odd else "")
 
 
-def _fit_words(done: Calibrated) -> str:
+def _fit_words(done: CalibrationResult) -> str:
     left = done.left
     if not done.inadequate:
         words = (
@@ -91,7 +91,7 @@ def _fit_words(done: Calibrated) -> str:
     return f"INADEQUATE: chi2 above {GATE:g} in {where}. To try: {_to_try(done)}"
 
 
-def _to_try(done: Calibrated) -> str:
+def _to_try(done: CalibrationResult) -> str:
     """By the most probable cause."""
     worst = done.inadequate[0]
     if done.left.chi2[worst] > _FOREIGN:
@@ -102,33 +102,35 @@ def _to_try(done: Calibrated) -> str:
     return _TRY[worst] + (_OF_INSTANTS if slow else "")
 
 
-def recording_name(done: Calibrated, recording: int) -> str:
+def recording_name(done: CalibrationResult, recording: int) -> str:
     """The file of a recording, or its number."""
     return str(done.found[recording].recording.path or recording)
 
 
-def oddities(done: Calibrated) -> list[str]:
-    """Fitted numbers that physics does not allow, with what is probably wrong in the file; those at an end of the
-    range tried."""
+def oddities(done: CalibrationResult) -> list[str]:
+    """Fitted numbers that physics does not allow, with the entry of the file that is probably wrong; those at an end
+    of the range tried."""
     free = done.fitted.calibration.free
     odd = _beyond_physics(done)
-    result = [f"implausible: {one.words}" for one in odd]
+    result = [f"implausible: {parameter.words}" for parameter in odd]
     if cause := wrong_entry(done.injector, odd):
         result.append(f"most probably, {cause}")
-    for one in free:
-        value = one.of(done.injector)
-        if value < 1.01 * one.lowest or value > 0.99 * one.highest:
-            result.append(f"{one.name} = {value / one.si:.4g} {one.unit} is at the end of the range tried")
+    for parameter in free:
+        value = parameter.of(done.injector)
+        if value < 1.01 * parameter.lowest or value > 0.99 * parameter.highest:
+            result.append(
+                f"{parameter.name} = {value / parameter.si:.4g} {parameter.unit} is at the end of the range tried"
+            )
     return result
 
 
-def _beyond_physics(done: Calibrated) -> list[ImplausibleNumber]:
+def _beyond_physics(done: CalibrationResult) -> list[ImplausibleNumber]:
     """Implausible numbers among the parameters fitted."""
     names = {one.name for one in done.fitted.calibration.free}
     return [one for one in implausible(done.injector) if one.name in names]
 
 
-def print_fit(done: Calibrated, console: Console) -> None:
+def print_fit(done: CalibrationResult, console: Console) -> None:
     """Structures, parameters, residuals, level and verdict."""
     say(console, "structures, by chi2 on recordings left out (1: noise alone)")
     structures = [
@@ -139,7 +141,7 @@ def print_fit(done: Calibrated, console: Console) -> None:
             "chosen" if one is done.choice.best else "",
         )
         for one in done.choice.tried
-        if isinstance(one, Fitted)
+        if isinstance(one, FittedStructure)
     ]
     names = ("structure", *map(phase_name, Phase), "free", "")
     console.print(plain_table(names, structures, right=range(1, 7), folds=(0,)))
@@ -166,10 +168,7 @@ def print_fit(done: Calibrated, console: Console) -> None:
         say(console, line)
     say(console, "\nresiduals, file -> fitted (rms one sample ahead; chi2 of means of 8 samples)")
     residuals = [
-        (
-            *(left.signal.value, left.phase, *_arrow(left.rms)),
-            *(left.unit, *_arrow(left.chi2)),
-        )
+        (*(left.signal.value, left.phase, *_arrow(left.rms)), *(left.unit, *_arrow(left.chi2)))
         for left in done.comparison.residuals
     ]
     names = ("signal", "phase", "rms", "", "", "unit", "chi2", "", "")
@@ -182,7 +181,7 @@ def print_fit(done: Calibrated, console: Console) -> None:
     say(console, f"verdict: {verdict_words(done)}")
 
 
-def _masses(done: Calibrated) -> Iterable[str]:
+def _masses(done: CalibrationResult) -> Iterable[str]:
     masses = done.comparison.masses
     after = np.array([one.mass_mg for one in masses], float)
     measured = np.array([one.measured_mass_mg for one in masses], float)
@@ -207,13 +206,13 @@ def _figure(value: float | None) -> str:
     return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
 
 
-def draw_fit(path: Path, done: Calibrated) -> None:
+def draw_fit(path: Path, done: CalibrationResult) -> None:
     """Write the figure of `fit_figure`; its kind is that of the suffix."""
     with mpl.rc_context(LOOK):
         save_figure(fit_figure(done), path, 110)
 
 
-def fit_figure(done: Calibrated) -> Figure:
+def fit_figure(done: CalibrationResult) -> Figure:
     """Draw line pressures before and after, and residuals by phase."""
     overlays = spread(done.comparison.overlays, _MOST)
     rows = -(-len(overlays) // _COLUMNS)
@@ -230,16 +229,16 @@ def fit_figure(done: Calibrated) -> Figure:
 
 def _overlay(axes: Axes, overlay: FoldOverlay, legend: bool) -> None:
     """The first injection of a fold."""
-    measurement, one = overlay.fold.measurement, overlay.after[0]
+    measurement, after = overlay.fold.measurement, overlay.after[0]
     recording, interval = measurement.recording, measurement.interval
-    shown = one.samples[: round(_SHOWN / interval)]
+    shown = after.samples[: round(_SHOWN / interval)]
     since = (shown - shown[0]) * interval / MILLISECOND
     axes.plot(since, recording.line_pressure[shown] / MEGAPASCAL, color=MEASURED, lw=0.8, label="measured")
     if overlay.before:
         before = overlay.before[0].line_pressure[: shown.size]
         axes.plot(since, before / MEGAPASCAL, color=GIVEN, lw=1.0, ls="--", label="file")
-    axes.plot(since, one.line_pressure[: shown.size] / MEGAPASCAL, color=FOUND, lw=1.0, label="fitted")
-    point = point_name(rail_pressure_before(one.event, recording), open_time(one.event, recording))
+    axes.plot(since, after.line_pressure[: shown.size] / MEGAPASCAL, color=FOUND, lw=1.0, label="fitted")
+    point = point_name(rail_pressure_before(after.event, recording), open_time(after.event, recording))
     axes.set_title(point, fontsize=9)
     axes.set_xlabel("time since opening [ms]")
     axes.set_ylabel("line pressure [MPa]")
@@ -247,7 +246,7 @@ def _overlay(axes: Axes, overlay: FoldOverlay, legend: bool) -> None:
         axes.legend(frameon=False, fontsize=8)
 
 
-def _phases(axes: Axes, done: Calibrated) -> None:
+def _phases(axes: Axes, done: CalibrationResult) -> None:
     """chi2 of every signal and phase, before and after."""
     residuals = done.comparison.residuals
     places = np.arange(len(residuals))

@@ -30,7 +30,7 @@ from observer_rt.identification.likelihood.likelihood import (
     Signal,
     pool_of,
 )
-from observer_rt.identification.likelihood.open_loop import Simulated, mass, measured_mass, simulated
+from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mass, measured_mass, simulated
 from observer_rt.identification.likelihood.reading import is_chosen
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
@@ -87,16 +87,16 @@ def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
     return math.sqrt(max(_chi2(statistics, phase) - 1.0, 0.0) / samples)
 
 
-def line_statistics(recorded: RecordingLikelihood, one: JudgedModel) -> PhaseStatistics:
+def line_statistics(recorded: RecordingLikelihood, judged_model: JudgedModel) -> PhaseStatistics:
     """Statistics of the line pressure of a fold."""
-    return phase_statistics(one.z, 1.0, recorded.phases, 0)
+    return phase_statistics(judged_model.z, 1.0, recorded.phases, 0)
 
 
 def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
     """Pools the line pressure of folds."""
     total = no_statistics()
-    for recorded, one in zip(recordings, judged, strict=True):
-        total = total.faded(1.0, line_statistics(recorded, one))
+    for recorded, judged_model in zip(recordings, judged, strict=True):
+        total = total.faded(1.0, line_statistics(recorded, judged_model))
     return unexplained(total)
 
 
@@ -138,11 +138,11 @@ def held_out(calibration: Calibration, at: Quadratic) -> HeldOut | None:
     left_out, shifts = [], []
     for number in range(folds):
         theta = without(calibration, at, [number])
-        one, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
-        if one is None or all_in is None:
+        judged_model, all_in = calibration.judge(theta, number), calibration.judge(at.theta, number)
+        if judged_model is None or all_in is None:
             return None
-        left_out.append(one)
-        shifts.append(float(np.sum(one.masses) / np.sum(all_in.masses)) - 1.0)
+        left_out.append(judged_model)
+        shifts.append(float(np.sum(judged_model.masses) / np.sum(all_in.masses)) - 1.0)
     return HeldOut(pooled(calibration.recordings, left_out), np.array(shifts))
 
 
@@ -177,7 +177,7 @@ class Residual(DocumentPart):
 
 
 class InjectedMass(DocumentPart):
-    """Masses of an injection: fitted, by the file's model, measured; null where there is none.
+    """Masses of an injection: fitted, by the file's model, measured; null without a measurement.
 
     time_s: when the needle opens; null in a recording so long that some injections were chosen.
     """
@@ -195,8 +195,8 @@ class FoldOverlay:
     """A fold with the models run open loop from the opening on; before: empty where the file's has no solution."""
 
     fold: Fold
-    before: Sequence[Simulated]
-    after: Sequence[Simulated]
+    before: Sequence[SimulatedInjection]
+    after: Sequence[SimulatedInjection]
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +229,7 @@ class _ModelOnFolds:
     pool: Pool
     judged: Sequence[JudgedModel]
     models: Sequence[EffectiveModel]
-    simulated: Sequence[Sequence[Simulated]]
+    simulated: Sequence[Sequence[SimulatedInjection]]
 
     def chi2(self, signal: Signal, phase: Phase) -> float:
         return unexplained(self.pool[signal]).chi2[phase]
@@ -329,15 +329,19 @@ def _masses(before: _ModelOnFolds | None, after: _ModelOnFolds) -> Iterator[Inje
     for number, fold in enumerate(after.folds):
         measurement, density = fold.measurement, after.models[number].coefficients.density
         single = {} if fold.weighed is None else fold.weighed.single
-        for i, one in enumerate(after.simulated[number]):
-            first = one.event.openings[0].first
-            weighed = single[first][0] if first in single else measured_mass(measurement, one, density)
+        for i, simulated_injection in enumerate(after.simulated[number]):
+            first = simulated_injection.event.openings[0].first
+            weighed = (
+                single[first][0]
+                if first in single
+                else measured_mass(measurement, simulated_injection, density)
+            )
             by_file = math.nan if before is None else mass(measurement, before.simulated[number][i], density)
             yield InjectedMass(
                 recording=str(measurement.recording.path or fold.recording),
                 time_s=math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
                 rail_pressure_MPa=measurement.rail_pressure / MEGAPASCAL,
-                mass_mg=mass(measurement, one, density) / MILLIGRAM,
+                mass_mg=mass(measurement, simulated_injection, density) / MILLIGRAM,
                 file_mass_mg=by_file / MILLIGRAM,
                 measured_mass_mg=weighed / MILLIGRAM,
             )

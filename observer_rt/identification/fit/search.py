@@ -44,7 +44,7 @@ EXPLAINED = 1.5  # mean chi2, below which a search has not ended beside the mini
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedStructure:
     """A structure at its best.
 
     judged: of every fold there; left: of the line pressure on the recordings it was fitted to.
@@ -88,7 +88,7 @@ def fitted(
     folds: Sequence[Fold],
     iterations: int,
     spare: float = 1.0,
-) -> Fitted | FailedStructure:
+) -> FittedStructure | FailedStructure:
     """A structure fitted from the numbers of `start`.
 
     spare: as in `Structure.of`; a line that then has too few cells for its sound speed, or too many, is fitted again.
@@ -100,22 +100,22 @@ def fitted(
             structure, f"would need {needed} steps a sample, for its sac is small (at most {MAX_SUBSTEPS})"
         )
     try:
-        calibration, found = _fit(injector, free, folds, iterations)
+        calibration, minimum = _fit(injector, free, folds, iterations)
         for _ in range(MOST_FITS - 1):
-            again = injector if found is None else structure.of(calibration.injector(found.at.theta))
+            again = injector if minimum is None else structure.of(calibration.injector(minimum.at.theta))
             if again.line.cells == injector.line.cells:
                 break
             injector = again
-            calibration, found = _fit(injector, free, folds, iterations)
+            calibration, minimum = _fit(injector, free, folds, iterations)
     except UserError as error:
         return FailedStructure(structure, error.problem)
-    judged = None if found is None else calibration.judge_all(found.at.theta)
-    if found is None or judged is None:
+    judged = None if minimum is None else calibration.judge_all(minimum.at.theta)
+    if minimum is None or judged is None:
         return FailedStructure(
             structure, "has no finite solution on these recordings from the numbers it was started with"
         )
     left = pooled(calibration.recordings, judged)
-    return Fitted(structure, calibration, found, judged, left, held_out(calibration, found.at))
+    return FittedStructure(structure, calibration, minimum, judged, left, held_out(calibration, minimum.at))
 
 
 def _fit(
@@ -126,8 +126,8 @@ def _fit(
 
 
 def settled(
-    best: Fitted, start: InjectorParameters, folds: Sequence[Fold]
-) -> tuple[Fitted, tuple[FreeParameter, ...]]:
+    best: FittedStructure, start: InjectorParameters, folds: Sequence[Fold]
+) -> tuple[FittedStructure, tuple[FreeParameter, ...]]:
     """The chosen structure fitted to `folds`, and the parameters left to the file since the data do not tell them.
 
     start: the file's injector. One parameter at a time is left to the file, the least certain: with it fixed the
@@ -162,7 +162,7 @@ def searched(
     folds: Sequence[Fold],
     iterations: int,
     explained: bool,
-) -> Fitted | FailedStructure:
+) -> FittedStructure | FailedStructure:
     """A structure fitted from the numbers of the file, the line's stiffness and damping being sought first.
 
     A line in one lump has no travelling waves: the file's numbers do. Where a search ends with much unexplained
@@ -171,32 +171,38 @@ def searched(
     if WAVE_DAMPING not in structure.free:
         return fitted(structure, file, free, folds, iterations)
     few = tuple(thinned(fold, 1) for fold in folds)
-    found = fitted(structure, _best(structure, _around(file), free, few), free, folds, iterations, SPARE)
-    if explained or isinstance(found, FailedStructure) or explains(found):
-        return found
-    here = found.injector
+    structure_fit = fitted(
+        structure, _best(structure, _around(file), free, few), free, folds, iterations, SPARE
+    )
+    if explained or isinstance(structure_fit, FailedStructure) or explains(structure_fit):
+        return structure_fit
+    here = structure_fit.injector
     again = _best(structure, [here, *_around(here)], free, few)
     if again is here:
-        return found
+        return structure_fit
     other = fitted(structure, again, free, folds, iterations, SPARE)
-    return other if isinstance(other, Fitted) and other.minimum.statistic < found.minimum.statistic else found
+    return (
+        other
+        if isinstance(other, FittedStructure) and other.minimum.statistic < structure_fit.minimum.statistic
+        else structure_fit
+    )
 
 
-def beside(one: Fitted) -> tuple[tuple[FreeParameter, ...], ...]:
+def beside(structure: FittedStructure) -> tuple[tuple[FreeParameter, ...], ...]:
     """Groups of `BESIDE` that an injector has beyond doubt, or as stated."""
-    free, sigmas, found = one.calibration.free, one.certainty.sigmas, []
+    free, sigmas, groups = structure.calibration.free, structure.certainty.sigmas, []
     for group in BESIDE:
-        size, sigma = group[0].of(one.injector), 0.0
+        size, sigma = group[0].of(structure.injector), 0.0
         if group[0] in free:
             sigma = max(SURE * float(sigmas[free.index(group[0])]), LEAST) * group[0].linear
         if abs(size) > sigma:
-            found.append(group)
-    return tuple(found)
+            groups.append(group)
+    return tuple(groups)
 
 
-def explains(one: Fitted | FailedStructure) -> bool:
+def explains(structure: FittedStructure | FailedStructure) -> bool:
     """Whether a structure leaves little more than noise."""
-    return isinstance(one, Fitted) and one.left.mean < EXPLAINED
+    return isinstance(structure, FittedStructure) and structure.left.mean < EXPLAINED
 
 
 def _around(injector: InjectorParameters) -> list[InjectorParameters]:

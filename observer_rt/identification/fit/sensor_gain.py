@@ -19,27 +19,27 @@ OFFSET = 2.5 * MEGAPASCAL  # standard deviation of the sensor's offset
 DRIFT = 0.05 * MEGAPASCAL  # and of what it differs by from recording to recording
 
 
-def sensor_gain(found: Sequence[Measurement], calibration: StatedAccuracy) -> float:
+def sensor_gain(recordings: Sequence[Measurement], calibration: StatedAccuracy) -> float:
     """The gain g of y = (1 + g) p_L + o by rest at the pressures of the recordings; 0 of sensors without any."""
     if calibration.gain == 0.0:
         return 0.0
-    offsets, pressures = np.array([standstill(one) for one in found]).T
+    offsets, pressures = np.array([standstill(one) for one in recordings]).T
     by = np.column_stack((np.ones_like(pressures), pressures))
     information = by.T @ by / DRIFT**2 + np.diag([OFFSET**-2, calibration.gain**-2])
     return float(np.linalg.solve(information, by.T @ offsets / DRIFT**2)[1])
 
 
-def without_gain(found: Sequence[Measurement], gain: float, level: float) -> list[Measurement]:
+def without_gain(recordings: Sequence[Measurement], gain: float, level: float) -> list[Measurement]:
     """Recordings in the rail sensor's units; level: factor from flows in these to measured ones."""
     result = []
-    for one in found:
-        recording, rate = one.recording, one.recording.injection_rate
+    for measurement in recordings:
+        recording, rate = measurement.recording, measurement.recording.injection_rate
         changed = replace(
             recording,
             line_pressure=recording.line_pressure / (1.0 + gain),
             injection_rate=None if rate is None else rate / level,
         )
-        result.append(replace(one, recording=changed))
+        result.append(replace(measurement, recording=changed))
     return result
 
 

@@ -55,12 +55,12 @@ def signatures(
 
     remaining: residuals that the gains are of, where they are others.
     """
-    found = (
+    results = (
         _signature(likelihood, model, judged, remaining or judged, effect)
         for effect in effects
         if effect.parameters
     )
-    return [one for one in found if one is not None]
+    return [one for one in results if one is not None]
 
 
 def _signature(
@@ -72,37 +72,37 @@ def _signature(
 ) -> Signature | None:
     """At the smallest probe that is visible; None where no size has a solution or changes anything."""
     first, others = effect.parameters[0], effect.parameters[1:]
-    found = None
+    signature = None
     for probe in PROBES:
         size = probe * first.dead_zone
         size = size if size <= first.highest else -size
-        there = likelihood.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
-        if there is None or not first.lowest <= size <= first.highest:
+        moved = likelihood.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
+        if moved is None or not first.lowest <= size <= first.highest:
             break
-        changes = [_residuals(one) - _residuals(other) for one, other in zip(judged, there, strict=True)]
+        changes = [_residuals(one) - _residuals(other) for one, other in zip(judged, moved, strict=True)]
         information = np.array([float(change @ change) for change in changes])
         gain = np.array([float(c @ _residuals(one)) for c, one in zip(changes, remaining, strict=True)])
         if float(np.sum(information)) > 0.0:
-            found = Signature(effect, abs(size), information, math.copysign(1.0, size) * gain)
+            signature = Signature(effect, abs(size), information, math.copysign(1.0, size) * gain)
         if float(np.sum(information)) > VISIBLE:
             break
-    return found
+    return signature
 
 
-def _residuals(one: JudgedModel) -> NDArray[np.float64]:
-    return np.concatenate([one.z, one.rate_z])
+def _residuals(judged_model: JudgedModel) -> NDArray[np.float64]:
+    return np.concatenate([judged_model.z, judged_model.rate_z])
 
 
 def healthy_remainder(
     likelihood: JointLikelihood,
     model: EffectiveModel,
     effects: Sequence[Effect],
-    known: Healthy = NOT_FITTED,
+    remembered: Healthy = NOT_FITTED,
 ) -> HealthyRemainder:
     """Measures what a model leaves of healthy recordings: its shape, and apparent effects beyond that.
 
     Each recording is compared with the shape of the others, so that the appearances hold at operating points of
-    which no healthy injection was seen. known: what was known before, whose shape the likelihood has taken out.
+    which no healthy injection was seen. remembered: what was known before, whose shape the likelihood has taken out.
 
     Raises ArithmeticError when the model has no finite solution.
     """
@@ -120,17 +120,17 @@ def healthy_remainder(
         replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
         for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
-    found = signatures(likelihood, model, judged, effects, remaining)
+    signatures_left = signatures(likelihood, model, judged, effects, remaining)
     statistics = [
         phase_statistics(one.z, 1.0, recorded.phases, 0)
         for recorded, one in zip(likelihood.recordings, remaining, strict=True)
     ]
     return HealthyRemainder(
-        line_pressure_offset_MPa=known.line_pressure_offset_MPa,
+        line_pressure_offset_MPa=remembered.line_pressure_offset_MPa,
         variance=PhaseFigures.of({p.name: max(one.variance(p) for one in statistics) for p in Phase}),
         colour=PhaseFigures.of({p.name: max(one.colour(p) for one in statistics) for p in Phase}),
-        appears={one.effect.id: _appearance(one) for one in found},
-        shape=fit.shape() if known.shape is None else together(known.shape, fit.shape()),
+        appears={one.effect.id: _appearance(one) for one in signatures_left},
+        shape=fit.shape() if remembered.shape is None else together(remembered.shape, fit.shape()),
     )
 
 
@@ -162,11 +162,11 @@ def _appearance(signature: Signature) -> Appearance:
     return Appearance(mean=mean, uncertainty=uncertainty, scatter=scatter, unit=first.unit)
 
 
-def with_healthy_offset(measured: Measurement, known: Healthy) -> Measurement:
+def with_healthy_offset(measured: Measurement, healthy: Healthy) -> Measurement:
     """A recording with the offset its line-pressure sensor had already when the injector was healthy."""
-    if known.line_pressure_offset_MPa == 0.0:
+    if healthy.line_pressure_offset_MPa == 0.0:
         return measured
-    offset = sized("line_pressure_sensor_offset", o=known.line_pressure_offset_MPa * MEGAPASCAL)
+    offset = sized("line_pressure_sensor_offset", o=healthy.line_pressure_offset_MPa * MEGAPASCAL)
     return replace(measured, stated=(*measured.stated, offset))
 
 
@@ -175,13 +175,15 @@ def reference(appears: Mapping[str, Appearance], signature: Signature) -> tuple[
 
     0 and sure where nothing is known of it.
     """
-    known = appears.get(signature.effect.id)
-    if known is None:
+    apparent = appears.get(signature.effect.id)
+    if apparent is None:
         return 0.0, 0.0
     weights = signature.information
     by_recordings = float(weights @ weights) / float(np.sum(weights)) ** 2
     si = signature.effect.parameters[0].si
-    return known.mean * si, si * math.hypot(known.uncertainty, known.scatter * math.sqrt(by_recordings))
+    return apparent.mean * si, si * math.hypot(
+        apparent.uncertainty, apparent.scatter * math.sqrt(by_recordings)
+    )
 
 
 def least_gain(appears: Mapping[str, Appearance]) -> float:

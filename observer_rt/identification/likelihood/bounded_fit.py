@@ -92,14 +92,14 @@ def linearise(
     gradient = np.zeros(p)
     for j, bounds in enumerate(ranges):
         step = bounds.step if theta[j] + bounds.step <= bounds.highest else -bounds.step
-        there = _beside(problem, theta, j, step)
-        if there is None and theta[j] - step >= bounds.lowest:
+        moved = _moved_residuals(problem, theta, j, step)
+        if moved is None and theta[j] - step >= bounds.lowest:
             step = -step
-            there = _beside(problem, theta, j, step)
-        if there is None:
+            moved = _moved_residuals(problem, theta, j, step)
+        if moved is None:
             continue
-        slope = (there.z - here.z) / step
-        spreads[:, j] = (there.log_sigma - here.log_sigma) / step
+        slope = (moved.z - here.z) / step
+        spreads[:, j] = (moved.log_sigma - here.log_sigma) / step
         gradient[j] = float(np.sum(weighted * slope) + here.counts @ spreads[:, j])
         if spreads[:, j].any():
             slope += here.z * np.repeat(spreads[:, j], here.counts)
@@ -119,7 +119,7 @@ def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
     return total
 
 
-def _beside(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -> Residuals | None:
+def _moved_residuals(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -> Residuals | None:
     shifted = theta.copy()
     shifted[j] += step
     return problem.residuals(shifted)
@@ -165,8 +165,8 @@ def fit(
     at_start: the residuals at `start`, where they are known.
     """
     theta = np.clip(start, [r.lowest for r in ranges], [r.highest for r in ranges])
-    known = at_start is not None and np.array_equal(theta, start)
-    residuals = at_start if known else problem.residuals(theta)
+    is_start = at_start is not None and np.array_equal(theta, start)
+    residuals = at_start if is_start else problem.residuals(theta)
     if residuals is None:
         return None
     damping, converged = FIRST_DAMPING, False
@@ -196,7 +196,7 @@ def sigmas_of(information: NDArray[np.float64]) -> NDArray[np.float64]:
 def _lower(
     problem: Problem, here: Quadratic, ranges: Sequence[Range], damping: float
 ) -> tuple[tuple[NDArray[np.float64], Residuals] | None, float]:
-    """A point with a lower statistic (None: there is none worth going to) and the damping for the next step.
+    """A point with a lower statistic (None: none is worth going to) and the damping for the next step.
 
     The damping is inf where there should be one, and no step was short enough.
     """
@@ -223,9 +223,9 @@ def _lower(
             damping *= MORE_DAMPING  # a bound bends the step: a shorter one may stay inside
             continue
         theta = clipped
-        there = problem.residuals(theta)
-        if there is not None and math.isfinite(there.statistic) and there.statistic < here.statistic:
-            return (theta, there), damping * LESS_DAMPING
+        trial = problem.residuals(theta)
+        if trial is not None and math.isfinite(trial.statistic) and trial.statistic < here.statistic:
+            return (theta, trial), damping * LESS_DAMPING
         damping *= MORE_DAMPING
     return None, math.inf
 

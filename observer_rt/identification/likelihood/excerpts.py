@@ -61,7 +61,7 @@ class _Point:
     kept: list[_Excerpt] = field(default_factory=list)
 
 
-class _Chosen:
+class _ChosenEvents:
     """Injections spread evenly over the operating points, and over each."""
 
     def __init__(self, most: int) -> None:
@@ -73,8 +73,8 @@ class _Chosen:
     def take(self, excerpt: _Excerpt) -> None:
         """Choose it, or not; others may have to go."""
         part, event = excerpt.part, excerpt.event
-        place = operating_point(rail_pressure_before(event, part), open_time(event, part))
-        point = self._points.setdefault(place, _Point())
+        key = operating_point(rail_pressure_before(event, part), open_time(event, part))
+        point = self._points.setdefault(key, _Point())
         if point.seen % point.stride == 0:
             point.kept.append(excerpt)
             self._samples += excerpt.samples
@@ -104,7 +104,7 @@ def measured(
     if source.grid_samples <= most:
         return measurements([source.collected()])[0]
     refuse_slow(source)
-    chosen, gaps = _Chosen(most), MissingSamples()
+    chosen, gaps = _ChosenEvents(most), MissingSamples()
     complete = 0
     left_out: list[LeftOut] = []
     for block in _blocks(source.on_one_grid()):
@@ -163,7 +163,7 @@ def _excerpt(block: Chunk, event: JudgedEvent, starts: Sequence[int]) -> _Excerp
     return _Excerpt(copied(cut(block, begin, end)), event.moved(-begin))
 
 
-def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], found: FoundInjections) -> Measurement:
+def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], injections: FoundInjections) -> Measurement:
     """One recording of excerpts, nothing being available between them."""
     events, begin = [], 0
     for excerpt in excerpts:
@@ -179,4 +179,4 @@ def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], found: FoundInje
     time = np.arange(max(begin, 2)) / source.sample_rate
     recording = Recording(time, path=source.path, meaning=source.meaning, notes=source.notes, **signals)
     openings = [opening for event in events for opening in event.openings]
-    return measurement_of(recording, openings, tuple(events), found)
+    return measurement_of(recording, openings, tuple(events), injections)

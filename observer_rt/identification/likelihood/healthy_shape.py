@@ -12,10 +12,7 @@ def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
     """The counted samples of every event; edges are where the ramps of the lift meet 0."""
     return tuple(
         EventStretch(
-            event.end - event.counted,
-            measurement.interval,
-            measurement.rail_pressure,
-            _edges(event),
+            event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event)
         )
         for event in measurement.events
     )

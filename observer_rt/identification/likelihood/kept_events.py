@@ -41,12 +41,12 @@ def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
     A daemon may keep newer ones meanwhile: those that it drops before they are read are counted and left out.
     Raises `UserError` for a folder without any.
     """
-    found: list[KeptEvent] = []
+    events: list[KeptEvent] = []
     dropped = 0
     paths = sorted(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stem.rsplit("_", 1)[-1])
     for path in paths:
         try:
-            found.append(read_evidence(path))
+            events.append(read_evidence(path))
         except UserError as error:
             if path.exists():
                 say(console, f"warning: {error.place} is left out: {error.problem}")
@@ -54,13 +54,13 @@ def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
                 dropped += 1
     if dropped:
         say(console, f"{folder}: {dropped} events were dropped for newer ones before they were read")
-    if not found:
+    if not events:
         raise UserError(
             f"--from-evidence {folder}",
             "holds no evidence" if folder.is_dir() else "is no folder",
             'state [evidence] folder = "..." in the bench file, and let `observer-rt run` see some injections',
         )
-    return tuple(found)
+    return tuple(events)
 
 
 def evidence_against(
@@ -68,7 +68,7 @@ def evidence_against(
 ) -> KeptEvidence:
     """Evidence of one model, of the newest event where None is given: refused events, else doubtful, else good ones.
 
-    Raises `UserError` where there is none of this model, or too little.
+    Raises `UserError` where this model has no evidence, or too little.
     """
     option = f"--from-evidence {folder}"
     model = model_sha256 or str(events[-1].belief["model_sha256"])
@@ -88,8 +88,8 @@ def evidence_against(
             option, f"holds fewer than {FEWEST} events of a kind", "let the observer see more injections"
         )
     others = {other: sum(one.kind is other for one in own) for other in EvidenceKind if other is not kind}
-    beside = ", ".join(f"{count} {other}" for other, count in others.items())
-    say(console, f"{folder}: {len(chosen)} {kind} events are asked ({beside} are not)")
+    counts = ", ".join(f"{count} {other}" for other, count in others.items())
+    say(console, f"{folder}: {len(chosen)} {kind} events are asked ({counts} are not)")
     joined = _joined(chosen, folder)
     (measurement,) = measurements([joined])
     measurement = replace(measurement, stated=_stated(chosen[-1]))
@@ -113,7 +113,7 @@ def _joined(chosen: Sequence[KeptEvent], folder: Path) -> Recording:
 
 
 def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:
-    """What the bench file stated of the line pressure's channel; other channels were mended before."""
+    """Delay and lag that the bench file stated of the line pressure; those of other channels were undone before."""
     return tuple(
         SizedEffect(VOCABULARY[name], tuple(values)) for name, values in event.belief["line_sensor"].items()
     )

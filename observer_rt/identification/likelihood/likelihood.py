@@ -214,7 +214,7 @@ class RecordingLikelihood:
 
 
 def joint_likelihood(
-    found: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
+    recordings: Sequence[Measurement], nominal: EffectiveModel, healthy: HealthyShape | None = None
 ) -> "JointLikelihood":
     """Recordings, ready to be compared with models that depart from the nominal one.
 
@@ -222,7 +222,7 @@ def joint_likelihood(
 
     Raises `UserError` where the nominal model needs too many integration steps a sample.
     """
-    for measurement in found:
+    for measurement in recordings:
         rate = measurement.recording.sample_rate
         substeps = substeps_needed(nominal.injector, rate, nominal.departures)
         if substeps > MAX_SUBSTEPS:
@@ -231,7 +231,7 @@ def joint_likelihood(
                 f"{rate:g} Hz would need {substeps} integration steps a sample (at most {MAX_SUBSTEPS})",
                 f"record with {rate * substeps / MAX_SUBSTEPS:.0f} Hz or more, or give the model a larger sac",
             )
-    return JointLikelihood([RecordingLikelihood(measurement, nominal, healthy) for measurement in found])
+    return JointLikelihood([RecordingLikelihood(measurement, nominal, healthy) for measurement in recordings])
 
 
 class JointLikelihood:
@@ -293,11 +293,11 @@ Pool = Mapping[Signal, PhaseStatistics]
 """Statistics of each signal, pooled over recordings."""
 
 
-def normalised(one: JudgedModel) -> dict[Signal, NDArray[np.float64]]:
+def normalised(judged_model: JudgedModel) -> dict[Signal, NDArray[np.float64]]:
     """Normalised residuals by signal, without the rate's gain error at the end."""
-    parts = {Signal.LINE_PRESSURE: one.z}
-    if one.rate_z.size:
-        parts[Signal.INJECTION_RATE] = one.rate_z[:-1]
+    parts = {Signal.LINE_PRESSURE: judged_model.z}
+    if judged_model.rate_z.size:
+        parts[Signal.INJECTION_RATE] = judged_model.rate_z[:-1]
     return parts
 
 
@@ -308,8 +308,8 @@ def phases_by_signal(recorded: RecordingLikelihood) -> dict[Signal, NDArray[np.i
 def pool_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel]) -> Pool:
     """Statistics of all recordings together."""
     pool: dict[Signal, PhaseStatistics] = {}
-    for recorded, one in zip(likelihood.recordings, judged, strict=True):
-        for signal, z in normalised(one).items():
-            found = phase_statistics(z, 1.0, phases_by_signal(recorded)[signal], 0)
-            pool[signal] = pool.get(signal, no_statistics()).faded(1.0, found)
+    for recorded, judged_model in zip(likelihood.recordings, judged, strict=True):
+        for signal, z in normalised(judged_model).items():
+            statistics = phase_statistics(z, 1.0, phases_by_signal(recorded)[signal], 0)
+            pool[signal] = pool.get(signal, no_statistics()).faded(1.0, statistics)
     return pool

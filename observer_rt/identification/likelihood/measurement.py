@@ -115,7 +115,7 @@ class Measurement:
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
     the events [Pa]; duration: mean time the needle is open in an event [s]; found: in the whole recording; stated:
-    what is known of its channels.
+    delays and lags of its channels.
     """
 
     recording: Recording
@@ -138,9 +138,9 @@ class Measurement:
         return self.recording.meaning is Meaning.MEAN
 
     def as_recorded(self, model: EffectiveModel) -> EffectiveModel:
-        """A model with what is known of the channels."""
-        for each in self.stated:
-            model = each.effect.apply(model, each.values)
+        """A model with the stated delays and lags of the channels."""
+        for effect in self.stated:
+            model = effect.effect.apply(model, effect.values)
         return model
 
     def coefficients_of(self, model: EffectiveModel) -> Coefficients:
@@ -153,13 +153,13 @@ def measurements(recordings: Sequence[Recording]) -> tuple[Measurement, ...]:
 
     Raises `UserError` for a recording without a complete injection, too short a standstill or a slow sample rate.
     """
-    found = [_whole(recording) for recording in recordings]
-    if not found:
+    results = [_of_recording(recording) for recording in recordings]
+    if not results:
         raise UserError("RECORDING", "no recordings", "give at least one recording with injections")
-    return tuple(found)
+    return tuple(results)
 
 
-def _whole(recording: Recording) -> Measurement:
+def _of_recording(recording: Recording) -> Measurement:
     refuse_slow(recording)
     openings = openings_of(recording)
     events, left_out = events_of(recording, openings)
@@ -179,11 +179,14 @@ def refuse_slow(recording: Sampled) -> None:
 
 
 def measurement_of(
-    recording: Recording, openings: Sequence[Opening], events: tuple[JudgedEvent, ...], found: FoundInjections
+    recording: Recording,
+    openings: Sequence[Opening],
+    events: tuple[JudgedEvent, ...],
+    injections: FoundInjections,
 ) -> Measurement:
     """A recording with its events, of all openings in it, and its noise. Errors as of `measurements`."""
     if not events:
-        lacks = sorted({str(event.lack) for event in found.left_out})
+        lacks = sorted({str(event.lack) for event in injections.left_out})
         raise UserError(
             _name(recording),
             "no complete injection" + "".join(f"; {lack}" for lack in lacks),
@@ -197,7 +200,7 @@ def measurement_of(
         events,
         float(np.mean([rail_pressure_before(event, recording) for event in events])),
         float(np.mean([open_time(event, recording) for event in events])),
-        found,
+        injections,
     )
 
 
@@ -218,7 +221,7 @@ def open_time(event: JudgedEvent, recording: Recording) -> float:
 
 
 def missing_samples(recording: Recording) -> NDArray[np.bool_]:
-    """Samples (n,) of which an input or the line pressure is not available."""
+    """Samples (n,) whose inputs or line pressure are not available."""
     return np.isnan(recording.rail_pressure + recording.needle_lift + recording.line_pressure)
 
 
@@ -236,7 +239,7 @@ def openings_of(recording: Recording) -> list[Opening]:
 def events_of(
     recording: Recording, openings: Sequence[Opening]
 ) -> tuple[tuple[JudgedEvent, ...], tuple[LeftOut, ...]]:
-    """Complete events whose samples are all available, and what is none."""
+    """Complete events whose samples are all available, and the others with their reasons."""
     rate = recording.sample_rate
     groups: list[list[Opening]] = []
     for opening in openings:
@@ -305,17 +308,17 @@ def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArra
     return result
 
 
-def every_second_point(found: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
 
     Of rail pressures by durations each half has all of both, as far as there are two.
     """
-    points = [operating_point(one.rail_pressure, one.duration) for one in found]
+    points = [operating_point(one.rail_pressure, one.duration) for one in recordings]
     pressures = sorted({pressure for pressure, _ in points})
     halves: tuple[list[int], list[int]] = [], []
     for number, (pressure, duration) in enumerate(points):
-        beside = sorted({other for same, other in points if same == pressure})
-        halves[(pressures.index(pressure) + beside.index(duration)) % 2].append(number)
+        durations = sorted({other for same, other in points if same == pressure})
+        halves[(pressures.index(pressure) + durations.index(duration)) % 2].append(number)
     return tuple(halves[0]), tuple(halves[1])
 
 

@@ -31,7 +31,7 @@ SPARE_SUBSTEPS = 1  # so that a little wear does not change their number
 
 
 @dataclass(frozen=True, eq=False)
-class Simulated:
+class SimulatedInjection:
     """A model on one event: n samples from the opening to the end of the ringing, SI.
 
     samples, rate_samples: (n,) of the recording, that the line pressure and the rate belong to.
@@ -54,26 +54,26 @@ class Consequence:
 
 
 NO_CONSEQUENCE = Consequence(0.0, 0.0)
-_RUNS: WeakKeyDictionary[Measurement, list[tuple[EffectiveModel, tuple[Simulated, ...]]]] = (
+_RUNS: WeakKeyDictionary[Measurement, list[tuple[EffectiveModel, tuple[SimulatedInjection, ...]]]] = (
     WeakKeyDictionary()
 )
 
 
-def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulated, ...]:
+def simulated(measurement: Measurement, model: EffectiveModel) -> tuple[SimulatedInjection, ...]:
     """Line pressure as it would be recorded, and injection rate, of every event of a recording.
 
     The state follows the measurement by x~ up to the opening and runs open loop from there. The last runs are kept.
     """
     kept = _RUNS.setdefault(measurement, [])
-    for known, run in tuple(kept):
-        if known == model:
+    for stored_model, run in tuple(kept):
+        if stored_model == model:
             return run
     run = _simulated(measurement, model)
     kept[:] = [*kept[1 - KEPT :], (model, run)]
     return run
 
 
-def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulated, ...]:
+def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[SimulatedInjection, ...]:
     interval = measurement.interval
     highest_pressure = float(np.nanmax(measurement.recording.rail_pressure))
     stable = in_stable_cells(measurement.as_recorded(model), interval, highest_pressure)
@@ -100,14 +100,14 @@ def _simulated(measurement: Measurement, model: EffectiveModel) -> tuple[Simulat
         first = event.openings[0].first - event.start
         samples = rows.samples[window][first:]
         recorded = rate_as_recorded(measurement, rate[window])[first:]
-        result.append(Simulated(event, samples, pressure[window][first:], samples - late, recorded))
+        result.append(SimulatedInjection(event, samples, pressure[window][first:], samples - late, recorded))
     return tuple(result)
 
 
-def mass(measurement: Measurement, one: Simulated, density: float) -> float:
+def mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
     """Injected mass of an event [kg]."""
-    inside = in_mass_window(measurement, one.event, one.rate_samples)
-    return float(np.trapezoid(one.rate[inside])) * measurement.interval * density
+    inside = in_mass_window(measurement, injection.event, injection.rate_samples)
+    return float(np.trapezoid(injection.rate[inside])) * measurement.interval * density
 
 
 def mean_mass(measured: Sequence[Measurement], model: EffectiveModel) -> float:
@@ -132,12 +132,12 @@ def consequence(
     return Consequence(float(np.sqrt(np.mean(squares))), float(np.mean(masses)))
 
 
-def measured_mass(measurement: Measurement, one: Simulated, density: float) -> float:
+def measured_mass(measurement: Measurement, injection: SimulatedInjection, density: float) -> float:
     """Mass of an event by the measured rate [kg], nan without one."""
     measured = measurement.recording.injection_rate
     if measured is None:
         return math.nan
-    inside = one.rate_samples[in_mass_window(measurement, one.event, one.rate_samples)]
+    inside = injection.rate_samples[in_mass_window(measurement, injection.event, injection.rate_samples)]
     return float(np.trapezoid(measured[inside])) * measurement.interval * density
 
 

@@ -76,8 +76,8 @@ def _runs(true: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _next(starts: NDArray[np.int64], k: int) -> int | None:
-    place = int(np.searchsorted(starts, k))
-    return int(starts[place]) if place < starts.size else None
+    index = int(np.searchsorted(starts, k))
+    return int(starts[index]) if index < starts.size else None
 
 
 def _opening(lift: NDArray[np.float64], first: int, last: int, opens: float, ramp: int) -> Opening:
@@ -96,8 +96,8 @@ def _ramp(lift: NDArray[np.float64], samples: int) -> Ramp:
     """
     first, end = (1, 1 + samples) if lift.size > 2 * samples else (0, max(2, math.ceil(lift.size / 2)))
     used = lift[first:end]
-    beside = np.arange(used.size) - 0.5 * (used.size - 1)
-    slope = float(beside @ used) / max(float(beside @ beside), 0.5)  # one sample has none
+    offsets = np.arange(used.size) - 0.5 * (used.size - 1)
+    slope = float(offsets @ used) / max(float(offsets @ offsets), 0.5)  # one sample has none
     level = float(np.mean(used)) - slope * (first + 0.5 * (used.size - 1))
     return Ramp(level, max(slope, 0.0))
 
@@ -119,12 +119,12 @@ def openings_without_lag(
     result = []
     for multiple, share in ((below, 1.0 + below - lag / GRID), (below + 1, lag / GRID - below)):
         near = multiple * GRID
-        found = find_openings(
+        openings = find_openings(
             without_lag(lift, sample_rate, near), noise * noise_gain(near * sample_rate), ramp
         )
         kept = [
             one
-            for one in found
+            for one in openings
             if any(one.first <= each.last and each.first <= one.last for each in recorded)
         ]
         result.append((share, [opening_between(restored, one.first, one.last, ramp) for one in kept]))

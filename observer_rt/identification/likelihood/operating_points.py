@@ -46,11 +46,11 @@ def distinct(rail_pressures: Iterable[float]) -> int:
     return 1 + sum(after - before > POINT_PRESSURE / 2.0 for before, after in pairwise(ordered))
 
 
-def by_operating_point(found: Sequence[Measurement]) -> tuple[OperatingPoint, ...]:
+def by_operating_point(recordings: Sequence[Measurement]) -> tuple[OperatingPoint, ...]:
     """Every recording's operating points, by rail pressure, then duration, in the order of the recordings."""
     return tuple(
         OperatingPoint(_part(measurement, events), number)
-        for number, measurement in enumerate(found)
+        for number, measurement in enumerate(recordings)
         for events in events_by_point(measurement)
     )
 

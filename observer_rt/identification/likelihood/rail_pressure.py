@@ -31,10 +31,10 @@ def true_rail_pressure(measurement: Measurement, delay: float) -> NDArray[np.flo
     late, width = delay / measurement.interval, smoothing_of(measurement.interval) / measurement.interval
     if not _moves(measurement):
         late = 0.0
-    known = np.isfinite(rail)
-    if not known.all():  # outside of what is judged, but within the kernel's reach
+    available = np.isfinite(rail)
+    if not available.all():  # outside of what is judged, but within the kernel's reach
         sample = np.arange(rail.size)
-        rail = np.interp(sample, sample[known], rail[known])
+        rail = np.interp(sample, sample[available], rail[available])
     reach = int(np.ceil(REACH * width + abs(late)))
     u = (np.arange(-reach, reach + 1) - late) / width
     weights = (3.0 - u**2) * np.exp(-0.5 * u**2)

@@ -1,4 +1,4 @@
-"""Recordings read from files; what is refused before any work begins, and what of them is judged, in words."""
+"""Recordings read from files; refusals before any work begins, and the judged part in words."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -33,9 +33,9 @@ def read_measured(
 ) -> tuple[Measurement, ...]:
     """Recordings, read and looked through.
 
-    read: looks through a file the user named, and refuses one that is none; most: samples stored of a recording;
-    stated: what is known of its channels; baseline: of the model, where it was fitted.
-    Raises `UserError` for recordings that cannot serve, or not together.
+    read: looks through a file the user named, and refuses a file that is no recording; most: samples stored of a
+    recording; stated: delays and lags of its channels; baseline: of the model, where it was fitted. Raises
+    `UserError` for recordings that cannot serve, or not together.
     """
     for number, path in enumerate(paths):
         if path.resolve() in {other.resolve() for other in paths[:number]}:
@@ -48,11 +48,11 @@ def read_measured(
         refuse_perforated(source.path, source.survey)
         for doubt in doubts(source.survey, baseline, source.names):
             say(console, doubt.as_text(source.path))
-    found = []
+    results = []
     for path, source in zip(paths, sources, strict=True):
         with progress_bar(console, f"finding injections in {path.name}", source.grid_samples) as progress:
-            found.append(replace(measured(source, progress, most), stated=stated))
-    return tuple(found)
+            results.append(replace(measured(source, progress, most), stated=stated))
+    return tuple(results)
 
 
 def without_copies(paths: Sequence[Path], console: Console) -> list[Path]:
@@ -116,11 +116,11 @@ def shortened(hashes: Mapping[str, str]) -> list[str]:
 
 def coverage(measurement: Measurement) -> str:
     """One line for a recording used as a whole, else several. Pilot, main and post are one injection."""
-    recording, found = measurement.recording, measurement.found
-    judged, left_out = len(measurement.events), found.left_out
+    recording, injections = measurement.recording, measurement.found
+    judged, left_out = len(measurement.events), injections.left_out
     lines = [
-        f"{recording.path or 'recording'}: {found.gaps.samples} samples at {recording.sample_rate:g} Hz, "
-        f"{_gaps(measurement)}, {judged} of {found.complete + len(left_out)} injections judged"
+        f"{recording.path or 'recording'}: {injections.gaps.samples} samples at {recording.sample_rate:g} Hz, "
+        f"{_gaps(measurement)}, {judged} of {injections.complete + len(left_out)} injections judged"
     ]
     if chosen := chosen_words(measurement):
         lines.append(f"  {chosen}")

@@ -149,8 +149,8 @@ def _areas(measurement: Measurement, terms: InputTerms, c: Coefficients) -> NDAr
     rate = measurement.recording.sample_rate
     restored = without_lag(lift, rate, terms.lift_lag)
     area = np.zeros(lift.size)
-    for share, found in openings_without_lag(lift, noise, openings, rate, terms.lift_lag):
-        area += share * _areas_of(measurement, restored, found, terms, c)
+    for share, openings_at_lag in openings_without_lag(lift, noise, openings, rate, terms.lift_lag):
+        area += share * _areas_of(measurement, restored, openings_at_lag, terms, c)
     return area
 
 
@@ -192,11 +192,11 @@ def batch_of(
     resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
-    beside = round(START_MEAN * recording.sample_rate)
+    lead = round(START_MEAN * recording.sample_rate)
     starts = np.zeros((len(measurement.events), c.states + 1))
     clocks = np.array([event.clock for event in measurement.events])
     for i, event in enumerate(measurement.events):
-        mean = float(np.mean(output[event.start - beside : event.start + beside + 1]))
+        mean = float(np.mean(output[event.start - lead : event.start + lead + 1]))
         starts[i, -1] = mean - offset / c.pressure_scale
         rest_state(starts[i, :-1], starts[i, -1], c)
     return Batch(

@@ -17,7 +17,7 @@ from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import replacing
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.planning.separation import Known, Measured, Prospect, Rival
+from observer_rt.identification.planning.separation import KnownRecordings, MeasuredQuantity, Prospect, Rival
 from observer_rt.model.effective import EffectiveModel
 
 PRESSURE_STEP = 20 * MEGAPASCAL
@@ -52,7 +52,7 @@ class PlannedMeasurement(DocumentPart):
     energizing_ms: float
     pause_ms: float
     injections: int
-    measure: Measured
+    measure: MeasuredQuantity
     separation: Number
     confidence: float
     masses_mg: tuple[float, ...]
@@ -88,7 +88,7 @@ class Planner:
 
     rivals: Sequence[Rival]
     nominal: EffectiveModel
-    known: Known
+    known: KnownRecordings
     simulate: SimulateInjections
     confidence: Confidence
 
@@ -96,15 +96,15 @@ class Planner:
         self, points: Sequence[PlannedPoint], workers: int, progress: Callable[[float], None]
     ) -> MeasurementPlan:
         """The ranking of these points: the best of each rail pressure, at most SHOWN of them."""
-        found: list[PlannedMeasurement] = []
+        measurements: list[PlannedMeasurement] = []
         with ThreadPoolExecutor(workers) as pool:
             for number, those in enumerate(pool.map(self._at, points), 1):
-                found += those
+                measurements += those
                 progress(number / len(points))
         return MeasurementPlan(
             rivals=tuple(rival.words for rival in self.rivals),
             confidence=self.confidence(rival.behind for rival in self.rivals[1:]),
-            measurements=tuple(_chosen(found)),
+            measurements=tuple(_chosen(measurements)),
         )
 
     def _at(self, point: PlannedPoint) -> list[PlannedMeasurement]:
@@ -113,7 +113,7 @@ class Planner:
             prospects = [self._prospect(rival, point) for rival in self.rivals]
         except (UserError, ArithmeticError):
             return []
-        return [self._measurement(point, prospects, what) for what in Measured]
+        return [self._measurement(point, prospects, what) for what in MeasuredQuantity]
 
     def _prospect(self, rival: Rival, point: PlannedPoint) -> Prospect:
         truth = rival.model(rival.theta)
@@ -123,9 +123,9 @@ class Planner:
         return Prospect(made, truth, self.nominal, self.known)
 
     def _measurement(
-        self, point: PlannedPoint, prospects: Sequence[Prospect], what: Measured
+        self, point: PlannedPoint, prospects: Sequence[Prospect], what: MeasuredQuantity
     ) -> PlannedMeasurement:
-        """What is expected of a measurement: each rival may be right, as probably as it is now."""
+        """The expected result of a measurement: each rival may be right, as probably as it is now."""
         rivals, count = self.rivals, len(self.rivals)
         separations = np.full((count, count), np.inf)
         for i, j in product(range(count), repeat=2):
@@ -150,18 +150,22 @@ class Planner:
         )
 
 
-def _chosen(found: Sequence[PlannedMeasurement]) -> Iterator[PlannedMeasurement]:
-    """The best, each rail pressure once: of what decides, what is cheaper; else what decides more surely."""
-    cost = list(Measured)
+def _chosen(measurements: Sequence[PlannedMeasurement]) -> Iterator[PlannedMeasurement]:
+    """The best, each rail pressure once: the cheapest that decide; else those that decide most surely."""
+    cost = list(MeasuredQuantity)
 
-    def rank(one: PlannedMeasurement) -> tuple[float, int, float]:
-        return -min(one.confidence, DECIDED), cost.index(one.measure), -(one.separation or 0.0)
+    def rank(candidate: PlannedMeasurement) -> tuple[float, int, float]:
+        return (
+            -min(candidate.confidence, DECIDED),
+            cost.index(candidate.measure),
+            -(candidate.separation or 0.0),
+        )
 
     seen: set[float] = set()
-    for one in sorted(found, key=rank):
-        if one.rail_pressure_MPa not in seen and len(seen) < SHOWN:
-            seen.add(one.rail_pressure_MPa)
-            yield one
+    for planned in sorted(measurements, key=rank):
+        if planned.rail_pressure_MPa not in seen and len(seen) < SHOWN:
+            seen.add(planned.rail_pressure_MPa)
+            yield planned
 
 
 def write_schedule(path: Path, plan: MeasurementPlan) -> None:
@@ -170,5 +174,11 @@ def write_schedule(path: Path, plan: MeasurementPlan) -> None:
     with file_errors(path), replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(header)
-        for step, one in enumerate(plan.measurements, 1):
-            table.writerow([step, *(f"{getattr(one, name):g}" for name in header[1:5]), one.measure.value])
+        for step, measurement in enumerate(plan.measurements, 1):
+            table.writerow(
+                [
+                    step,
+                    *(f"{getattr(measurement, name):g}" for name in header[1:5]),
+                    measurement.measure.value,
+                ]
+            )

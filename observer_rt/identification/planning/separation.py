@@ -23,7 +23,7 @@ MASS_ERROR = 0.005  # standard deviation of a measured mass, as a share
 RATE_NOISE = 0.5e-6  # m3/s, where no rate was measured yet
 
 
-class Measured(StrEnum):
+class MeasuredQuantity(StrEnum):
     """Signals of a measurement, the cheapest first: rail pressure, lift and line pressure, and what comes on top."""
 
     PRESSURES = "pressures and lift"
@@ -47,16 +47,18 @@ class Rival:
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownRecordings:
     """What the recordings say: of noise, and of every rival's sizes, by roots of their information (p, p)."""
 
     measured: Measurement
     roots: tuple[NDArray[np.float64], ...]
 
 
-def known_of(measured: Sequence[Measurement], likelihood: JointLikelihood, rivals: Sequence[Rival]) -> Known:
+def known_of(
+    measured: Sequence[Measurement], likelihood: JointLikelihood, rivals: Sequence[Rival]
+) -> KnownRecordings:
     """What recordings say of rivals that were fitted to them."""
-    return Known(measured[0], tuple(_root(likelihood, rival) for rival in rivals))
+    return KnownRecordings(measured[0], tuple(_root(likelihood, rival) for rival in rivals))
 
 
 def _root(likelihood: JointLikelihood, rival: Rival) -> NDArray[np.float64]:
@@ -81,51 +83,55 @@ class Prospect:
     """Injections as one of the rivals has them, measured in thought."""
 
     def __init__(
-        self, recording: Recording, truth: EffectiveModel, nominal: EffectiveModel, known: Known
+        self, recording: Recording, truth: EffectiveModel, nominal: EffectiveModel, known: KnownRecordings
     ) -> None:
         """recording: without noise, of `truth`, injection rate and all. Raises `UserError` without an injection."""
-        (found,) = measurements([recording])
+        (measurement,) = measurements([recording])
         noise, rate_noise = known.measured.noise, known.measured.rate_noise
         rate_noise = rate_noise if np.isfinite(rate_noise) else RATE_NOISE
         self._likelihood = RecordingLikelihood(
-            replace(found, noise=noise, rate_noise=rate_noise, stated=known.measured.stated), nominal
+            replace(measurement, noise=noise, rate_noise=rate_noise, stated=known.measured.stated), nominal
         )
         own = self._likelihood.judge(truth)
         if own is None:
             raise ArithmeticError("a rival has no finite solution at this operating point")
         self._own = own
-        self.injections = sum(len(event.openings) for event in found.events)
+        self.injections = sum(len(event.openings) for event in measurement.events)
         """Number of injections."""
         self.mass = float(np.sum(own.masses)) / self.injections
         """Injected mass of one [kg]."""
 
-    def separation(self, rival: Rival, root: NDArray[np.float64], what: Measured, injections: int) -> float:
+    def separation(
+        self, rival: Rival, root: NDArray[np.float64], what: MeasuredQuantity, injections: int
+    ) -> float:
         """Expected rise of a rival's -2 log L over that of the truth; inf where it has no solution.
 
         root: of the information on its sizes; injections: how many are measured.
         """
         repeats = injections / self.injections
-        found = fit(
+        minimum = fit(
             _Absorbing(self, rival, root / np.sqrt(repeats), what, repeats),
             rival.theta,
             rival.ranges,
             REFITTED,
         )
-        return np.inf if found is None else repeats * found.statistic
+        return np.inf if minimum is None else repeats * minimum.statistic
 
-    def departures(self, model: EffectiveModel, what: Measured, repeats: float) -> NDArray[np.float64] | None:
+    def departures(
+        self, model: EffectiveModel, what: MeasuredQuantity, repeats: float
+    ) -> NDArray[np.float64] | None:
         """Normalised residuals (n,) of a model beyond those of the truth; what repetition does not lessen, as if it
         counted once in `repeats`."""
-        there = self._likelihood.judge(model)
-        if there is None:
+        runs = self._likelihood.judge(model)
+        if runs is None:
             return None
         once = np.sqrt(repeats)
-        parts = [there.z - self._own.z]
-        if what is Measured.MASS:
-            share = (np.sum(there.masses) / np.sum(self._own.masses) - 1.0) / MASS_ERROR
+        parts = [runs.z - self._own.z]
+        if what is MeasuredQuantity.MASS:
+            share = (np.sum(runs.masses) / np.sum(self._own.masses) - 1.0) / MASS_ERROR
             parts.append(np.array([share / once]))
-        elif what is Measured.RATE:
-            rate = there.rate_z - self._own.rate_z
+        elif what is MeasuredQuantity.RATE:
+            rate = runs.rate_z - self._own.rate_z
             rate[-1] /= once  # its gain error
             parts.append(rate)
         return np.concatenate(parts)
@@ -135,14 +141,19 @@ class _Absorbing:
     """A rival's sizes fitted to the prospect and, by their information, to the recordings."""
 
     def __init__(
-        self, prospect: Prospect, rival: Rival, root: NDArray[np.float64], what: Measured, repeats: float
+        self,
+        prospect: Prospect,
+        rival: Rival,
+        root: NDArray[np.float64],
+        what: MeasuredQuantity,
+        repeats: float,
     ) -> None:
         self._prospect, self._rival, self._root = prospect, rival, root
         self._what, self._repeats = what, repeats
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        there = self._prospect.departures(self._rival.model(theta), self._what, self._repeats)
-        if there is None:
+        departures = self._prospect.departures(self._rival.model(theta), self._what, self._repeats)
+        if departures is None:
             return None
-        z = np.concatenate([there, self._root @ (theta - self._rival.theta)])
+        z = np.concatenate([departures, self._root @ (theta - self._rival.theta)])
         return Residuals(z, np.array([z.size]), np.zeros(1))

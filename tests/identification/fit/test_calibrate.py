@@ -8,7 +8,7 @@ import pytest
 
 from observer_rt.desk.simulation.simulate import Simulation
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.fit.calibrate import Calibrated, FlowLevel, calibrate
+from observer_rt.identification.fit.calibrate import CalibrationResult, FlowLevel, calibrate
 from observer_rt.identification.fit.cross_validation import MeasuredMasses, folds_of
 from observer_rt.identification.fit.problem import (
     INERTANCE,
@@ -41,12 +41,14 @@ def _found(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
     return measurements([one.recording for one in made])
 
 
-def _fit(found: Sequence[Measurement], file: InjectorParameters, **weighed: MeasuredMasses) -> Calibrated:
+def _fit(
+    found: Sequence[Measurement], file: InjectorParameters, **weighed: MeasuredMasses
+) -> CalibrationResult:
     by_number = {int(name[1:]): one for name, one in weighed.items()}
     return calibrate(file, found, by_number, lambda _: None, LUMPS)
 
 
-def _deviations(done: Calibrated, true: InjectorParameters) -> dict[str, float]:
+def _deviations(done: CalibrationResult, true: InjectorParameters) -> dict[str, float]:
     """Of the logarithms, in standard deviations."""
     free, sigmas = done.fitted.calibration.free, done.fitted.certainty.sigmas
     return {
@@ -67,32 +69,32 @@ def _mass_error(injector: InjectorParameters) -> float:
 
 
 @pytest.fixture(scope="module")
-def by_pressures() -> Calibrated:
+def by_pressures() -> CalibrationResult:
     """Six recordings without a measured rate."""
     return _fit(_found(simulations()), off_by_ten_percent())
 
 
-def test_parameters_are_found_within_their_intervals(by_pressures: Calibrated) -> None:
+def test_parameters_are_found_within_their_intervals(by_pressures: CalibrationResult) -> None:
     deviations = _deviations(by_pressures, NOMINAL)
     assert deviations.keys() == {"K_L", "xi", "alpha_S", "alpha_H", "V_S"}
     assert max(map(abs, deviations.values())) < 3.0
     assert max(by_pressures.fitted.certainty.sigmas) < 0.01
 
 
-def test_the_structure_of_the_plant_is_chosen_and_the_model_adequate(by_pressures: Calibrated) -> None:
+def test_the_structure_of_the_plant_is_chosen_and_the_model_adequate(by_pressures: CalibrationResult) -> None:
     assert by_pressures.fitted.structure.outflow is LineOutflow.NOZZLE
     assert "one lump, drained by the seat flow, leaves" in by_pressures.choice.reason
     assert by_pressures.inadequate == ()
     assert verdict_words(by_pressures).startswith("adequate")
 
 
-def test_mass_is_right_where_nothing_was_fitted(by_pressures: Calibrated) -> None:
+def test_mass_is_right_where_nothing_was_fitted(by_pressures: CalibrationResult) -> None:
     assert abs(_mass_error(off_by_ten_percent())) > 0.03
     assert abs(_mass_error(by_pressures.injector)) < 0.003
     assert 0.001 <= by_pressures.mass_share < 0.003
 
 
-def test_residuals_fall_to_noise(by_pressures: Calibrated) -> None:
+def test_residuals_fall_to_noise(by_pressures: CalibrationResult) -> None:
     for one in by_pressures.comparison.residuals:
         before, after = one.chi2["file"], one.chi2["fitted"]
         assert before is not None
@@ -105,13 +107,13 @@ def test_residuals_fall_to_noise(by_pressures: Calibrated) -> None:
     assert after < 0.2 < before  # MPa
 
 
-def test_the_level_rests_on_the_inertance_of_the_file(by_pressures: Calibrated) -> None:
+def test_the_level_rests_on_the_inertance_of_the_file(by_pressures: CalibrationResult) -> None:
     assert by_pressures.level is FlowLevel.FILE
     assert "one to one on A_L/(rho_L L_L)" in level_words(by_pressures)
 
 
 @pytest.mark.slow
-def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calibrated) -> None:
+def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: CalibrationResult) -> None:
     """The exact invariance: no pressure tells the scale."""
     share = 1.05
     file = off_by_ten_percent()

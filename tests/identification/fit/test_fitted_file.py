@@ -8,7 +8,13 @@ import tomlkit
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.calibrate import Calibrated, baseline_of, calibrate, rounded, write_fitted
+from observer_rt.identification.fit.calibrate import (
+    CalibrationResult,
+    baseline_of,
+    calibrate,
+    rounded,
+    write_fitted,
+)
 from observer_rt.identification.fit.problem import STRUCTURES
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import NOMINAL, off_by_ten_percent, simulations
@@ -26,16 +32,16 @@ HASHES = {"a.csv": "0123456789abcdef"}
         pytest.param(TWO_PARTS, id="two folds", marks=pytest.mark.slow),
     ],
 )
-def done(request: pytest.FixtureRequest) -> Calibrated:
+def done(request: pytest.FixtureRequest) -> CalibrationResult:
     """Two recordings in a structure that is not the file's."""
     return calibrate(off_by_ten_percent(), FOUND, {}, lambda _: None, request.param)
 
 
-def _written(done: Calibrated, source: Path, path: Path) -> None:
+def _written(done: CalibrationResult, source: Path, path: Path) -> None:
     write_fitted(path, InjectorFile.read(source), done, baseline_of(done, HASHES))
 
 
-def test_the_file_is_taken_back_as_it_was_fitted(done: Calibrated, tmp_path: Path) -> None:
+def test_the_file_is_taken_back_as_it_was_fitted(done: CalibrationResult, tmp_path: Path) -> None:
     _written(done, NOMINAL_INJECTOR, tmp_path / "fitted.toml")
     back = load_injector(tmp_path / "fitted.toml")
     assert back.line_outflow is done.fitted.structure.outflow
@@ -46,7 +52,7 @@ def test_the_file_is_taken_back_as_it_was_fitted(done: Calibrated, tmp_path: Pat
     assert back.baseline == baseline_of(done, HASHES)
 
 
-def test_comments_and_what_was_not_fitted_stay(done: Calibrated, tmp_path: Path) -> None:
+def test_comments_and_what_was_not_fitted_stay(done: CalibrationResult, tmp_path: Path) -> None:
     _written(done, NOMINAL_INJECTOR, tmp_path / "fitted.toml")
     before, after = NOMINAL_INJECTOR.read_text().splitlines(), (tmp_path / "fitted.toml").read_text()
     for line in before:
@@ -55,7 +61,7 @@ def test_comments_and_what_was_not_fitted_stay(done: Calibrated, tmp_path: Path)
     assert load_injector(tmp_path / "fitted.toml").seat.diameter == NOMINAL.seat.diameter
 
 
-def test_a_fitted_file_is_fitted_again(done: Calibrated, tmp_path: Path) -> None:
+def test_a_fitted_file_is_fitted_again(done: CalibrationResult, tmp_path: Path) -> None:
     """What an earlier fit wrote is replaced, not added to."""
     first, second = tmp_path / "first.toml", tmp_path / "second.toml"
     _written(done, NOMINAL_INJECTOR, first)

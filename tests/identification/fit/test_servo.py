@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.fit.calibrate import Calibrated, calibrate
+from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
 from observer_rt.identification.fit.problem import BESIDE, CONTROL, DISPLACEMENT, STRUCTURES
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import POINTS, off_by_ten_percent
@@ -19,7 +19,7 @@ MM3_PER_MS, MICROSECOND = 1e-6, 1e-6
 
 
 @cache
-def fitted(laws: Laws) -> Calibrated:
+def fitted(laws: Laws) -> CalibrationResult:
     """To six recordings of an independent plant, from numbers 10 % off and no control flow."""
 
     def recording(number: int, rail: float, energizing: float) -> Recording:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.core.model.model import STEP
-from observer_rt.identification.fit.calibrate import Calibrated, calibrate, judged_by
+from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate, judged_by
 from observer_rt.identification.fit.problem import (
     SAC,
     STIFFNESS,
@@ -33,20 +33,20 @@ WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
 
 
 @pytest.fixture(scope="module")
-def travelling() -> Calibrated:
+def travelling() -> CalibrationResult:
     """Six recordings of an independent plant with 40 cells, drained by the seat into a sac of 3 mm3."""
     found = measurements(of_independent_plant(wave_injector()))
     return calibrate(off_by_ten_percent(SMALL_SAC), found, {}, lambda _: None)
 
 
-def test_waves_drained_by_the_seat_are_chosen_and_adequate(travelling: Calibrated) -> None:
+def test_waves_drained_by_the_seat_are_chosen_and_adequate(travelling: CalibrationResult) -> None:
     assert travelling.fitted.structure.line == "wave"
     assert travelling.fitted.structure.outflow is LineOutflow.SEAT
     assert travelling.inadequate == ()
     assert judged_by(travelling.choice.best).mean < 1.2
 
 
-def test_the_numbers_of_another_discretisation_are_near(travelling: Calibrated) -> None:
+def test_the_numbers_of_another_discretisation_are_near(travelling: CalibrationResult) -> None:
     """Its end cell has a volume of its own, which is ours to some mm3: hence the stiffness to two percent."""
     fitted = travelling.injector
     assert fitted.fluid.bulk_modulus_line == pytest.approx(1.6e9, rel=0.02)
@@ -106,7 +106,7 @@ def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
     assert nozzle == pytest.approx(real_part(1).nozzle_area, rel=0.005)
 
 
-def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: Calibrated) -> None:
+def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: CalibrationResult) -> None:
     lumps = [one for one in travelling.choice.tried if one.structure.line == "lump"]
     assert len(lumps) == 2
     for one in lumps:

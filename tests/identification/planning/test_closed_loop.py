@@ -21,7 +21,7 @@ from observer_rt.identification.planning.plan import (
     points_for,
     write_schedule,
 )
-from observer_rt.identification.planning.separation import Measured
+from observer_rt.identification.planning.separation import MeasuredQuantity
 from observer_rt.model.effects import effective_model
 from tests.identification.discovery.hidden import NOMINAL
 from tests.observed_plants import recording_of
@@ -36,7 +36,7 @@ FIRST = PlannedMeasurement(
     energizing_ms=1.2,
     pause_ms=60.0,
     injections=4,
-    measure=Measured.PRESSURES,
+    measure=MeasuredQuantity.PRESSURES,
     separation=0.0,
     confidence=0.0,
     masses_mg=(),
@@ -72,10 +72,7 @@ def behind(found: Discovery, effect: str) -> float:
 
 @pytest.mark.parametrize(
     ("hidden", "faults"),
-    [
-        (GAIN, Faults(rail_pressure_sensor_gain=0.01)),
-        (OFFSET, Faults(rail_pressure_sensor_offset=1e6)),
-    ],
+    [(GAIN, Faults(rail_pressure_sensor_gain=0.01)), (OFFSET, Faults(rail_pressure_sensor_offset=1e6))],
 )
 def test_what_is_measured_as_planned_decides_rightly(hidden: str, faults: Faults) -> None:
     """Factor or offset: at one rail pressure nothing tells them apart."""
@@ -88,7 +85,9 @@ def test_what_is_measured_as_planned_decides_rightly(hidden: str, faults: Faults
     assert before.confidence <= plan.confidence <= before.confidence / SURE  # of those left, not of all
     best = plan.measurements[0]
     assert best.confidence > 0.95 > plan.confidence
-    assert best.measure is Measured.PRESSURES  # what decides without more is not asked to measure more
+    assert (
+        best.measure is MeasuredQuantity.PRESSURES
+    )  # what decides without more is not asked to measure more
     assert abs(best.rail_pressure_MPa - 100.0) >= 20.0
 
     after, _ = discovered([*recordings, measured(best, faults, seed=2)])

@@ -31,9 +31,9 @@ def overlay_figure(findings: Findings) -> str:
 
 def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) -> None:
     grid = figure.add_gridspec(4, len(overlays), height_ratios=(0.55, 1.5, 1.0, 1.3))
-    for column, one in enumerate(overlays):
+    for column, overlay in enumerate(overlays):
         axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
-        _draw_overlay(axes, one, amended)
+        _draw_overlay(axes, overlay, amended)
         for row, label in enumerate(
             (
                 "needle lift\n[µm]",
@@ -46,7 +46,7 @@ def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) ->
             axes[row].tick_params(labelbottom=row == 3)
             if column == 0:
                 axes[row].set_ylabel(label)
-        axes[0].set_title(one.title, loc="left", fontsize=10.5, fontweight="bold")
+        axes[0].set_title(overlay.title, loc="left", fontsize=10.5, fontweight="bold")
         axes[3].set_xlabel("time since the opening [ms]")
         if column == 0:
             handles, labels = axes[1].get_legend_handles_labels()
@@ -54,31 +54,28 @@ def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) ->
     figure.align_ylabels()
 
 
-def _draw_overlay(axes: Sequence[Axes], one: Overlay, amended: str) -> None:
-    time = one.time / MILLISECOND
-    axes[0].fill_between(time, one.lift / MICROMETRE, color="#dfe5ea", lw=0)
-    axes[0].plot(time, one.lift / MICROMETRE, color="#59636e", lw=0.9)
-    axes[1].plot(time, one.line_pressure / MEGAPASCAL, color=MEASURED, lw=1.5, alpha=0.75, label="measured")
-    axes[1].plot(time, one.nominal_pressure / MEGAPASCAL, color=GIVEN, lw=1.1, label="model as given")
-    floor = 2.0 * one.noise_floor / MEGAPASCAL
+def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
+    time = overlay.time / MILLISECOND
+    axes[0].fill_between(time, overlay.lift / MICROMETRE, color="#dfe5ea", lw=0)
+    axes[0].plot(time, overlay.lift / MICROMETRE, color="#59636e", lw=0.9)
+    axes[1].plot(
+        time, overlay.line_pressure / MEGAPASCAL, color=MEASURED, lw=1.5, alpha=0.75, label="measured"
+    )
+    axes[1].plot(time, overlay.nominal_pressure / MEGAPASCAL, color=GIVEN, lw=1.1, label="model as given")
+    floor = 2.0 * overlay.noise_floor / MEGAPASCAL
     axes[2].axhspan(-floor, floor, color="#e8ecef", lw=0)
-    missed = one.nominal_pressure - one.line_pressure
+    missed = overlay.nominal_pressure - overlay.line_pressure
     axes[2].plot(time, missed / MEGAPASCAL, color=GIVEN, lw=0.8)
-    if one.measured_rate is not None:
-        axes[3].plot(time, one.measured_rate / MM3_PER_MS, color=MEASURED, lw=1.5, alpha=0.75)
-    axes[3].plot(time, one.nominal_rate / MM3_PER_MS, color=GIVEN, lw=1.1)
-    if one.amended_pressure is not None and one.amended_rate is not None:
+    if overlay.measured_rate is not None:
+        axes[3].plot(time, overlay.measured_rate / MM3_PER_MS, color=MEASURED, lw=1.5, alpha=0.75)
+    axes[3].plot(time, overlay.nominal_rate / MM3_PER_MS, color=GIVEN, lw=1.1)
+    if overlay.amended_pressure is not None and overlay.amended_rate is not None:
         axes[1].plot(
-            time,
-            one.amended_pressure / MEGAPASCAL,
-            color=FOUND,
-            lw=1.1,
-            ls=(0, (5, 1.5)),
-            label=amended,
+            time, overlay.amended_pressure / MEGAPASCAL, color=FOUND, lw=1.1, ls=(0, (5, 1.5)), label=amended
         )
-        missed = one.amended_pressure - one.line_pressure
+        missed = overlay.amended_pressure - overlay.line_pressure
         axes[2].plot(time, missed / MEGAPASCAL, color=FOUND, lw=0.8)
-        axes[3].plot(time, one.amended_rate / MM3_PER_MS, color=FOUND, lw=1.1, ls=(0, (5, 1.5)))
+        axes[3].plot(time, overlay.amended_rate / MM3_PER_MS, color=FOUND, lw=1.1, ls=(0, (5, 1.5)))
 
 
 def gap_figure(findings: Findings) -> str:
@@ -112,9 +109,9 @@ def _draw_bars(axes: Axes, labels: Sequence[str], gaps: Sequence[Gap], amended: 
         heights = np.array(values)
         axes.bar(places + shift, heights, width, color=colour, label=label)
         tops = np.maximum(heights, floors)  # where the line does not strike the number through
-        for place, top, height in zip(places + shift, tops, heights, strict=True):
+        for position, top, height in zip(places + shift, tops, heights, strict=True):
             text = f"{height:.0f}" if height >= 10.0 else f"{height:#.2g}"
-            axes.annotate(text, (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=8)
+            axes.annotate(text, (position, top), (0, 2), textcoords="offset points", ha="center", fontsize=8)
     axes.hlines(floors, places - 0.45, places + 0.45, color=MEASURED, lw=1.4, label="noise alone")
     axes.margins(y=0.15)
     axes.set_ylim(bottom=0.0)
@@ -134,8 +131,10 @@ def residual_figure(findings: Findings) -> str:
         axes = figure.add_subplot()
         for number, injections in groupby(findings.injections, attrgetter("recording")):
             every = tuple(injections)
-            x, given = start + np.arange(len(every)), None if middles else "model as given"
-            axes.plot(x, [one.before / MEGAPASCAL for one in every], "o", ms=4, color=GIVEN, label=given)
+            x, model_label = start + np.arange(len(every)), None if middles else "model as given"
+            axes.plot(
+                x, [one.before / MEGAPASCAL for one in every], "o", ms=4, color=GIVEN, label=model_label
+            )
             if label is not None:
                 after = [one.after / MEGAPASCAL for one in every]
                 axes.plot(x, after, "o", ms=4, color=FOUND, label=None if middles else label)
@@ -165,16 +164,23 @@ def with_words(findings: Findings) -> str:
 def laws_figure(curves: Sequence[LawCurve]) -> str:
     """Laws over their variables, with the band of their coefficients, and the points of a free curve."""
     with svg_figure(10.4, 3.1) as (figure, svg):
-        for column, one in enumerate(curves):
+        for column, curve in enumerate(curves):
             axes = figure.add_subplot(1, len(curves), column + 1)
-            law, low, high = one.law
-            axes.fill_between(one.x, low, high, color=FOUND, alpha=0.2, lw=0)
-            axes.plot(one.x, law, color=FOUND, lw=1.4, label="law")
+            law, low, high = curve.law
+            axes.fill_between(curve.x, low, high, color=FOUND, alpha=0.2, lw=0)
+            axes.plot(curve.x, law, color=FOUND, lw=1.4, label="law")
             axes.errorbar(
-                one.at, one.points, one.half, color=MEASURED, fmt="o", ms=3.5, lw=1.0, label="recordings"
+                curve.at,
+                curve.points,
+                curve.half,
+                color=MEASURED,
+                fmt="o",
+                ms=3.5,
+                lw=1.0,
+                label="recordings",
             )
-            axes.set_xlabel(one.words if one.unit == "-" else f"{one.words} [{one.unit}]")
-            equation = one.term.equation
+            axes.set_xlabel(curve.words if curve.unit == "-" else f"{curve.words} [{curve.unit}]")
+            equation = curve.term.equation
             unit = "" if equation.is_share else f" [{sign(str(equation.unit))}]"
             axes.set_ylabel(fill(f"{equation.words}{unit}", _WRAPPED))
             if column == 0:

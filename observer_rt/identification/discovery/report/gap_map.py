@@ -83,11 +83,13 @@ def legend() -> str:
 
 def violated_words(findings: Findings) -> str:
     """Names the equations that are violated, as the model has them; of a law its own."""
-    one = findings.proposal
-    if one is not None and not findings.effects and one.terms:
-        return " and ".join(dict.fromkeys(f"{term.equation.words} ({term.equation})" for term in one.terms))
+    proposal = findings.proposal
+    if proposal is not None and not findings.effects and proposal.terms:
+        return " and ".join(
+            dict.fromkeys(f"{term.equation.words} ({term.equation})" for term in proposal.terms)
+        )
     equations = dict.fromkeys(item.equation for item in findings.where if item.equation is not None)
     injector = findings.gaps.refitted.injector
     outflow = "Q_H" if injector.line_outflow is LineOutflow.NOZZLE else "Q_S"
     of_line = _OF_LUMP if injector.line.model == "lump" else _OF_WAVES
-    return " and ".join((of_line | _OTHERS)[one].format(outflow=outflow) for one in equations)
+    return " and ".join((of_line | _OTHERS)[proposal].format(outflow=outflow) for proposal in equations)

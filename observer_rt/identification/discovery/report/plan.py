@@ -19,7 +19,7 @@ HEADINGS = (
 
 
 def plan_words(plan: MeasurementPlan | None) -> str:
-    """What is to be decided, and whether a measurement would."""
+    """The open question, and whether a measurement would decide it."""
     if plan is None:
         return "nothing to plan: there are no two explanations to decide between"
     left = "; or ".join(plan.rivals)

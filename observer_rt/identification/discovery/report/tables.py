@@ -7,12 +7,7 @@ from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
 from observer_rt.identification.discovery.gaps import ModelGaps
 from observer_rt.identification.discovery.injections import MassChange
 from observer_rt.identification.discovery.numbers import shown, sign, significant
-from observer_rt.identification.discovery.search.results import (
-    Candidate,
-    Discovery,
-    SmallestVisible,
-    Verdict,
-)
+from observer_rt.identification.discovery.search.results import Candidate, Discovery, SmallestVisible, Verdict
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.model.effect import Apparent
@@ -37,12 +32,12 @@ def mass_words(gaps: ModelGaps) -> str:
     return f"{gap / MILLIGRAM:.2g} mg ({gap / gaps.injected:.1%})"
 
 
-def standing(candidate: Candidate, found: Discovery) -> str:
+def standing(candidate: Candidate, discovery: Discovery) -> str:
     """Rates a candidate of the ranking, in words."""
     doubt = "too small, or at a bound" if candidate.ids and not candidate.plausible else ""
-    if candidate.ids in found.rivals:
+    if candidate.ids in discovery.rivals:
         return "tied"
-    if found.verdict is Verdict.UNKNOWN and candidate.ids == found.best.ids:
+    if discovery.verdict is Verdict.UNKNOWN and candidate.ids == discovery.best.ids:
         return ", ".join(one for one in ("nearest, not enough", doubt) if one)
     return doubt
 
@@ -66,15 +61,15 @@ def role(point: str, findings: Findings) -> str:
     return "shown" if point in findings.held_out else "sizes fitted"
 
 
-def mass_share(one: MassChange) -> str:
+def mass_share(change: MassChange) -> str:
     """The change of a mass as a share, with its interval."""
-    half = 100.0 * one.half / one.nominal
+    half = 100.0 * change.half / change.nominal
     step = 10.0 * significant(max(half, 1e-3))
-    return f"{'' if one.change_pct < 0.0 else '+'}{shown(one.change_pct, step)} ± {shown(half, step)} %"
+    return f"{'' if change.change_pct < 0.0 else '+'}{shown(change.change_pct, step)} ± {shown(half, step)} %"
 
 
 def apparent_sizes(findings: Findings) -> list[dict[str, StandstillFigure]]:
-    """Apparent sizes by effect: of the settled needle, and of what is left."""
+    """Apparent sizes by effect: of the settled needle, and of the residuals."""
     by_id = {
         check.id.removeprefix("apparent_"): check for check in findings.checks if check.recording is None
     }
@@ -91,11 +86,11 @@ def with_sigma(figure: StandstillFigure) -> str:
     return f"{shown(figure.value, step)} ± {shown(figure.sigma, step)}"
 
 
-def healthy_words(one: SmallestVisible, findings: Findings) -> str:
+def healthy_words(smallest: SmallestVisible, findings: Findings) -> str:
     """Says how large an effect appears to be on the healthy injector."""
     appears = {} if findings.baseline is None else findings.baseline.appears
-    if (known := appears.get(one.id)) is None:
+    if (apparent := appears.get(smallest.id)) is None:
         return "–"
-    step = significant(max(known.uncertainty, known.scatter))
-    scatter = f" ± {shown(known.scatter, step)}" if known.scatter > 0.0 else ""
-    return f"{one.parameter} = {shown(known.mean, step)}{scatter} {sign(known.unit)}".rstrip()
+    step = significant(max(apparent.uncertainty, apparent.scatter))
+    scatter = f" ± {shown(apparent.scatter, step)}" if apparent.scatter > 0.0 else ""
+    return f"{smallest.parameter} = {shown(apparent.mean, step)}{scatter} {sign(apparent.unit)}".rstrip()

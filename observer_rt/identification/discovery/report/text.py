@@ -64,13 +64,13 @@ def acceptance(findings: Findings) -> str:
 
 def part_words(findings: Findings) -> str:
     """Says what a proposal accepted in part leaves; empty where none is."""
-    one = findings.proposal
-    if findings.remainder is None or one is None or one.part is None:
+    proposal = findings.proposal
+    if findings.remainder is None or proposal is None or proposal.part is None:
         return ""
     return (
-        f"accepted in part: it closes {one.part.closed:.0%} of the gap held out; the "
-        f"{one.part.left / MEGAPASCAL:.2g} MPa left belong to the model's stated uncertainty, by which masses "
-        f"have ±{one.part.mass_half:.1%} more"
+        f"accepted in part: it closes {proposal.part.closed:.0%} of the gap held out; the "
+        f"{proposal.part.left / MEGAPASCAL:.2g} MPa left belong to the model's stated uncertainty, by which masses "
+        f"have ±{proposal.part.mass_half:.1%} more"
     )
 
 

@@ -29,13 +29,13 @@ def cells_of(
 ) -> tuple[Cell, ...]:
     """Every signal in every phase of every recording."""
     result = []
-    for number, (recorded, one) in enumerate(zip(likelihood.recordings, judged, strict=True)):
+    for number, (recorded, judged_model) in enumerate(zip(likelihood.recordings, judged, strict=True)):
         measurement = recorded.measurement
         scale = {
-            Signal.LINE_PRESSURE: float(np.exp(one.log_sigma)) * model.coefficients.pressure_scale,
+            Signal.LINE_PRESSURE: float(np.exp(judged_model.log_sigma)) * model.coefficients.pressure_scale,
             Signal.INJECTION_RATE: measurement.rate_noise,
         }
-        for signal, z in normalised(one).items():
+        for signal, z in normalised(judged_model).items():
             phases = phases_by_signal(recorded)[signal]
             statistics = phase_statistics(z, 1.0, phases, 0)
             for phase in Phase:

@@ -42,8 +42,8 @@ class Shape(Enum):
 class Axis:
     """A variable u of curves, of order 1.
 
-    over: u in the language of laws; knots: where its hats are; words, unit, scale: of what is shown, which is offset
-    + scale u; of: a moment at which it has its values, by variable what it is at 0, and how it goes with u.
+    over: u in the language of laws; knots: where its hats are; words, unit, scale: of the shown quantity, which is
+    offset + scale u; of: a moment at which it has its values, by variable what it is at 0, and how it goes with u.
     """
 
     over: str
@@ -77,7 +77,7 @@ class Axis:
     def _even_and_odd(
         self, places: tuple[FormNumber, ...], widths: tuple[FormNumber, ...]
     ) -> tuple["Form", ...]:
-        """Laws of which only one half is free."""
+        """Laws with only one half free."""
         right = tuple(one for one in places[:-1] if one.value > 0.0)
         return (
             Form("abs(u)"),
@@ -89,9 +89,9 @@ class Axis:
     def hats(self, equation: TermEquation, factor: str = "") -> list[Effect]:
         """Terms that are 1 at a knot, 0 at the next ones; the first and last stay 1 beyond."""
         made = []
-        for place in range(len(self.knots)):
-            shown = range(max(0, place - 1), min(place + 2, len(self.knots)))
-            pairs = ", ".join(f"{self.knots[number]:g}, {float(number == place):g}" for number in shown)
+        for knot in range(len(self.knots)):
+            shown = range(max(0, knot - 1), min(knot + 2, len(self.knots)))
+            pairs = ", ".join(f"{self.knots[number]:g}, {float(number == knot):g}" for number in shown)
             made.append(term_effect(equation, f"{factor}table({self.over}, {pairs})"))
         return made
 
@@ -188,7 +188,7 @@ class FreeCurve:
 
     @property
     def knots(self) -> Floats:
-        """Those of which the data say something (k,)."""
+        """Knots that the data determine (k,)."""
         return np.array(self.axis.knots)[self.scores.numbers]
 
 
@@ -214,7 +214,7 @@ def _parts(groups: Sequence[Sequence[Effect]], score: Score) -> list[Scores]:
 def made_to_measure(
     curves: Sequence[FreeCurve], swings: Sequence[tuple[Effect, Effect]], score: Score
 ) -> list[Effect]:
-    """Terms near these curves that would gain most, and of waves, of which sine and cosine are given.
+    """Terms near these curves that would gain most, and waves, given by their sine and cosine.
 
     Each wave is linearised once.
     """
@@ -230,7 +230,7 @@ def made_to_measure(
 def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
     """The best form of every shape of a curve, and what each would gain."""
     equation, axis, part, knots = curve.equation, curve.axis, curve.scores, curve.knots
-    found: dict[Shape, tuple[float, Effect]] = {}
+    laws_by_shape: dict[Shape, tuple[float, Effect]] = {}
     for form in axis.forms:
         tried = list(product(*form.numbers))
         values = np.array([form.values(numbers, knots) for numbers in tried])
@@ -241,6 +241,9 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
         gains = 2.0 * sizes * slopes - sizes**2 * weights
         best = int(np.argmax(gains))
         law = form.law.replace("u", f"({axis.over})")
-        if form.shape not in found or gains[best] > found[form.shape][0]:
-            found[form.shape] = (float(gains[best]), term_effect(equation, curve.factor + law, tried[best]))
-    return sorted(found.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]
+        if form.shape not in laws_by_shape or gains[best] > laws_by_shape[form.shape][0]:
+            laws_by_shape[form.shape] = (
+                float(gains[best]),
+                term_effect(equation, curve.factor + law, tried[best]),
+            )
+    return sorted(laws_by_shape.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]

@@ -104,10 +104,10 @@ class Fitter:
         """Measures how a small size of every effect moves the residuals of the nominal model."""
         judged = self.judged(self.nothing())
         assert judged is not None  # the search began with it
-        found = self.each(
+        signatures = self.each(
             lambda effect: appearance.signatures(self.likelihood, self.nominal, judged, [effect]), effects
         )
-        self._signatures = {one.effect.id: one for each in found for one in each}
+        self._signatures = {one.effect.id: one for each in signatures for one in each}
 
     @property
     def signatures(self) -> Sequence[appearance.Signature]:
@@ -123,25 +123,25 @@ class Fitter:
         """Size [SI] from which on an effect is distinguished from noise and from the healthy injector."""
         return appearance.smallest_visible(self._appears, signature)
 
-    def judged(self, one: Candidate) -> list[JudgedModel] | None:
+    def judged(self, candidate: Candidate) -> list[JudgedModel] | None:
         """A candidate on every recording; None without a solution."""
-        found = self._judged.get(one.key)
-        if found is None and one.key not in self._judged:
-            found = self._judged[one.key] = self.likelihood.judge(one.model(self.nominal))
+        runs = self._judged.get(candidate.key)
+        if runs is None and candidate.key not in self._judged:
+            runs = self._judged[candidate.key] = self.likelihood.judge(candidate.model(self.nominal))
             for old in list(self._judged)[:-KEPT]:
                 self._judged.pop(old, None)
-        return found
+        return runs
 
-    def pool(self, one: Candidate) -> Pool | None:
+    def pool(self, candidate: Candidate) -> Pool | None:
         """What a candidate leaves by signal and phase; None without a solution."""
-        if one.key not in self._pools:
-            judged = self.judged(one)
-            self._pools[one.key] = None if judged is None else pool_of(self.likelihood, judged)
-        return self._pools[one.key]
+        if candidate.key not in self._pools:
+            judged = self.judged(candidate)
+            self._pools[candidate.key] = None if judged is None else pool_of(self.likelihood, judged)
+        return self._pools[candidate.key]
 
-    def residuals(self, one: Candidate) -> Residuals | None:
+    def residuals(self, candidate: Candidate) -> Residuals | None:
         """What a candidate leaves; None without a solution."""
-        judged = self.judged(one)
+        judged = self.judged(candidate)
         return None if judged is None else residuals_of(judged)
 
     def sigmas(self, candidate: Candidate) -> NDArray[np.float64]:
@@ -179,26 +179,28 @@ class Fitter:
         def signature(effect: Effect) -> Signature | None:
             size, hypothesis = effect.parameters[0], about.hypothesis.with_effect(effect)
             small = hypothesis.ranges()[-1].step if is_term(effect) else 0.5 * size.dead_zone
-            found: list[tuple[float, Signature]] = []
+            scored_effects: list[tuple[float, Signature]] = []
             for step in (small, -small):
                 if size.lowest <= step <= size.highest:
-                    there = self._sizing(hypothesis).residuals(np.append(about.theta, step))
-                    if there is not None:
-                        slope = np.asarray(weights * (here.z - there.z) / step, np.float32)
+                    moved = self._sizing(hypothesis).residuals(np.append(about.theta, step))
+                    if moved is not None:
+                        slope = np.asarray(weights * (here.z - moved.z) / step, np.float32)
                         gain = max(float(slope @ left) * math.copysign(1.0, step), 0.0) ** 2
-                        found.append((gain / max(float(slope @ slope), _TINY), slope))
-                if found and equation_of(effect) != TermEquation.NEEDLE_LIFT:
+                        scored_effects.append((gain / max(float(slope @ slope), _TINY), slope))
+                if scored_effects and equation_of(effect) != TermEquation.NEEDLE_LIFT:
                     break  # but a needle is shut or open: little more is not little less the other way round
-            return max(found, key=itemgetter(0))[1] if found else None
+            return max(scored_effects, key=itemgetter(0))[1] if scored_effects else None
 
-        found = [
+        scored_effects = [
             (number, one)
             for number, one in enumerate(self.each(signature, effects))
             if one is not None and one.any()
         ]
-        numbers = np.array([number for number, _ in found], np.int64)
+        numbers = np.array([number for number, _ in scored_effects], np.int64)
         slopes = (
-            np.column_stack([one for _, one in found]) if found else np.zeros((here.z.size, 0), np.float32)
+            np.column_stack([one for _, one in scored_effects])
+            if scored_effects
+            else np.zeros((here.z.size, 0), np.float32)
         )
         return scored([effects[number] for number in numbers], numbers, slopes, here)
 
@@ -207,7 +209,7 @@ class Fitter:
         return [one for one in self.each(lambda item: self._law(*item), hypotheses) if one is not None]
 
     def _law(self, hypothesis: Hypothesis, start: NDArray[np.float64]) -> Candidate | None:
-        def found() -> Minimum | None:
+        def minimum_of_law() -> Minimum | None:
             sizing, ranges = self._sizing(hypothesis), hypothesis.ranges()
             for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
                 minimum = fit(sizing, share * start, ranges, LAW_ITERATIONS)
@@ -215,40 +217,40 @@ class Fitter:
                     return None if _has_twins(hypothesis, minimum) else minimum
             return None
 
-        return self._remembered(hypothesis, hypothesis.ids, found)
+        return self._remembered(hypothesis, hypothesis.ids, minimum_of_law)
 
-    def sharpened(self, one: Candidate) -> Candidate | None:
+    def sharpened(self, candidate: Candidate) -> Candidate | None:
         """A candidate with the numbers within its laws fitted, too; None where they have none."""
-        effects = one.hypothesis.effects
+        effects = candidate.hypothesis.effects
         freed = Hypothesis(tuple(map(form_freed, effects)))
-        if len(freed.parameters) == len(one.sizes):
+        if len(freed.parameters) == len(candidate.sizes):
             return None
-        parts = zip(freed.effects, one.hypothesis.split(one.theta), strict=True)
+        parts = zip(freed.effects, candidate.hypothesis.split(candidate.theta), strict=True)
         start = [
             np.append(sizes, [p.starts[0] for p in effect.parameters[sizes.size :]])
             for effect, sizes in parts
         ]
-        found = self._remembered(
+        fit_of_form = self._remembered(
             freed,
-            (*one.ids, FREED),
+            (*candidate.ids, FREED),
             lambda: fit(self._sizing(freed), np.concatenate(start), freed.ranges(), FREED_ITERATIONS),
         )
-        if found is None:
+        if fit_of_form is None:
             return None
         settled = tuple(
             form_settled(effect, values[1:].tolist()) if is_term(effect) else effect
-            for effect, values in zip(effects, freed.split(found.theta), strict=True)
+            for effect, values in zip(effects, freed.split(fit_of_form.theta), strict=True)
         )
-        return self._law(Hypothesis(settled), one.theta)
+        return self._law(Hypothesis(settled), candidate.theta)
 
     def _remembered(
-        self, hypothesis: Hypothesis, key: tuple[str, ...], found: Callable[[], Minimum | None]
+        self, hypothesis: Hypothesis, key: tuple[str, ...], search: Callable[[], Minimum | None]
     ) -> Candidate | None:
         """A fit made before, else made now and kept."""
-        known = self._memory.get(key)
-        if known is not None:
-            return Candidate(hypothesis, tuple(known[0].tolist()), *known[1:])
-        minimum = None if key in self._failed else found()
+        stored = self._memory.get(key)
+        if stored is not None:
+            return Candidate(hypothesis, tuple(stored[0].tolist()), *stored[1:])
+        minimum = None if key in self._failed else search()
         if minimum is None:
             self._failed.add(key)
             return None
@@ -327,12 +329,12 @@ class Fitter:
         best = _Promise(0.0, ())
         for values in _probes(effect):
             start = np.concatenate([leader.theta, values])
-            there = sizing.residuals(start)
-            if there is None:
+            moved = sizing.residuals(start)
+            if moved is None:
                 continue
-            gain = base.statistic - there.statistic
+            gain = base.statistic - moved.statistic
             if effect.parameters:
-                gain = max(gain, _predicted_gain(base, there, spanned))
+                gain = max(gain, _predicted_gain(base, moved, spanned))
             if gain > best.gain:
                 off = np.array([p.off for p in effect.parameters])
                 best = _Promise(gain, (start, np.concatenate([leader.theta, off + 0.1 * (values - off)])))
@@ -373,18 +375,18 @@ def _probes(effect: Effect) -> list[NDArray[np.float64]]:
     return [np.array(values) for values in product(allowed, *(p.starts for p in others))]
 
 
-def _predicted_gain(base: Residuals, there: Residuals, spanned: NDArray[np.float64]) -> float:
-    """Least-squares gain along the secant to `there`, what the leader's own sizes span (n, p) taken out."""
-    direction = there.z - base.z
+def _predicted_gain(base: Residuals, moved: Residuals, spanned: NDArray[np.float64]) -> float:
+    """Least-squares gain along the secant to `moved`, what the leader's own sizes span (n, p) taken out."""
+    direction = moved.z - base.z
     direction -= spanned @ (spanned.T @ direction)
     length = float(direction @ direction)
     return float(direction @ base.z) ** 2 / length if length > 0.0 else 0.0
 
 
-def _has_twins(hypothesis: Hypothesis, found: Minimum) -> bool:
+def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:
     """Whether two effects of one equation stand for one: alike, or with a size at its bound."""
-    effects, theta = hypothesis.effects, found.theta
-    information = found.at.information if len(effects) > 1 else np.zeros((1, 1))
+    effects, theta = hypothesis.effects, minimum.theta
+    information = minimum.at.information if len(effects) > 1 else np.zeros((1, 1))
     bounds = [(effect.parameters[0].lowest, effect.parameters[0].highest) for effect in effects]
     return any(
         equation_of(effects[one]) == equation_of(effects[other])

@@ -11,11 +11,7 @@ from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.identification.discovery.search.hypothesis import Sizing
 from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.likelihood.bounded_fit import fit
-from observer_rt.identification.likelihood.likelihood import (
-    JointLikelihood,
-    JudgedModel,
-    RecordingLikelihood,
-)
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
 from observer_rt.identification.likelihood.open_loop import simulated
 from observer_rt.model.effective import EffectiveModel
@@ -104,16 +100,20 @@ def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np
     return np.array([float(np.mean((one.line_pressure - line[one.samples]) ** 2)) for one in runs])
 
 
-def _by_event(recorded: RecordingLikelihood, one: JudgedModel) -> NDArray[np.float64]:
+def _by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
     """-2 log L of the events of a recording (events,); its measured rate is shared out evenly."""
     events: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
     ends = np.cumsum(events)
-    rate = 2.0 * (robust_cost(one.rate_z, 0, 1.0) + one.rate_z.size * one.rate_log_sigma) / len(events)
+    rate = (
+        2.0
+        * (robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma)
+        / len(events)
+    )
     return np.array(
         [
-            2.0 * robust_cost(one.z, int(end - size), 1.0)
-            - 2.0 * robust_cost(one.z, int(end), 1.0)
-            + 2.0 * size * one.log_sigma
+            2.0 * robust_cost(judged_model.z, int(end - size), 1.0)
+            - 2.0 * robust_cost(judged_model.z, int(end), 1.0)
+            + 2.0 * size * judged_model.log_sigma
             + rate
             for size, end in zip(events, ends, strict=True)
         ]

@@ -1,4 +1,4 @@
-"""Hypotheses of what is missing: effects with free sizes, fitted to recordings from several starts."""
+"""Hypotheses of the missing effect: effects with free sizes, fitted to recordings from several starts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -133,9 +133,9 @@ def minimum_from(
     ranges = sizing.hypothesis.ranges()
     best: Minimum | None = None
     for start, residuals in tried[:MOST_STARTS]:
-        found = fit(sizing, start, ranges, max_iterations, residuals)
-        if found is not None and (best is None or found.statistic < best.statistic):
-            best = found
+        minimum = fit(sizing, start, ranges, max_iterations, residuals)
+        if minimum is not None and (best is None or minimum.statistic < best.statistic):
+            best = minimum
         if best is None or (second_if_stuck and best.stuck):
             continue
         if second_if_stuck or np.mean(best.residuals.z**2) < _EXPLAINED:

@@ -8,12 +8,7 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.search.results import (
-    Cell,
-    Part,
-    Proposal,
-    Refusal,
-)
+from observer_rt.identification.discovery.search.results import Cell, Part, Proposal, Refusal
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, Signal
 from observer_rt.identification.likelihood.open_loop import consequence, mean_mass
 from observer_rt.model.baseline import PhaseFigures
@@ -31,10 +26,10 @@ def with_parts(
     proposals: Sequence[Proposal], likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> tuple[Proposal, ...]:
     """Proposals, with what may be accepted of those that leave something but have no other objection."""
-    return tuple(map(_Judged(proposals, likelihood, nominal).with_part, proposals))
+    return tuple(map(_ProposalJudge(proposals, likelihood, nominal).with_part, proposals))
 
 
-class _Judged:
+class _ProposalJudge:
     """Proposals beside each other."""
 
     def __init__(
@@ -45,23 +40,23 @@ class _Judged:
         self._nominal = nominal
         self._measured = [recorded.measurement for recorded in likelihood.recordings]
 
-    def with_part(self, one: Proposal) -> Proposal:
-        if one.adequate or one.objection is not None or math.isnan(one.held_out[0]):
-            return one
+    def with_part(self, proposal: Proposal) -> Proposal:
+        if proposal.adequate or proposal.objection is not None or math.isnan(proposal.held_out[0]):
+            return proposal
         noise = float(np.mean([each.noise.line_pressure**2 for each in self._measured]))
-        before, after = (math.sqrt(max(gap**2 - noise, 0.0)) for gap in one.held_out)
+        before, after = (math.sqrt(max(gap**2 - noise, 0.0)) for gap in proposal.held_out)
         if not before > 0.0:
-            return one
-        half = self._mass_half(one, after)
+            return proposal
+        half = self._mass_half(proposal, after)
         closed = 1.0 - after / before
-        return replace(one, part=Part(closed, after, half, self._refusal(one, closed, half)))
+        return replace(proposal, part=Part(closed, after, half, self._refusal(proposal, closed, half)))
 
-    def _refusal(self, one: Proposal, closed: float, half: float) -> Refusal | None:
+    def _refusal(self, proposal: Proposal, closed: float, half: float) -> Refusal | None:
         if closed < LEAST_CLOSED:
             return Refusal(f"it closes {max(closed, 0.0):.0%} of the gap held out, not two thirds", _MORE)
-        interval = half * mean_mass(self._measured, one.model(self._nominal))
-        rivals = [other for other in self._proposals if other is not one]
-        moved = [each.found.moves.mass - one.found.moves.mass for each in rivals]
+        interval = half * mean_mass(self._measured, proposal.model(self._nominal))
+        rivals = [other for other in self._proposals if other is not proposal]
+        moved = [each.found.moves.mass - proposal.found.moves.mass for each in rivals]
         differs = max(moved, key=abs, default=0.0)
         if abs(differs) > interval:
             return Refusal(
@@ -71,10 +66,10 @@ class _Judged:
             )
         return None
 
-    def _mass_half(self, one: Proposal, left: float) -> float:
+    def _mass_half(self, proposal: Proposal, left: float) -> float:
         """Half width of the 95 % interval of a mass, as a share: what a change of the nozzle would make of it that
         leaves as much in the line pressure."""
-        model = one.model(self._nominal)
+        model = proposal.model(self._nominal)
         moved = consequence(self._measured, model, model.with_term(_PROBE))
         return left / moved.line_pressure * abs(moved.mass) / mean_mass(self._measured, model)
 

@@ -21,10 +21,10 @@ def law_curve(term: Term, score: Score, spread: float, reach: tuple[float, float
     score: of effects beside the model that has the term; spread: mean square of what that leaves; reach: time [s] and
     number of injections of the recordings.
     """
-    found = _axis_of(term.law, reach)
-    if found is None:
+    curve_axis = _axis_of(term.law, reach)
+    if curve_axis is None:
         return None
-    axis, gates = found
+    axis, gates = curve_axis
     scores = score(axis.hats(term.equation, "".join(f"{gate.word}*" for gate in gates)))
     covariance = np.linalg.pinv(scores.information, rcond=1e-9, hermitian=True)
     off = covariance @ scores.gradient

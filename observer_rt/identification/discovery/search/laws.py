@@ -1,4 +1,4 @@
-"""The forward search for laws: refits what would gain most beside a model, and adds what is worth it."""
+"""The forward search for laws: refits the laws that would gain most beside a model, and adds those that pay."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -66,24 +66,24 @@ class Laws:
 
 
 class Adequacy:
-    """Whether candidates leave nothing but noise, or what is the model's own error."""
+    """Whether candidates leave nothing but noise, or the model's own error."""
 
     def __init__(self, fits: Fitter, healthy: Healthy) -> None:
         self._fits, self._healthy = fits, healthy
         self.remainder = REMAINDER if healthy.appears else EXACT
         """Share of what effects explain that may be the model's own error."""
 
-    def ratio(self, one: Candidate) -> float:
+    def ratio(self, candidate: Candidate) -> float:
         """Ratio of a candidate's worst phase to its limit; above 1 it does not explain the recordings."""
-        pool = self._fits.pool(one)
+        pool = self._fits.pool(candidate)
         return np.inf if pool is None else worst(pool, self._healthy).ratio
 
-    def __call__(self, one: Candidate) -> bool:
+    def __call__(self, candidate: Candidate) -> bool:
         """Whether a candidate with laws explains the recordings, but for the model's own error."""
-        pool = self._fits.pool(one)
+        pool = self._fits.pool(candidate)
         if pool is None:
             return False
-        return self.ratio(one) <= 1.0 or bool(one.hypothesis.effects and self._is_remainder(pool))
+        return self.ratio(candidate) <= 1.0 or bool(candidate.hypothesis.effects and self._is_remainder(pool))
 
     def _is_remainder(self, pool: Pool) -> bool:
         """Whether so little is left of what there was in every phase that it may be the model's own error."""
@@ -125,7 +125,9 @@ class LawSearch:
         if not adequate:
             tried = [*self._alone]
             firsts = [*self._firsts(tried), *near]
-            for first in sorted(firsts, key=lambda one: (not self._is_adequate(one), one.price)):
+            for first in sorted(
+                firsts, key=lambda candidate: (not self._is_adequate(candidate), candidate.price)
+            ):
                 grown = self._grown(first, tried)
                 if grown in near:  # found wanting as it is: only what comes to it counts
                     continue
@@ -136,22 +138,24 @@ class LawSearch:
                     break
         tried += self._mirrored(best)
         rivals: dict[frozenset[str], Candidate] = {}
-        for one in sorted(tried, key=attrgetter("price")):
-            if self._is_rival(one, best):
-                rivals.setdefault(one.hypothesis.equations, one)
+        for candidate in sorted(tried, key=attrgetter("price")):
+            if self._is_rival(candidate, best):
+                rivals.setdefault(candidate.hypothesis.equations, candidate)
         return Laws(best, adequate, tuple(rivals.values()), tuple(tried))
 
     def _firsts(self, fits: Sequence[Candidate]) -> list[Candidate]:
         """First effects to go on from: the best, and the best that share no equation with it."""
-        found: list[Candidate] = []
+        firsts: list[Candidate] = []
         left = list(fits)
-        while left and len(found) < STARTS:
-            one = self._without_idle(self._simplest(left))
-            if self._nothing.statistic - one.statistic < self._least(self._nothing, LEAST_SHARE):
+        while left and len(firsts) < STARTS:
+            candidate = self._without_idle(self._simplest(left))
+            if self._nothing.statistic - candidate.statistic < self._least(self._nothing, LEAST_SHARE):
                 break
-            found.append(one)
-            left = [other for other in left if not other.hypothesis.equations & one.hypothesis.equations]
-        return found
+            firsts.append(candidate)
+            left = [
+                other for other in left if not other.hypothesis.equations & candidate.hypothesis.equations
+            ]
+        return firsts
 
     def _grown(self, best: Candidate, tried: list[Candidate]) -> Candidate:
         """A fit with the effects added that it needs; what was fitted goes to `tried`."""
@@ -167,7 +171,7 @@ class LawSearch:
         return best
 
     def _next(self, about: Candidate) -> list[Candidate]:
-        """Fits with an effect or two more: of those whose signatures explain most of what is left."""
+        """Fits with an effect or two more: those whose signatures explain most of the residuals."""
         scores = self._scores(about)
         fits = self._sharpened(self._added(about, scores, self._leaders(scores)))
         if fits and self._is_adequate(min(fits, key=attrgetter("price"))):
@@ -214,10 +218,10 @@ class LawSearch:
         return fits + [one for one in self._fits.each(self._fits.sharpened, leaders) if one is not None]
 
     def _tailored(self, about: Candidate, scores: Scores) -> list[Candidate]:
-        """Fits with an effect more that is made for what is left: a law, else a table."""
+        """Fits with another effect, made for the residuals: a law, else a table."""
         promising = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
-        known = [TermEquation(one) for one in promising if one in set(TermEquation)]
-        where = tuple(known[:TAILORED_FURTHER] if about.ids else CURVES)
+        promising_equations = [TermEquation(one) for one in promising if one in set(TermEquation)]
+        where = tuple(promising_equations[:TAILORED_FURTHER] if about.ids else CURVES)
 
         def of_curves(equations: tuple[TermEquation, ...]) -> list[FreeCurve]:
             key = about.ids, equations
@@ -246,8 +250,8 @@ class LawSearch:
         assert here is not None  # it was fitted
         by_group = np.split(here.z, np.cumsum(here.counts)[:-1])  # line pressure and rate in turn
         times = [recorded.times for recorded in recordings]
-        found = lines(by_group[::2], times, recordings[0].measurement.interval)
-        return waves(found, max(float(one[-1] - one[0]) for one in times))
+        frequencies = lines(by_group[::2], times, recordings[0].measurement.interval)
+        return waves(frequencies, max(float(one[-1] - one[0]) for one in times))
 
     def _mirrored(self, best: Candidate) -> list[Candidate]:
         """Laws of the form of the best one in equations that line pressure hardly tells from its own."""
@@ -307,27 +311,27 @@ class LawSearch:
         for effect in best.hypothesis.effects:
             if len(best.ids) < 2:
                 break
-            place = best.hypothesis.effects.index(effect)
-            rest = Hypothesis(tuple(one for one in best.hypothesis.effects if one is not effect))
-            for smaller in self._fits.laws([(rest, np.delete(best.theta, place))]):
+            index = best.hypothesis.effects.index(effect)
+            others = Hypothesis(tuple(one for one in best.hypothesis.effects if one is not effect))
+            for smaller in self._fits.laws([(others, np.delete(best.theta, index))]):
                 if smaller.statistic - best.statistic < max(
                     self._least(smaller, KEPT_SHARE), self._own(best)
                 ):
                     best = smaller
         return best
 
-    def _is_rival(self, one: Candidate, best: Candidate) -> bool:
+    def _is_rival(self, candidate: Candidate, best: Candidate) -> bool:
         """Whether it explains as much with no more effects, by another equation."""
         return (
             bool(best.ids)
-            and len(one.ids) <= len(best.ids)
-            and one.hypothesis.equations != best.hypothesis.equations
-            and one.statistic < best.statistic + TIE * best.spread
+            and len(candidate.ids) <= len(best.ids)
+            and candidate.hypothesis.equations != best.hypothesis.equations
+            and candidate.statistic < best.statistic + TIE * best.spread
         )
 
-    def _own(self, one: Candidate) -> float:
+    def _own(self, candidate: Candidate) -> float:
         """Share of a candidate's gain that may be the model's own error."""
-        return self._is_adequate.remainder * (self._nothing.statistic - one.statistic)
+        return self._is_adequate.remainder * (self._nothing.statistic - candidate.statistic)
 
     def _least(self, about: Candidate, share: float) -> float:
         """Least gain of an effect: more, the more is left, and a share of that, as `statistic` counts it."""
@@ -335,6 +339,6 @@ class LawSearch:
         return max(LEAST_GAIN * about.spread, share * (about.spread - 1.0) * samples)
 
 
-def is_by_table(one: Candidate) -> bool:
+def is_by_table(candidate: Candidate) -> bool:
     """Whether a law is a table."""
-    return max(one.hypothesis.numbers, default=0) > MOST_NAMED
+    return max(candidate.hypothesis.numbers, default=0) > MOST_NAMED

@@ -151,23 +151,23 @@ class Candidate:
     def parameters(self) -> dict[str, dict[str, Size]]:
         """The sizes of the effects of the vocabulary by id, their intervals cut at the bounds of physics."""
         halves = self.hypothesis.split(np.array(self.half))
-        found = {}
+        fitted_parameters = {}
         for effect, sizes, half in zip(
             self.hypothesis.effects, self.hypothesis.split(self.theta), halves, strict=True
         ):
             if not is_term(effect):
                 every = zip(effect.parameters, sizes.tolist(), half.tolist(), strict=True)
-                found[effect.id] = {
+                fitted_parameters[effect.id] = {
                     p.name: Size.of(p, value, max(p.lowest, value - half), min(p.highest, value + half))
                     for p, value, half in every
                 }
-        return found
+        return fitted_parameters
 
     @property
     def terms(self) -> tuple[Term, ...]:
         """Terms among the effects, with 95 % intervals of their coefficients where these are known."""
         halves = self.hypothesis.split(np.array(self.half))
-        found = []
+        fitted_terms = []
         for effect, size, half in zip(
             self.hypothesis.effects, self.hypothesis.split(self.theta), halves, strict=True
         ):
@@ -176,8 +176,10 @@ class Candidate:
             )  # a coefficient is its only one
             if term is not None:
                 low, high = term.coefficient - half, term.coefficient + half
-                found.append(replace(term, interval=(float(low[0]), float(high[0]))) if half.size else term)
-        return tuple(found)
+                fitted_terms.append(
+                    replace(term, interval=(float(low[0]), float(high[0]))) if half.size else term
+                )
+        return tuple(fitted_terms)
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The nominal model with these effects."""
@@ -417,7 +419,7 @@ class Discovery:
     @property
     def shown(self) -> Candidate:
         """What was found, with half widths of its sizes: the proposal accepted, the effects named, else a proposal;
-        without effects where there is none."""
+        without effects if nothing was found."""
         if self.effects and not self.accepted:
             return next(one for one in self.ranking if one.ids == self.named.ids)
         return self.named if self.proposal is None else self.proposal.found

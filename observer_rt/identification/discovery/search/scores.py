@@ -44,10 +44,10 @@ class Scores:
         """Of all data (m,)."""
         return np.asarray(self.gradient_of.sum(axis=0))
 
-    def cosine(self, one: int, other: int) -> float:
+    def cosine(self, first: int, second: int) -> float:
         """Cosine of the signatures in two rows."""
-        length = math.sqrt(self.information[one, one] * self.information[other, other])
-        return abs(float(self.information[one, other])) / length
+        length = math.sqrt(self.information[first, first] * self.information[second, second])
+        return abs(float(self.information[first, second])) / length
 
     def part(self, tried: range) -> "Scores":
         """Those of some that were tried, their numbers counted from the first; what has no signature is not there."""
@@ -68,9 +68,9 @@ class Scores:
         information = self.information[np.ix_(rows, rows)]
         return np.asarray(np.linalg.lstsq(information, self.gradient[list(rows)], rcond=1e-9)[0])
 
-    def pair_gain(self, one: int, other: int) -> float:
+    def pair_gain(self, first: int, second: int) -> float:
         """Gain of two rows together."""
-        return float(self.gradient[[one, other]] @ self.sizes((one, other)))
+        return float(self.gradient[[first, second]] @ self.sizes((first, second)))
 
 
 def weights_of(here: Residuals) -> NDArray[np.float64]:
@@ -81,26 +81,26 @@ def weights_of(here: Residuals) -> NDArray[np.float64]:
 def scored(
     effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: Signature, here: Residuals
 ) -> Scores:
-    """Scores of effects (m,) by their signatures (n, m) in what is left. numbers: as of `Scores`."""
+    """Scores of effects (m,) by their signatures (n, m) in the residuals. numbers: as of `Scores`."""
     left = np.asarray(weights_of(here) * here.z, np.float32)
     ends = np.cumsum(here.counts)
     parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
     information = np.array([slopes[part].T @ slopes[part] for part in parts], np.float64)
     gradient = np.array([slopes[part].T @ left[part] for part in parts], np.float64)
     own = np.diagonal(information, axis1=1, axis2=2)
-    whole, total = own.sum(axis=0), gradient.sum(axis=0)
+    own_total, total = own.sum(axis=0), gradient.sum(axis=0)
     lowest, highest = (
         np.array([getattr(one.parameters[0], name) for one in effects]) for name in ("lowest", "highest")
     )
-    sizes = np.clip(total / whole, lowest, highest)
-    without = np.maximum(whole - own, 1e-12 * whole)
+    sizes = np.clip(total / own_total, lowest, highest)
+    without = np.maximum(own_total - own, 1e-12 * own_total)
     validated = np.clip((total - gradient) / without, lowest, highest)
     return Scores(
         tuple(effects),
         numbers,
         information,
         gradient,
-        2.0 * sizes * total - sizes**2 * whole,
+        2.0 * sizes * total - sizes**2 * own_total,
         np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
         slopes,
         float(np.sum(left**2, dtype=np.float64)),

@@ -1,4 +1,4 @@
-"""The search for what is missing: effects by name, alone and in pairs, and laws; its verdict is a posterior."""
+"""The search for the missing effect: effects by name, alone and in pairs, and laws; its verdict is a posterior."""
 
 import math
 from collections.abc import Sequence
@@ -32,10 +32,10 @@ PAIR = 2
 class SearchOutcome:
     """Result of the search.
 
-    winner: what is best by name, the nominal model when nothing is accepted; laws: what was found of laws, None where
-    they were not asked; posterior: probabilities of all that explains the recordings, the best first; fitted: all
-    candidates; threshold: the gain an effect had to exceed; ratio: of the winner's worst phase to its limit, above 1
-    when the winner does not explain the recordings, not even with an effect too small to matter.
+    winner: the best named effects, the nominal model when none is accepted; laws: the laws found, None where they
+    were not tried; posterior: probabilities of all candidates that explain the recordings, the best first; fitted:
+    all candidates; threshold: the gain an effect had to exceed; ratio: of the winner's worst phase to its limit,
+    above 1 when the winner does not explain the recordings, not even with an effect too small to matter.
     """
 
     nominal: Candidate
@@ -60,17 +60,17 @@ class SearchOutcome:
     @property
     def left(self) -> tuple[Candidate, ...]:
         """The fewest explanations that together are as good as sure, the most probable first."""
-        found, sum_of = list[Candidate](), 0.0
-        for one, probability in self.posterior:
+        candidates, sum_of = list[Candidate](), 0.0
+        for candidate, probability in self.posterior:
             if sum_of >= SURE * HIGHEST:
                 break
-            found.append(one)
+            candidates.append(candidate)
             sum_of += probability
-        return tuple(found)
+        return tuple(candidates)
 
-    def probability(self, one: Candidate) -> float:
-        """Probability of an explanation; 0 of what is none."""
-        return next((odds for other, odds in self.posterior if other.key == one.key), 0.0)
+    def probability(self, candidate: Candidate) -> float:
+        """Probability of an explanation; 0 for other candidates."""
+        return next((odds for other, odds in self.posterior if other.key == candidate.key), 0.0)
 
 
 def representatives() -> tuple[Effect, ...]:
@@ -128,8 +128,8 @@ class Search:
         if adequate:
             explains = [best, *self._contenders(best, fitted), nominal]
         if laws is not None and laws.adequate:
-            found = (laws.best, *laws.rivals)
-            explains += [one for one in found if one.terms]
+            best_laws = (laws.best, *laws.rivals)
+            explains += [one for one in best_laws if one.terms]
         return SearchOutcome(
             nominal,
             best,
@@ -166,12 +166,14 @@ class Search:
         """Probabilities of explanations, the best by name among them; beside nothing others pay their threshold."""
         accepted = 0.0 if best.ids else self._threshold(best)
 
-        def cost(one: Candidate) -> float:
-            return one.price + (accepted if one.ids else 0.0)
+        def cost(candidate: Candidate) -> float:
+            return candidate.price + (accepted if candidate.ids else 0.0)
 
-        once = {frozenset(one.ids): one for one in reversed(explains)}  # the first fit of each
+        once = {
+            frozenset(candidate.ids): candidate for candidate in reversed(explains)
+        }  # the first fit of each
         ranked = sorted(once.values(), key=cost)
-        behind = [cost(one) - cost(ranked[0]) for one in ranked]
+        behind = [cost(candidate) - cost(ranked[0]) for candidate in ranked]
         return tuple(zip(ranked, probabilities(behind), strict=True))
 
     def _contenders(self, winner: Candidate, fitted: Sequence[Candidate]) -> tuple[Candidate, ...]:
@@ -228,7 +230,7 @@ class Search:
     ) -> Candidate | None:
         """The best candidate whose every effect is plausible and pays for itself; None: no better one.
 
-        parts: fitted singles, of which a pair must beat each of its own.
+        parts: fitted singles; a pair must beat each of its own.
         """
         limit = np.inf
         for candidate in candidates:
@@ -256,16 +258,16 @@ class Search:
         """Whether every size differs from what the effect appears to be on the healthy injector."""
         if not self._baseline.appears:
             return True
-        sigmas, place = self._fitter.sigmas(candidate), 0
+        sigmas, position = self._fitter.sigmas(candidate), 0
         for effect, values in zip(
             candidate.hypothesis.effects, candidate.hypothesis.split(candidate.theta), strict=True
         ):
             mean, sigma = self._fitter.reference(effect)
             if values.size and abs(values[0] - mean) < math.sqrt(self._least_gain) * math.hypot(
-                float(sigmas[place]), sigma
+                float(sigmas[position]), sigma
             ):
                 return False
-            place += values.size
+            position += values.size
         return True
 
     def _threshold(self, candidate: Candidate) -> float:

@@ -25,12 +25,12 @@ _RATE = {
 def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange:
     """Ranges of pressures, flows, speeds and what counts from an opening or the start, in the units of laws."""
     events = [(one, event) for one in measured for event in one.events]
-    found = {
+    ranges = {
         Variable.INJECTION_NUMBER: (1.0, float(max(e.clock.injections + len(e.openings) for _, e in events)))
     }
-    found[Variable.TIME] = (0.0, max(e.clock.time + (e.end - e.start) * one.interval for one, e in events))
+    ranges[Variable.TIME] = (0.0, max(e.clock.time + (e.end - e.start) * one.interval for one, e in events))
     since = max((e.end - e.openings[-1].first) * one.interval for one, e in events)
-    found[Variable.TIME_SINCE_OPENING] = (0.0, since / MILLISECOND)
+    ranges[Variable.TIME_SINCE_OPENING] = (0.0, since / MILLISECOND)
     for name, unit in (
         ("rail_pressure", MEGAPASCAL),
         ("line_pressure", MEGAPASCAL),
@@ -41,17 +41,17 @@ def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange
             np.diff(each) * (MILLISECOND / one.interval)
             for each, (one, _) in zip(values, events, strict=True)
         ]
-        found[VARIABLES[_RATE[name]]] = _widened(changes)
+        ranges[VARIABLES[_RATE[name]]] = _widened(changes)
         low, high = _widened(values)
-        found[VARIABLES[name]] = max(low, 0.0), high
-    del found[Variable.NEEDLE_LIFT]  # which may be anywhere up to its stop
-    found[Variable.SAC_PRESSURE] = 0.0, found[Variable.LINE_PRESSURE][1]
+        ranges[VARIABLES[name]] = max(low, 0.0), high
+    del ranges[Variable.NEEDLE_LIFT]  # which may be anywhere up to its stop
+    ranges[Variable.SAC_PRESSURE] = 0.0, ranges[Variable.LINE_PRESSURE][1]
     flow = FLOW_MARGIN * max(float(np.max(run.rate)) for one in measured for run in simulated(one, model))
     for variable in (Variable.LINE_FLOW, Variable.SEAT_FLOW, Variable.NOZZLE_FLOW):
-        found[variable] = -flow / MM3_PER_MS, flow / MM3_PER_MS
+        ranges[variable] = -flow / MM3_PER_MS, flow / MM3_PER_MS
     return {
         variable: (float(f"{low:.{_DIGITS}g}"), float(f"{high:.{_DIGITS}g}"))
-        for variable, (low, high) in found.items()
+        for variable, (low, high) in ranges.items()
         if low < high
     }
 

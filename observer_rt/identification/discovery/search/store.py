@@ -33,7 +33,7 @@ def problem_key(
 ) -> str:
     """Hashes the problem that fits belong to: model, recordings (SHA-256 of each) and this program.
 
-    stated: what is known of the recordings' channels.
+    stated: delays and lags of the recordings' channels.
     """
     why = {"__all__": {"origin", "evidence", "date"}}
     model = parameters.model_dump(mode="json", exclude={"format": True, "effects": why, "terms": why})

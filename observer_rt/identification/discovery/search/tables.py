@@ -48,8 +48,8 @@ ODD = Symmetry(
 
 def tables(curves: Sequence[FreeCurve], score: Score) -> list[Effect]:
     """Tables near the curves that would gain most, none over time, by which everything can be said."""
-    known = (one for one in curves if one.axis is not SINCE)
-    coarse = sorted(known, key=_gain, reverse=True)[:MOST_TABLES]
+    usable = (one for one in curves if one.axis is not SINCE)
+    coarse = sorted(usable, key=_gain, reverse=True)[:MOST_TABLES]
     finer = [(one.equation, _with_midpoints(one.axis), one.factor) for one in coarse]
     made = (_simplest(one, _price(one)) for one in free_curves(finer, score))
     return [one for one in made if one is not None]
@@ -79,24 +79,24 @@ def _values(information: Floats, gradient: Floats) -> Floats:
 
 
 def _simplest(curve: FreeCurve, price: float) -> Effect | None:
-    """The table of the symmetry and knots that explain most of what is left out, each knot at its price.
+    """The table of the symmetry and knots that explain most of the held-out residuals, each knot at its price.
 
     None where all go up and down.
     """
     knots = curve.knots
-    found: list[tuple[float, Symmetry, list[int]]] = []
+    choices: list[tuple[float, Symmetry, list[int]]] = []
     for symmetry in (NONE, EVEN, ODD) if (knots < 0.0).any() else (NONE,):
         kept = [number for number, knot in enumerate(knots.tolist()) if knot >= symmetry.first]
         while len(kept) >= min(LEAST_KNOTS, knots.size):
             if len(kept) <= symmetry.most and _is_smooth(_best_values(curve, symmetry, kept)):
-                found.append((_validated(curve, symmetry, kept) - price * len(kept), symmetry, list(kept)))
-            rest = [[one for one in kept if one != left] for left in kept]
+                choices.append((_validated(curve, symmetry, kept) - price * len(kept), symmetry, list(kept)))
+            smaller = [[one for one in kept if one != left] for left in kept]
             if len(kept) < 2:
                 break
-            kept = max(rest, key=lambda some: _explained(curve, symmetry, some))
-    if not found:
+            kept = max(smaller, key=lambda some: _explained(curve, symmetry, some))
+    if not choices:
         return None
-    _, symmetry, kept = max(found, key=lambda item: item[0])
+    _, symmetry, kept = max(choices, key=lambda item: item[0])
     return _table(curve, symmetry, kept)
 
 

@@ -83,27 +83,27 @@ def decide_by(ids: Iterable[str], rate_measured: bool = False) -> tuple[Decisive
 
 def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -> tuple[Decisive, ...]:
     """The measurements that would tell the first proposal from the others; see `decide_by`."""
-    found = []
+    decisions = []
     for number, other in enumerate(proposals[1:], start=2):
-        ours, theirs = (one.found.hypothesis.effects for one in (proposals[0], other))
-        one = next((effect for effect in ours if effect not in theirs), ours[0])
+        ours, theirs = (first.found.hypothesis.effects for first in (proposals[0], other))
+        first = next((effect for effect in ours if effect not in theirs), ours[0])
         instead = next((effect for effect in theirs if effect not in ours), theirs[0])
-        found.append((_measurement(one, instead, rate_measured), ("proposal 1", f"proposal {number}")))
-    return _by_measurement(found)
+        decisions.append((_measurement(first, instead, rate_measured), ("proposal 1", f"proposal {number}")))
+    return _by_measurement(decisions)
 
 
-def _by_measurement(found: Iterable[tuple[str, tuple[str, str]]]) -> tuple[Decisive, ...]:
+def _by_measurement(decisions: Iterable[tuple[str, tuple[str, str]]]) -> tuple[Decisive, ...]:
     """Every measurement once, with all that it tells apart."""
     separated: dict[str, dict[str, None]] = {}
-    for measurement, names in found:
+    for measurement, names in decisions:
         separated.setdefault(measurement, {}).update(dict.fromkeys(names))
     return tuple(Decisive(measurement, tuple(names)) for measurement, names in separated.items())
 
 
-def _measurement(one: Effect, other: Effect, rate_measured: bool) -> str:
+def _measurement(first: Effect, second: Effect, rate_measured: bool) -> str:
     """Finds the measurement that decides, by what the effects state, else by their places."""
-    relation, places = one.relation_to(other), {one.place, other.place}
-    said = relation.decided_by if relation is not None else one.decided_by or other.decided_by
+    relation, places = first.relation_to(second), {first.place, second.place}
+    said = relation.decided_by if relation is not None else first.decided_by or second.decided_by
     if said:
         return WITH_A_MEASURED_RATE.get(said, said) if rate_measured else said
     if places <= _BESIDE_SHUT_NEEDLE and len(places) > 1 and not rate_measured:
@@ -130,15 +130,15 @@ class SearchOptions:
 
 
 def name_effects(
-    nominal: EffectiveModel, found: Sequence[Measurement], options: SearchOptions | None = None
+    nominal: EffectiveModel, recordings: Sequence[Measurement], options: SearchOptions | None = None
 ) -> Discovery:
     """The missing effects, fitted to all recordings.
 
-    Raises `RunError` when the nominal model has no finite solution on them, `UserError` when what is chosen is no
-    answer to them.
+    Raises `RunError` when the nominal model has no finite solution on them, `UserError` when the chosen effects are
+    no answer to them.
     """
     options = options or SearchOptions()
-    likelihood = joint_likelihood(found, nominal, options.baseline.shape)
+    likelihood = joint_likelihood(recordings, nominal, options.baseline.shape)
     effects = representatives()
     done = 0
 
@@ -162,13 +162,13 @@ def name_effects(
     return result
 
 
-def _led_by(found: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
+def _led_by(outcome: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
     """The outcome led by what the user chose. Raises `UserError` when the recordings do not leave it open."""
-    tied = _names_left(found)
-    for one in tied:
-        if set(one.ids) == set(chosen):
-            return replace(found, winner=one)
-    left = ", ".join(" + ".join(one.ids) for one in tied if one.ids) or "nothing"
+    tied = _names_left(outcome)
+    for candidate in tied:
+        if set(candidate.ids) == set(chosen):
+            return replace(outcome, winner=candidate)
+    left = ", ".join(" + ".join(candidate.ids) for candidate in tied if candidate.ids) or "nothing"
     raise UserError(
         f"--choose {'+'.join(chosen)}",
         f"is no answer to these recordings, which leave open: {left}",
@@ -178,49 +178,49 @@ def _led_by(found: SearchOutcome, chosen: Sequence[str]) -> SearchOutcome:
 
 def healthy_baseline(
     nominal: EffectiveModel,
-    found: Sequence[Measurement],
+    recordings: Sequence[Measurement],
     workers: int = 1,
-    known: Healthy = NOT_FITTED,
+    remembered: Healthy = NOT_FITTED,
 ) -> tuple[Healthy, Discovery]:
     """Measures what healthy recordings leave unexplained; discovery finds `none` in them for an adequate model.
 
-    known: what the model's own fit remembers of the healthy injector.
+    remembered: what the model's own fit remembers of the healthy injector.
     """
-    likelihood = joint_likelihood(found, nominal, known.shape)
+    likelihood = joint_likelihood(recordings, nominal, remembered.shape)
     judged = likelihood.judge(nominal)
     if judged is None:
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
-    discovery = name_effects(nominal, found, SearchOptions(workers, baseline=known))
-    remainder = healthy_remainder(likelihood, nominal, representatives(), known)
+    discovery = name_effects(nominal, recordings, SearchOptions(workers, baseline=remembered))
+    remainder = healthy_remainder(likelihood, nominal, representatives(), remembered)
     rate = pool_of(likelihood, judged).get(Signal.INJECTION_RATE)
     return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery
 
 
-def _names_left(found: SearchOutcome) -> tuple[Candidate, ...]:
+def _names_left(outcome: SearchOutcome) -> tuple[Candidate, ...]:
     """What the recordings leave open that has a name, the winner first; nothing where they leave laws only."""
-    named = [one for one in found.left if one.ids and not one.terms]
-    if not found.adequate or not found.winner.ids or not named:
+    named = [one for one in outcome.left if one.ids and not one.terms]
+    if not outcome.adequate or not outcome.winner.ids or not named:
         return ()
-    return (found.winner, *(one for one in named if one.key != found.winner.key))
+    return (outcome.winner, *(one for one in named if one.key != outcome.winner.key))
 
 
 class _Verdict:
     """The result of a search in the words of a `Discovery`."""
 
     def __init__(
-        self, fitter: Fitter, found: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints
+        self, fitter: Fitter, outcome: SearchOutcome, baseline: Healthy, held_out: HeldOutPoints
     ) -> None:
         self._fitter = fitter
         self._held_out = held_out
         self._nominal = fitter.nominal
         self._likelihood = fitter.likelihood
-        self._found = found
+        self._found = outcome
         self._baseline = baseline
-        self._names = _names_left(found)
-        laws = [one for one in found.left if one.terms]
-        if found.laws is not None and not found.posterior:  # nothing explains all
-            laws = [one for one in (found.laws.best, *found.laws.rivals) if one.terms]
-        proposer = Proposer(fitter, found, baseline, held_out)
+        self._names = _names_left(outcome)
+        laws = [one for one in outcome.left if one.terms]
+        if outcome.laws is not None and not outcome.posterior:  # nothing explains all
+            laws = [one for one in (outcome.laws.best, *outcome.laws.rivals) if one.terms]
+        proposer = Proposer(fitter, outcome, baseline, held_out)
         proposals = proposer.proposals(laws[:MOST_PROPOSED])
         self._proposals = with_parts(proposals, self._likelihood, self._nominal)
 
@@ -235,39 +235,39 @@ class _Verdict:
         return Verdict.AMBIGUOUS if np.ptp(masses) > MASS_APART else Verdict.UNKNOWN
 
     def _confidence(self, verdict: Verdict) -> float:
-        """Probability of what is said: of the name or law that leads, of all laws, or that nothing is missing."""
-        found, laws = self._found, [one.probability for one in self._proposals]
+        """Probability of the verdict: of the name or law that leads, of all laws, or that nothing is missing."""
+        outcome, laws = self._found, [one.probability for one in self._proposals]
         if self._names or not self._proposals:
-            sure = found.probability(found.winner)
+            sure = outcome.probability(outcome.winner)
         else:
             sure = sum(laws) if verdict is Verdict.UNKNOWN else laws[0]
-        if not found.posterior:
-            sure = HIGHEST * (1.0 - 0.5 / found.ratio)
+        if not outcome.posterior:
+            sure = HIGHEST * (1.0 - 0.5 / outcome.ratio)
         return sure if self._baseline.adequate else min(sure, WITH_A_WRONG_MODEL)
 
     def discovery(self) -> Discovery:
         """Everything together."""
-        found, verdict = self._found, self._verdict()
+        outcome, verdict = self._found, self._verdict()
         confidence = self._confidence(verdict)
-        by_name = (one for one in found.fitted if not one.terms)
-        best = found.winner if found.adequate else min(by_name, key=attrgetter("statistic"))
+        by_name = (one for one in outcome.fitted if not one.terms)
+        best = outcome.winner if outcome.adequate else min(by_name, key=attrgetter("statistic"))
         recordings = self._likelihood.recordings
         noise = [recorded.measurement.noise for recorded in recordings]
         with_rate = any(recorded.rate_phases.size for recorded in recordings)
-        after, gain = self._cells(best), found.nominal.statistic - found.winner.statistic
+        after, gain = self._cells(best), outcome.nominal.statistic - outcome.winner.statistic
         left = max(0.0, sum(cell.samples * (cell.variance - 1.0) for cell in after))
         explained = gain / (gain + left) if gain > 0.0 else 0.0
         open_ids = [one for name in self._names for one in name.ids]
-        is_open = bool(self._proposals) or not found.adequate
+        is_open = bool(self._proposals) or not outcome.adequate
         return Discovery(
             verdict=verdict,
-            named=found.winner if self._names else found.nominal,
+            named=outcome.winner if self._names else outcome.nominal,
             best=best,
             effects=self._effects(confidence, explained) if self._names else (),
             rivals=tuple(one.ids for one in self._names[1:]),
             ranking=self._ranking(),
             samples=float(sum(each.phases.size + each.rate_phases.size for each in recordings)),
-            detection=Detection(gain, found.threshold),
+            detection=Detection(gain, outcome.threshold),
             explained=explained,
             confidence=confidence,
             confidence_method=METHOD,
@@ -276,7 +276,7 @@ class _Verdict:
                 *(decide_by(open_ids, with_rate) if verdict is Verdict.AMBIGUOUS else ()),
                 *decide_between(self._proposals, with_rate),
             ),
-            before=self._cells(found.nominal),
+            before=self._cells(outcome.nominal),
             after=after,
             noise=NoiseLevels(
                 *(
@@ -288,14 +288,14 @@ class _Verdict:
             proposals=self._proposals,
         )
 
-    def _smallest_visible(self, one: Signature) -> SmallestVisible:
-        first, size = one.effect.parameters[0], self._fitter.smallest_visible(one)
-        return SmallestVisible(one.effect.id, first.name, size / first.si, first.unit)
+    def _smallest_visible(self, signature: Signature) -> SmallestVisible:
+        first, size = signature.effect.parameters[0], self._fitter.smallest_visible(signature)
+        return SmallestVisible(signature.effect.id, first.name, size / first.si, first.unit)
 
     def _effects(self, confidence: float, explained: float) -> tuple[FittedEffect, ...]:
         """The winner's effects. explained: share of the disagreement."""
         winner = self._found.winner
-        whole, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
+        full_model, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
         gains = [self._gain(number) for number in range(len(winner.ids))]
         result = []
         for number, (effect, gain) in enumerate(zip(winner.hypothesis.effects, gains, strict=True)):
@@ -307,7 +307,7 @@ class _Verdict:
                 if one not in winner.ids
             ]
             others = tuple(dict.fromkeys((*indistinguishable(effect), *instead)))
-            moves = self._moves(winner.model_without(number, self._nominal), whole)
+            moves = self._moves(winner.model_without(number, self._nominal), full_model)
             share = explained * gain / sum(gains)
             result.append(
                 FittedEffect(effect.id, parameters[effect.id], confidence, others, share, moves, gain)
@@ -318,33 +318,33 @@ class _Verdict:
         """Rise of -2 log L without one of the winner's effects."""
         winner = self._found.winner
         effects, sizes = winner.hypothesis.effects, list(winner.hypothesis.split(winner.theta))
-        rest = Hypothesis(effects[:number] + effects[number + 1 :])
-        known = [one for one in self._found.fitted if set(one.ids) == set(rest.ids)]
+        others = Hypothesis(effects[:number] + effects[number + 1 :])
+        known = [one for one in self._found.fitted if set(one.ids) == set(others.ids)]
         del sizes[number]  # of two out of three nobody fitted what the search did not ask for
-        known = known or [*self._fitter.laws([(rest, np.concatenate(sizes))]), self._found.nominal]
+        known = known or [*self._fitter.laws([(others, np.concatenate(sizes))]), self._found.nominal]
         return min(one.statistic for one in known) - winner.statistic
 
-    def _with_intervals(self, one: Candidate) -> Candidate:
+    def _with_intervals(self, candidate: Candidate) -> Candidate:
         """A candidate with the intervals of its sizes: by the information at the minimum, by how much the effect
         appears to be now more, now less, on the healthy injector, and by how exact a fitted model is."""
-        variances = (INTERVAL_MARGIN * self._fitter.sigmas(one)) ** 2
+        variances = (INTERVAL_MARGIN * self._fitter.sigmas(candidate)) ** 2
         if self._baseline.appears:
-            variances += (MODEL_SHARE * one.theta) ** 2
-        place = 0
-        for effect in one.hypothesis.effects:
+            variances += (MODEL_SHARE * candidate.theta) ** 2
+        position = 0
+        for effect in candidate.hypothesis.effects:
             if effect.parameters:
-                variances[place] += self._fitter.reference(effect)[1] ** 2
-            place += len(effect.parameters)
-        return replace(one, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
+                variances[position] += self._fitter.reference(effect)[1] ** 2
+            position += len(effect.parameters)
+        return replace(candidate, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 
     def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
         return consequence([recorded.measurement for recorded in self._likelihood.recordings], before, after)
 
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by what they cost, the winner, its rivals and the nominal model among them, by -2 log L."""
-        found = self._found
-        leaders = best_of_each(found.fitted, attrgetter("price"))[:RANKED]
-        shown = (*leaders, found.winner, *self._names, *found.left, found.nominal)
+        outcome = self._found
+        leaders = best_of_each(outcome.fitted, attrgetter("price"))[:RANKED]
+        shown = (*leaders, outcome.winner, *self._names, *outcome.left, outcome.nominal)
         chosen = {one.key: one for one in shown}.values()
         return tuple(
             replace(
@@ -355,22 +355,26 @@ class _Verdict:
             for one in sorted(chosen, key=lambda one: one.statistic)
         )
 
-    def _cells(self, one: Candidate) -> tuple[Cell, ...]:
-        judged = self._fitter.judged(one)
-        return () if judged is None else cells_of(self._likelihood, judged, one.model(self._nominal))
+    def _cells(self, candidate: Candidate) -> tuple[Cell, ...]:
+        judged = self._fitter.judged(candidate)
+        return () if judged is None else cells_of(self._likelihood, judged, candidate.model(self._nominal))
 
     def _unexplained(self, best: Candidate) -> Unexplained | None:
         """Where the model as given fails most, and the equation and variables of what explains most of it."""
         pool = self._fitter.pool(self._found.nominal)
         assert pool is not None  # the search began with it
-        place = worst(pool, self._baseline)
+        worst_cell = worst(pool, self._baseline)
         leading = self._proposals[0].found if self._proposals else best
         variables = {one.word for term in leading.terms for one in term.law.variables}
         equations = [effect.equation for effect in leading.hypothesis.effects]
         if not equations:
             return None
         return Unexplained(
-            equations[0], place.phase, place.signal, tuple(sorted(variables)), " + ".join(leading.ids)
+            equations[0],
+            worst_cell.phase,
+            worst_cell.signal,
+            tuple(sorted(variables)),
+            " + ".join(leading.ids),
         )
 
 

@@ -24,7 +24,7 @@ SWINGING = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermE
 
 def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Effect]]:
     """Sine and cosine of every frequency [Hz] at every place; longest: recording [s], which says how exact it is."""
-    found = []
+    pairs = []
     for frequency in frequencies:
         numbers = FormNumber(frequency, frequency - 1.0 / longest, frequency + 1.0 / longest)
         for equation in SWINGING:
@@ -34,12 +34,12 @@ def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Ef
                 )
                 for phase in (0.0, 0.5 * math.pi)
             )
-            found.append((sine, cosine))
-    return found
+            pairs.append((sine, cosine))
+    return pairs
 
 
 def turned(sine: Effect, swings: Sequence[float]) -> Effect:
-    """A wave of which these two are the shares of sine and cosine, as one term with a phase."""
+    """A wave with these shares of sine and cosine, as one term with a phase."""
     law = sine.apply
     assert isinstance(law, TermLaw)
     frequency, phase = law.numbers
@@ -66,9 +66,9 @@ def lines(
     power = np.where(power > STANDS_OUT * background[: power.size], power, 0.0)
     first, last = round(LOWEST / step), round(HIGHEST / (interval * step))
     power[:first] = power[last:] = 0.0
-    found: list[float] = []
-    while len(found) < MOST_LINES and power.any():
+    frequencies: list[float] = []
+    while len(frequencies) < MOST_LINES and power.any():
         top = int(np.argmax(power))
-        found.append(top * step)
+        frequencies.append(top * step)
         power[max(0, top - round(APART / step)) : top + round(APART / step)] = 0.0
-    return found
+    return frequencies

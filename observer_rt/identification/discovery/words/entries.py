@@ -1,4 +1,4 @@
-"""Entries of findings.json that are told otherwise than the search keeps them.
+"""Entries of findings.json that differ from the fields of the search.
 
 What makes them is given the `Findings` they belong to.
 """
@@ -110,16 +110,16 @@ class Unknown(DocumentPart):
     proposals: tuple[ProposalEntry, ...]
 
 
-def ranked(one: Candidate, findings: Any) -> RankedCandidate:
+def ranked(candidate: Candidate, findings: Any) -> RankedCandidate:
     """A candidate of the ranking."""
     return RankedCandidate(
-        ids=one.ids,
-        held_out_chi2=one.held_out,
-        chi2=one.statistic,
+        ids=candidate.ids,
+        held_out_chi2=candidate.held_out,
+        chi2=candidate.statistic,
         n_effective=findings.samples,
-        parameters=tuple(one.parameters.values()),
-        plausible=one.plausible,
-        moves=one.moves,
+        parameters=tuple(candidate.parameters.values()),
+        plausible=candidate.plausible,
+        moves=candidate.moves,
     )
 
 
@@ -143,10 +143,10 @@ def _figures(cell: Cell) -> dict[str, float | None]:
     return {"nrmse": math.sqrt(cell.variance), "significance": cell.excess, rms: cell.rms / cell.signal.si}
 
 
-def gap_entry(found: ModelGaps, _: object) -> GapEntry:
+def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
     """Rms of model minus measurement by signal: `before` as given, `after` amended, `noise_floor`; with units."""
     result: GapEntry = {"line_pressure": None, "injection_rate": None}
-    for name, gap in found.printed.items():
+    for name, gap in gaps.printed.items():
         unit = _key(gap.unit)
         stated: dict[str, Number | bool] = {f"before_{unit}": gap.before, f"after_{unit}": gap.after}
         is_mass = name == "injected_mass"
@@ -161,7 +161,7 @@ def _key(unit: str) -> str:
 
 
 def unknown(left: Unexplained | None, findings: Any) -> Unknown | None:
-    """What is unexplained, with the proposals."""
+    """The unexplained part, with the proposals."""
     if left is None:
         return None
     return Unknown(
@@ -170,24 +170,24 @@ def unknown(left: Unexplained | None, findings: Any) -> Unknown | None:
     )
 
 
-def _proposal(number: int, one: Proposal) -> ProposalEntry:
-    before, after = one.held_out
-    sizes = one.found.parameters
+def _proposal(number: int, proposal: Proposal) -> ProposalEntry:
+    before, after = proposal.held_out
+    sizes = proposal.found.parameters
     return ProposalEntry(
         number=number,
-        sentence=proposal_words(one),
-        terms=tuple(_term(term, one.largest_lift) for term in one.terms),
-        effects=tuple(ProposedEffect(id=name, parameters=sizes[name]) for name in one.effects),
-        gain=one.gain,
-        probability=one.probability,
-        phase=PHASE_NAMES[one.phase],
-        adequate=one.adequate,
-        sound=one.unsound is None,
-        may_enter=one.may_enter,
+        sentence=proposal_words(proposal),
+        terms=tuple(_term(term, proposal.largest_lift) for term in proposal.terms),
+        effects=tuple(ProposedEffect(id=name, parameters=sizes[name]) for name in proposal.effects),
+        gain=proposal.gain,
+        probability=proposal.probability,
+        phase=PHASE_NAMES[proposal.phase],
+        adequate=proposal.adequate,
+        sound=proposal.unsound is None,
+        may_enter=proposal.may_enter,
         gap_held_out={"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
-        moves=one.found.moves,
-        seen=one.seen_of_terms,
-        in_part=one.part,
+        moves=proposal.found.moves,
+        seen=proposal.seen_of_terms,
+        in_part=proposal.part,
     )
 
 

@@ -119,7 +119,7 @@ def with_largest_lift(law: Law, largest: float | None) -> Law:
 
 
 def product_of(law: Law) -> Product:
-    """Factors of a law; its coefficient is none."""
+    """Factors of a law, without its coefficient."""
     match law:
         case Coefficient():
             return Product(1.0, (), ())
@@ -128,8 +128,8 @@ def product_of(law: Law) -> Product:
         case Quantity(variable) if variable in GATES:
             return Product(1.0, (variable,), ())
         case Applied(Operation.NEGATE, (argument,)):
-            found = product_of(argument)
-            return Product(-found.size, found.gates, found.factors)
+            product = product_of(argument)
+            return Product(-product.size, product.gates, product.factors)
         case Applied(Operation.MULTIPLY, arguments):
             parts = [product_of(one) for one in arguments]
             size = parts[0].size * parts[1].size
@@ -139,17 +139,17 @@ def product_of(law: Law) -> Product:
             )
             return Product(size, gates, factors)
         case Applied(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
-            found = product_of(argument)
-            return Product(found.size / number.reckoned, found.gates, found.factors)
+            product = product_of(argument)
+            return Product(product.size / number.reckoned, product.gates, product.factors)
     return Product(1.0, (), (law,))
 
 
 def line_of(law: Law) -> StraightLaw | None:
     """A law that is a straight line over one physical quantity; None of any other."""
-    found = _combination(law)
-    if found is None:
+    combination = _combination(law)
+    if combination is None:
         return None
-    slopes, constant = found
+    slopes, constant = combination
     first = next(iter(slopes), None)
     if first is None:
         return None
@@ -180,10 +180,10 @@ def _combination(law: Law) -> _Combination | None:
             return {_SHARE: 1.0}, 0.0
         case Applied(Operation.NEGATE, (argument,)):
             return _times(_combination(argument), -1.0)
-        case Applied(Operation.ADD, (one, other)):
-            return _sum(_combination(one), _combination(other))
-        case Applied(Operation.SUBTRACT, (one, other)):
-            return _sum(_combination(one), _times(_combination(other), -1.0))
+        case Applied(Operation.ADD, (left, right)):
+            return _sum(_combination(left), _combination(right))
+        case Applied(Operation.SUBTRACT, (left, right)):
+            return _sum(_combination(left), _times(_combination(right), -1.0))
         case Applied(Operation.MULTIPLY, arguments):
             first, second = map(_combination, arguments)
             if first is None or second is None or (first[0] and second[0]):
@@ -194,14 +194,14 @@ def _combination(law: Law) -> _Combination | None:
     return None
 
 
-def _times(one: _Combination | None, factor: float) -> _Combination | None:
-    if one is None:
+def _times(combination: _Combination | None, factor: float) -> _Combination | None:
+    if combination is None:
         return None
-    return {variable: factor * slope for variable, slope in one[0].items()}, factor * one[1]
+    return {variable: factor * slope for variable, slope in combination[0].items()}, factor * combination[1]
 
 
-def _sum(one: _Combination | None, other: _Combination | None) -> _Combination | None:
-    if one is None or other is None:
+def _sum(left: _Combination | None, right: _Combination | None) -> _Combination | None:
+    if left is None or right is None:
         return None
-    slopes = {v: one[0].get(v, 0.0) + other[0].get(v, 0.0) for v in (*one[0], *other[0])}
-    return {variable: slope for variable, slope in slopes.items() if slope}, one[1] + other[1]
+    slopes = {v: left[0].get(v, 0.0) + right[0].get(v, 0.0) for v in (*left[0], *right[0])}
+    return {variable: slope for variable, slope in slopes.items() if slope}, left[1] + right[1]

@@ -17,17 +17,7 @@ from observer_rt.identification.discovery.words.law_reading import (
     with_largest_lift,
     with_unit,
 )
-from observer_rt.model.terms.law import (
-    ONE,
-    ZERO,
-    Applied,
-    Lagged,
-    Law,
-    Number,
-    Operation,
-    Ringing,
-    Tabulated,
-)
+from observer_rt.model.terms.law import ONE, ZERO, Applied, Lagged, Law, Number, Operation, Ringing, Tabulated
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -76,7 +66,7 @@ _AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
 class Reading:
     """A simple law in words.
 
-    size: what the coefficient is multiplied by; per: quantity of which the amount is one of, empty where it is a
+    size: factor of the coefficient; per: quantity that the amount refers to, empty where it is a
     plain amount; where: when and where it is so much.
     """
 
@@ -163,8 +153,8 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
     match factors:
         case ():
             return Reading(1.0, "")
-        case (one,):
-            return _read_one(one)
+        case (first,):
+            return _read_one(first)
         case (Applied(Operation.EXP) as fades, Applied(Operation.SIN, (turns,))):
             decay, swing = _decay(fades), line_of(turns)
             if decay is None or swing is None or swing.subject.of != SINCE:
@@ -173,28 +163,28 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
             return Reading(
                 1.0, f"at most, ringing at {kilohertz:.3g} kHz after every opening for {decay:.3g} ms"
             )
-        case (one, Applied(Operation.ABS, (other,))):
-            squared = _squared(line_of(one), line_of(other), "as its square, either way")
-        case (one, other):
-            squared = _squared(line_of(one), line_of(other), "as its square")
+        case (first, Applied(Operation.ABS, (second,))):
+            squared = _squared(line_of(first), line_of(second), "as its square, either way")
+        case (first, second):
+            squared = _squared(line_of(first), line_of(second), "as its square")
         case _:
             squared = None
     return squared or _limited(_read(factors[:-1]), _read_one(factors[-1]))
 
 
-def _limited(one: Reading | None, by: Reading | None) -> Reading | None:
+def _limited(reading: Reading | None, by: Reading | None) -> Reading | None:
     """A law times another that says when or where it is."""
-    if one is None or by is None or by.per:
+    if reading is None or by is None or by.per:
         return None
-    return Reading(one.size * by.size, f"{one.where}, {by.where}", one.per)
+    return Reading(reading.size * by.size, f"{reading.where}, {by.where}", reading.per)
 
 
-def _squared(one: StraightLaw | None, other: StraightLaw | None, words: str) -> Reading | None:
+def _squared(left: StraightLaw | None, right: StraightLaw | None, words: str) -> Reading | None:
     """The product of two straight lines over the same quantity, from the same place on."""
-    if one is None or other is None or (one.subject, one.zero) != (other.subject, other.zero):
+    if left is None or right is None or (left.subject, left.zero) != (right.subject, right.zero):
         return None
-    found = _power_of(other, words)
-    return None if found is None else replace(found, size=one.slope / other.slope)
+    power = _power_of(right, words)
+    return None if power is None else replace(power, size=left.slope / right.slope)
 
 
 def _read_one(law: Law) -> Reading | None:
@@ -212,7 +202,7 @@ def _read_one(law: Law) -> Reading | None:
                 return None
             below = f"below {line.subject.at(line.zero)}"
             return Reading(1.0, _from(line) if (side is Operation.GREATER) == (line.slope > 0.0) else below)
-        case Applied(Operation.ADD, (one, Applied(Operation.TANH, (argument,)))) if one == ONE:
+        case Applied(Operation.ADD, (first, Applied(Operation.TANH, (argument,)))) if first == ONE:
             line = line_of(argument)
             if line is None:
                 return None
@@ -245,8 +235,8 @@ def _read_one(law: Law) -> Reading | None:
             if line is None or line.subject.of != {Variable.TIME: 1.0}:
                 return None
             return Reading(1.0, f"and back, a wave of {line.slope / (2.0 * math.pi):.6g} Hz")
-        case Applied(Operation.SUBTRACT, (one, Lagged(argument, milliseconds))) if one == argument:
-            return _remembered(line_of(one), milliseconds)
+        case Applied(Operation.SUBTRACT, (first, Lagged(argument, milliseconds))) if first == argument:
+            return _remembered(line_of(first), milliseconds)
     return None
 
 

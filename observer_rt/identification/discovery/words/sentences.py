@@ -24,67 +24,70 @@ PHASE_WORDS = {
 }
 
 
-def headline(found: Discovery, reservations: str = "") -> str:
+def headline(discovery: Discovery, reservations: str = "") -> str:
     """The verdict in one sentence, with its reservations."""
-    sure = f"(confidence {found.confidence:.2f})"
+    sure = f"(confidence {discovery.confidence:.2f})"
     but = f", but: {reservations}" if reservations else ""
-    return f"{found.verdict.value}: {_verdict_words(found)} {sure}{but}"
+    return f"{discovery.verdict.value}: {_verdict_words(discovery)} {sure}{but}"
 
 
-def _verdict_words(found: Discovery) -> str:
-    if found.verdict is Verdict.NONE:
+def _verdict_words(discovery: Discovery) -> str:
+    if discovery.verdict is Verdict.NONE:
         return "the model explains the recordings; no effect is missing"
-    if found.verdict is Verdict.UNKNOWN:
-        return f"something is missing that no known effect explains{where_words(found)}"
-    names = [" and ".join(ids) for ids in (found.named.ids, *found.rivals) if ids]
-    names += [proposal_words(one) for one in found.proposals]
-    if found.verdict is Verdict.AMBIGUOUS and len(names) == 1:
+    if discovery.verdict is Verdict.UNKNOWN:
+        return f"something is missing that no known effect explains{where_words(discovery)}"
+    names = [" and ".join(ids) for ids in (discovery.named.ids, *discovery.rivals) if ids]
+    names += [proposal_words(one) for one in discovery.proposals]
+    if discovery.verdict is Verdict.AMBIGUOUS and len(names) == 1:
         return f"{names[0]}, which may be one of the two"
     return ", or ".join(names)
 
 
-def where_words(found: Discovery) -> str:
+def where_words(discovery: Discovery) -> str:
     """Place at which something unknown acts, to be appended to a sentence."""
-    place = found.unexplained
-    if place is None:
+    unexplained = discovery.unexplained
+    if unexplained is None:
         return ""
-    shows = f"; it shows most {PHASE_WORDS[place.phase]}"
-    if found.proposals:
+    shows = f"; it shows most {PHASE_WORDS[unexplained.phase]}"
+    if discovery.proposals:
         return ", or ".join(
-            (f"{shows}, {proposal_words(found.proposals[0])}", *map(proposal_words, found.proposals[1:]))
+            (
+                f"{shows}, {proposal_words(discovery.proposals[0])}",
+                *map(proposal_words, discovery.proposals[1:]),
+            )
         )
-    return f"{shows}, as if the {place.equation.value.replace('_', ' ')} equation were wrong"
+    return f"{shows}, as if the {unexplained.equation.value.replace('_', ' ')} equation were wrong"
 
 
-def proposal_words(one: Proposal) -> str:
+def proposal_words(proposal: Proposal) -> str:
     """Describes a proposal in a sentence."""
-    parts = [as_if(term, one.largest_lift) for term in one.terms]
-    sizes = one.found.parameters
-    known = [f"{name} ({', '.join(size_words(sizes[name], '95 %: '))})" for name in one.effects]
-    return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *known])
+    parts = [as_if(term, proposal.largest_lift) for term in proposal.terms]
+    sizes = proposal.found.parameters
+    effects = [f"{name} ({', '.join(size_words(sizes[name], '95 %: '))})" for name in proposal.effects]
+    return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *effects])
 
 
-def standing_words(one: Proposal) -> str:
+def standing_words(proposal: Proposal) -> str:
     """Rates a proposal: how far it explains the recordings, and whether a model may have it."""
-    before, after = (value / MEGAPASCAL for value in one.held_out)
+    before, after = (value / MEGAPASCAL for value in proposal.held_out)
     apart = (
         f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     )
-    moved = f"injected mass {one.found.moves.mass / MILLIGRAM:+.2g} mg"
-    fit = f"explains all (probability {one.probability:.2f})" if one.adequate else ""
-    if one.refusal is not None:
-        fit = f"no model may have it, for {one.refusal.reason}: {one.refusal.remedy}"
-    elif one.part is not None:
-        closed, half = f"{one.part.closed:.0%}", f"{one.part.mass_half:.1%}"
+    moved = f"injected mass {proposal.found.moves.mass / MILLIGRAM:+.2g} mg"
+    fit = f"explains all (probability {proposal.probability:.2f})" if proposal.adequate else ""
+    if proposal.refusal is not None:
+        fit = f"no model may have it, for {proposal.refusal.reason}: {proposal.refusal.remedy}"
+    elif proposal.part is not None:
+        closed, half = f"{proposal.part.closed:.0%}", f"{proposal.part.mass_half:.1%}"
         fit = f"closes {closed} of the gap: a model may have it in part, masses ±{half}"
-    held = [f"{name} {low:g} to {high:g}" for name, (low, high) in one.seen_of_terms.items()]
+    held = [f"{name} {low:g} to {high:g}" for name, (low, high) in proposal.seen_of_terms.items()]
     where = f"seen at {', '.join(held)}, beyond it stays as it is there" if held else ""
     return "; ".join(filter(None, (fit, apart, moved, where)))
 
 
-def visible_words(one: SmallestVisible) -> str:
+def visible_words(smallest: SmallestVisible) -> str:
     """The smallest size of an effect that would have been seen, such as `v_H = 0.0034`."""
-    return f"{one.parameter} = {one.size:.2g} {sign(one.unit)}".rstrip()
+    return f"{smallest.parameter} = {smallest.size:.2g} {sign(smallest.unit)}".rstrip()
 
 
 def candidate_words(candidate: Candidate) -> str:
@@ -96,18 +99,18 @@ def candidate_words(candidate: Candidate) -> str:
     return " and ".join((*named, *(f"as if {as_if(term)}" for term in candidate.terms)))
 
 
-def choices(found: Discovery) -> str:
+def choices(discovery: Discovery) -> str:
     """Names the options that choose among tied candidates."""
-    options = [f"--choose {'+'.join(ids)}" for ids in (found.named.ids, *found.rivals) if ids]
-    options += [f"--accept-term {n}" for n, one in enumerate(found.proposals, 1) if one.may_enter]
+    options = [f"--choose {'+'.join(ids)}" for ids in (discovery.named.ids, *discovery.rivals) if ids]
+    options += [f"--accept-term {n}" for n, one in enumerate(discovery.proposals, 1) if one.may_enter]
     return f"give the command again with {' or '.join(options)}, and --force"
 
 
-def best_words(found: Discovery) -> str:
+def best_words(discovery: Discovery) -> str:
     """Names the nearest candidate where nothing explains the recordings."""
-    if not found.best.ids:
+    if not discovery.best.ids:
         return "no known effect brings the model nearer"
-    return f"nearest, and not enough: {' with '.join(found.best.ids)}"
+    return f"nearest, and not enough: {' with '.join(discovery.best.ids)}"
 
 
 def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:

@@ -156,7 +156,7 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     there = task.accepted if task.accepted <= len(found.proposals) else 0
     shown = replace(found, accepted=there).shown
-    gaps = gaps_of(shown, measured, nominal, baseline.shape)
+    gaps = gaps_of(shown, measured, nominal)
     progress(_SHOWN)
     where = disagreements(found, shown, likelihood, nominal)
     files, chosen = tuple(task.hashes), map(chosen_words, task.measured)

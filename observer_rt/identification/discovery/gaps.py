@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
-from observer_rt.identification.discovery.search.hypothesis import Sizing
 from observer_rt.identification.discovery.search.results import Candidate, Cell, Discovery
-from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import (
     GAIN_ERROR,
     JointLikelihood,
     Signal,
-    joint_likelihood,
 )
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
 from observer_rt.identification.likelihood.open_loop import (
@@ -31,7 +28,6 @@ from observer_rt.identification.likelihood.open_loop import (
     simulated,
 )
 from observer_rt.identification.likelihood.windows import in_mass_window
-from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effect import Effect, Equation, Place
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import LineOutflow
@@ -115,24 +111,15 @@ class ModelGaps(SignalGaps):
     held_out: tuple[int, ...]
 
 
-def gaps_of(
-    shown: Candidate,
-    measured: Sequence[Measurement],
-    nominal: EffectiveModel,
-    healthy: HealthyShape | None = None,
-) -> ModelGaps:
+def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: EffectiveModel) -> ModelGaps:
     """The gaps: with what was found refitted to every second operating point, on the others.
 
-    With one operating point there is nothing to hold out: it is fitted and shown. shown: what was found; healthy:
-    what is taken out when that is refitted.
+    With one operating point there is nothing to hold out: it is fitted and shown. shown: what was found.
     """
     amended = shown.model(nominal)
     fitted_on, held_out = every_second_point(measured)
     held_out = held_out or fitted_on
-    hypothesis = shown.hypothesis
-    sizing = Sizing(joint_likelihood([measured[i] for i in fitted_on], nominal, healthy), nominal, hypothesis)
-    again = fit(sizing, shown.theta, hypothesis.ranges())
-    refitted = hypothesis.model(nominal, shown.theta if again is None else again.theta)
+    refitted = shown.hypothesis.model(nominal, np.array(shown.sizes_of_half))
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
     rates = [point.injection_rate for point in points if point.injection_rate is not None]
     return ModelGaps(

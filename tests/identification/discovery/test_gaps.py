@@ -46,7 +46,7 @@ def test_what_is_shown_was_not_fitted(worn: Worn) -> None:
 def test_one_operating_point_is_fitted_and_shown() -> None:
     measured = measurements(recordings(points=((100e6, 1.0e-3),)))
     nominal = effective_model(NOMINAL)
-    gaps = gaps_of(name_effects(nominal, measured, SearchOptions(workers=2)).named, measured, nominal)
+    gaps = gaps_of(name_effects(nominal, measured, SearchOptions(workers=2)).shown, measured, nominal)
     assert gaps.held_out == gaps.fitted_on == (0,)
     assert gaps.injection_rate is None
     assert gaps.line_pressure.before == gaps.line_pressure.after

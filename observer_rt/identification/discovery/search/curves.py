@@ -132,7 +132,7 @@ AXES = (FLOW, PRESSURE, LIFT, SINCE, OVER_NOZZLE, OVER_SEAT, SPEED, RATE)
 CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
     TermEquation.LINE_FLOW: ((FLOW, ""), (PRESSURE, "line_flow/60*")),
     TermEquation.INERTANCE: ((FLOW, ""), (PRESSURE, "")),
-    TermEquation.STIFFNESS: ((PRESSURE, ""), (FLOW, ""), (LIFT, "")),
+    TermEquation.STIFFNESS: ((PRESSURE, ""), (FLOW, ""), (LIFT, ""), (RATE, "")),
     TermEquation.LINE_PRESSURE: ((PRESSURE, ""), (LIFT, ""), (SPEED, "")),
     TermEquation.SEAT_FLOW: (
         (LIFT, ""),

@@ -35,6 +35,11 @@ class HeldOutPoints:
         events = self._events(candidate)
         return math.inf if events is None else float(np.sum(events.statistic))
 
+    def sizes(self, candidate: Candidate) -> tuple[float, ...]:
+        """Sizes fitted to every second operating point; those of all where there is nothing to hold out."""
+        events = self._events(candidate) if self._judged.recordings else None
+        return candidate.sizes if events is None else tuple(events.theta.tolist())
+
     def gap(self, candidate: Candidate) -> float:
         """Rms of the line pressure's open-loop gap on the events held out [Pa]; nan without any."""
         if not self._judged.recordings:
@@ -77,13 +82,17 @@ class HeldOutPoints:
         recordings = self._judged.recordings
         statistic = [_by_event(recorded, one) for recorded, one in zip(recordings, judged, strict=True)]
         gap = [_gap_by_event(recorded.measurement, model) for recorded in recordings]
-        return _Events(np.concatenate(statistic), np.concatenate(gap))
+        return _Events(theta, np.concatenate(statistic), np.concatenate(gap))
 
 
 @dataclass(frozen=True, eq=False)
 class _Events:
-    """Events held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure."""
+    """Events held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure.
 
+    theta: (p,), fitted to the others.
+    """
+
+    theta: NDArray[np.float64]
     statistic: NDArray[np.float64]
     gap: NDArray[np.float64]
 

@@ -68,7 +68,7 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     TermEquation.INERTANCE: ("1", "abs(Q)", "Q", "Q^2", "P", "P^2", "T", "N", "X", "U", "exp(-U/A)"),
     TermEquation.STIFFNESS: (
         "abs(Q)", "Q", "Q^2", "P", "P^2", "P - lagged(P, A)", "100/(line_pressure + 20)", "T", "N", "X", "U",
-        "exp(-U/A)",
+        "exp(-U/A)", "line_pressure_rate > 0",
     ),
     TermEquation.RAIL_PRESSURE: (
         "R^2", "R^2 - A", "R^3", "T", "N", "X", "open", "abs(Q)", "rail_pressure_rate",

@@ -73,7 +73,7 @@ class Proposer:
         half = NORMAL_975 * INTERVAL_MARGIN * self._fitter.sigmas(one)
         moves = consequence(self._measured, self._nominal, model)
         return Proposal(
-            replace(one, half=tuple(half.tolist()), moves=moves),
+            replace(one, half=tuple(half.tolist()), moves=moves, sizes_of_half=self._held_out.sizes(one)),
             found.nominal.statistic - one.statistic,
             self._phase,
             self._adequate(one),

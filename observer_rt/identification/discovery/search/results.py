@@ -98,8 +98,9 @@ class Candidate:
 
     sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out; spread: mean square of the
     residuals as that counts it, 1 at least. Of those in a ranking, and of proposals, also half: half widths of the
-    95 % intervals (p,); moves: what it does to the model as given. Of those in a ranking also held_out: -2 log L
-    fitted on every second operating point and judged on the others, nan where that was not done.
+    95 % intervals (p,); moves: what it does to the model as given; sizes_of_half: fitted to every second operating
+    point. Of those in a ranking also held_out: -2 log L so fitted and judged on the others, nan where that was not
+    done.
     """
 
     hypothesis: Hypothesis
@@ -107,6 +108,7 @@ class Candidate:
     statistic: float
     spread: float = 1.0
     half: tuple[float, ...] = ()
+    sizes_of_half: tuple[float, ...] = ()
     held_out: float = math.nan
     moves: Consequence = NO_CONSEQUENCE
 

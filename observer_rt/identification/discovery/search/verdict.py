@@ -350,6 +350,7 @@ class _Verdict:
             replace(
                 self._with_intervals(one),
                 held_out=self._held_out.statistic(one),
+                sizes_of_half=self._held_out.sizes(one),
                 moves=self._moves(self._nominal, one.model(self._nominal)),
             )
             for one in sorted(chosen, key=lambda one: one.statistic)

@@ -4,17 +4,22 @@ A law is of order 1 where an injector works, so that its coefficient is in the u
 centred: with a factor of the pressure itself, most of it would be a constant.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
+import numpy as np
+
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY
 from observer_rt.model.term_effect import LAWS_OF_EFFECTS, FormNumber, term_effect
 from observer_rt.model.terms.term import TermEquation
 
 WITHIN = 4.0  # times what it is scored with, that a number within a law may become
+MEANS, MOVED = 1e-3, 8.0  # s of means, and range of these in standard deviations, from which on a rail moves
 MOST_BREAKS = 5  # injections after each of which something may be new
 
 _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recordings
@@ -31,6 +36,7 @@ _SHORT = {  # T and N: time and injection number, from 0 to 1 over the recording
 SHAPED: Mapping[str, tuple[float, ...]] = {
     "ringing(line_pressure/1, A, W)": (5.0, 6.2, 7.6, 9.4),
     "X - lagged(X, A)": (0.02, 0.05, 0.1, 0.2),
+    "lagged(X, A)*closed": (0.2, 0.6),
     "Q - lagged(Q, A)": (0.02, 0.05, 0.1, 0.3),
     "P - lagged(P, A)": (0.05, 0.2, 0.5),
     "R - lagged(R, A)": (0.05, 0.2, 0.8),
@@ -77,7 +83,7 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
     ),
     TermEquation.LINE_PRESSURE: (
         "1", "sqrt(D)", "D^2", "D^3", "D*closed", "sqrt(D)*closed", "open", "D*open", "sqrt(D)*open", "X", "V",
-        "abs(V)", "T", "N", "D*T", "D*N", "D*B", "X - lagged(X, A)", "P - lagged(P, A)",
+        "abs(V)", "T", "N", "D*T", "D*N", "D*B", "X - lagged(X, A)", "P - lagged(P, A)", "lagged(X, A)*closed",
     ),
     TermEquation.SEAT_FLOW: (*_OF_SEAT, "tanh(S)", "sqrt(tanh(S))"),
     TermEquation.NOZZLE_FLOW: (
@@ -102,11 +108,12 @@ LIBRARY: Mapping[TermEquation, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class RecordingSpan:
-    """Largest time [s], and first and last number of the injections judged."""
+    """Largest time [s], first and last number of the injections judged, whether the rail pressure moves in one."""
 
     time: float
     first: int
     injections: int
+    rail_moves: bool = True
 
 
 def library(span: RecordingSpan) -> Iterator[Effect]:
@@ -116,6 +123,8 @@ def library(span: RecordingSpan) -> Iterator[Effect]:
         for law in (*laws, *(one for other, one in unnamed if other is equation)):
             if "N" in law and law.replace("N", "B") in laws and span.injections <= span.first + 1:
                 continue  # of two injections both are the same
+            if not span.rail_moves and any(change in law for change in ("lagged(R", "rail_pressure_rate")):
+                continue  # of a rail at rest they would filter its noise, and so explain it
             if not set(law) & {"N", "B"} or span.injections > span.first:
                 yield from (
                     term_effect(equation, *one) for one in product(spelled(law, span), numbers_of(law))
@@ -146,4 +155,17 @@ def span_of(likelihood: JointLikelihood) -> RecordingSpan:
     events = [event for recorded in likelihood.recordings for event in recorded.measurement.events]
     numbers = [round(event.clock.injections) for event in events]
     last = max(number + len(event.openings) for number, event in zip(numbers, events, strict=True))
-    return RecordingSpan(max(event.clock.time for event in events), min(numbers) + 1, last)
+    moves = any(_rail_moves(recorded.measurement) for recorded in likelihood.recordings)
+    return RecordingSpan(max(event.clock.time for event in events), min(numbers) + 1, last, moves)
+
+
+def _rail_moves(measurement: Measurement) -> bool:
+    """Whether means of the rail pressure differ within an injection by more than its noise lets them."""
+    block = max(1, round(MEANS / measurement.interval))
+    limit = MOVED * measurement.noise.rail_pressure / math.sqrt(block)
+    for event in measurement.events:
+        values = measurement.recording.rail_pressure[event.start : event.end]
+        means = values[: values.size - values.size % block].reshape(-1, block).mean(axis=1)
+        if np.ptp(means) > limit:
+            return True
+    return False

@@ -4,10 +4,11 @@ import pytest
 
 from observer_rt.config.effects import term_domain
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.library import RecordingSpan, library
+from observer_rt.identification.discovery.search.library import RecordingSpan, library, span_of
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.search import HIGHEST, probabilities
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
+from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model
@@ -65,6 +66,15 @@ def test_no_law_of_the_injection_number_is_a_constant(first: int, last: int) -> 
         if {variable.word for variable in law.variables} == {"injection_number"}:
             values = {float(law.at({"injection_number": float(n)})) for n in range(first, last + 1)}
             assert len(values) > 1, effect.id
+
+
+def test_no_law_filters_the_noise_of_a_rail_at_rest() -> None:
+    at_rest, moving = (list(library(RecordingSpan(1.0, 1, 3, moves))) for moves in (False, True))
+    changes = {effect.id for effect in moving} - {effect.id for effect in at_rest}
+    assert changes
+    assert all("lagged((rail_pressure" in one or "rail_pressure_rate" in one for one in changes)
+    likelihood = joint_likelihood(measurements(recordings()), MODEL)
+    assert not span_of(likelihood).rail_moves
 
 
 def test_what_is_twelve_behind_has_odds_of_one_to_twenty() -> None:

@@ -94,7 +94,7 @@ def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: 
         if explanation.kind is QUICK:
             belief = belief.widened(reader.widths(QUICK))
         variance = mass.variance(replace(carried.learned, belief=belief).gated.covariance)
-        wander = wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
+        wander = doubt.wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
     if explanation.score_as_believed is not None:
         scatter = scatter.after(explanation.score_as_believed)
     return replace(account, doubt=MassDoubt(wander, unexplained, scatter))

@@ -15,6 +15,7 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.observed_plants import bench_at, recording_of
+from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, record
 from tests.plants.windows import windows_of
@@ -66,6 +67,7 @@ def run_plant(
     change_at: int | None = None,
     seed: int = 5,
     known: SizedEffect | None = None,
+    laws: Laws = NO_LAWS,
 ) -> PlantRun:
     """Single injections at changing operating points; with `change_at` (from 1) healthy before that event.
 
@@ -78,7 +80,7 @@ def run_plant(
         rail = RAIL_PRESSURES[k % len(RAIL_PRESSURES)]
         schedule.append(Event(rail, (shot,), faults if changed else HEALTHY))
     injector = Injector()
-    bench = Bench(injector, Needle(), tuple(schedule), seed=seed)
+    bench = Bench(injector, Needle(), tuple(schedule), seed=seed, laws=laws)
     outcome = record(bench)
     observer = bench_at(bench.sample_rate)
     if known is not None:

@@ -13,6 +13,7 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
 from tests.engine.plant_runs import GATED, in_force, run_plant
 from tests.engine.sample_stream import RAIL, Stream
+from tests.plants.laws import Laws
 from tests.plants.parameters import Faults
 
 INJECTOR = load_injector()
@@ -54,6 +55,7 @@ HIDDEN = {
     ),
     "late": (Faults(channel_skew=27e-6), sized("channel_skew", d=27e-6)),
 }
+SERVO = sized("control_flow", c=4e-6, d_on=44e-6, d_off=-16e-6)  # of the plant's valve
 CASES = pytest.mark.parametrize(("faults", "effect"), HIDDEN.values(), ids=HIDDEN)
 EVENTS = 6
 
@@ -61,7 +63,14 @@ EVENTS = 6
 def test_the_whole_vocabulary_is_tested() -> None:
     """But for what the bench file says of the bench."""
     of_the_injector = {name for name, effect in VOCABULARY.items() if not effect.remedy}
-    assert {effect.effect.id for _, effect in HIDDEN.values()} == of_the_injector
+    assert {effect.effect.id for _, effect in [*HIDDEN.values(), (None, SERVO)]} == of_the_injector
+
+
+def test_a_servo_injector_is_right_from_the_first_injection() -> None:
+    run = run_plant(Faults(), EVENTS, known=SERVO, laws=Laws(control_flow=4e-6))
+    assert abs(run.errors[0]) < 0.004
+    assert np.abs(run.errors[2:]).max() < 0.01
+    assert all(report.valid for report in run.reports[2:])
 
 
 @CASES

@@ -89,15 +89,15 @@ def test_what_the_bench_file_states_of_the_lift_is_undone_once(bench: Bench, tmp
     (tmp_path / "late").mkdir()
     late = bench_at(tmp_path / "late", "lag_us = 30")
     keep(late, GAIN, sized("needle_lift_sensor_lag", tau=30e-6), injections=KEPT)
-    found = []
-    for each in (bench, late):
-        path = amended(each.path.parent)
-        assert learn_beforehand(each, path) == KEPT
+    results = []
+    for variant in (bench, late):
+        path = amended(variant.path.parent)
+        assert learn_beforehand(variant, path) == KEPT
         knowledge = begun(path)
         assert knowledge is not None
-        found.append(knowledge)
-    without, with_lag = (knowledge.in_force for knowledge in found)
-    sigma = np.sqrt(np.diag(found[0].state.learned.belief.covariance))
+        results.append(knowledge)
+    without, with_lag = (knowledge.in_force for knowledge in results)
+    sigma = np.sqrt(np.diag(results[0].state.learned.belief.covariance))
     np.testing.assert_array_less(np.abs(without - with_lag), 1.5 * sigma)
 
 
@@ -112,10 +112,10 @@ def test_nothing_is_begun_with_where_the_model_does_not_explain_the_evidence(
 
 @pytest.mark.parametrize("content", ['{"version": 1}', "no learned state"])
 def test_a_damaged_file_is_told_and_left_alone(tmp_path: Path, content: str) -> None:
-    path, told = amended(tmp_path), list[str]()
+    path, messages = amended(tmp_path), list[str]()
     learned_beside(path).write_text(content)
-    assert knowledge_beside(path, load_injector(), told.append) is None
-    assert "learning begins anew" in told[0]
+    assert knowledge_beside(path, load_injector(), messages.append) is None
+    assert "learning begins anew" in messages[0]
     assert learned_beside(path).read_text() == content
 
 

@@ -140,24 +140,24 @@ def test_corrections_made_meanwhile_are_lost_only_where_that_is_accepted(bench: 
     present = tmp_path / "injector.toml"
     present.write_text(NOMINAL_INJECTOR.read_text().replace("length = 0.15 ", "length = 0.16 "))
     bench.write_text(bench.read_text().replace('# file = "injector.toml"', 'file = "injector.toml"'))
-    found = amended(tmp_path, 0.1)
+    result = amended(tmp_path, 0.1)
     before = files(tmp_path)
     with pytest.raises(UserError, match=r"line\.length 0\.16 m -> 0\.15 m"):
-        take_over(bench, "", found)
+        take_over(bench, "", result)
     assert files(tmp_path) == before
-    assert take_over(bench, "", found, accepts_changes=True).changes == ("line.length 0.16 m -> 0.15 m",)
+    assert take_over(bench, "", result, accepts_changes=True).changes == ("line.length 0.16 m -> 0.15 m",)
     assert undo(bench).changes == ("line.length 0.15 m -> 0.16 m",)
 
 
 def test_a_process_whose_number_a_lock_holds_is_never_signalled(
     bench: Path, kept: Path, tmp_path: Path
 ) -> None:
-    found = amended(tmp_path, 0.1)
+    result = amended(tmp_path, 0.1)
     before = files(tmp_path)
     with subprocess.Popen(["sleep", "60"]) as foreign:
         try:
             with locked(kept, foreign.pid), pytest.raises(RunError, match="takes no requests"):
-                take_over(bench, "", found)
+                take_over(bench, "", result)
             assert foreign.poll() is None
         finally:
             foreign.kill()
@@ -185,11 +185,11 @@ def test_a_daemon_that_does_not_take_it_leaves_all_files_as_they_were(
     bench: Path, kept: Path, tmp_path: Path, answer: object, kind: type[ObserverError], words: str
 ) -> None:
     take_over(bench, "", amended(tmp_path, 0.1))
-    found = amended(tmp_path, 0.2)
+    result = amended(tmp_path, 0.2)
     before = files(tmp_path)
     with control_socket(kept, {"reload": answer}):  # type: ignore[dict-item]
         with pytest.raises(kind, match=words):
-            take_over(bench, "", found, accepts_changes=True)
+            take_over(bench, "", result, accepts_changes=True)
         with pytest.raises(kind, match=words):
             undo(bench)
     assert files(tmp_path) == before
@@ -197,9 +197,9 @@ def test_a_daemon_that_does_not_take_it_leaves_all_files_as_they_were(
 
 def test_several_at_once_come_one_after_another(bench: Path, tmp_path: Path) -> None:
     sizes = (0.1, 0.2, 0.3, 0.4)
-    found = [amended(tmp_path, v_h) for v_h in sizes]
+    result = [amended(tmp_path, v_h) for v_h in sizes]
     with ThreadPoolExecutor(4) as pool:
-        for done in [pool.submit(take_over, bench, "", each, True) for each in found]:
+        for done in [pool.submit(take_over, bench, "", each, True) for each in result]:
             done.result()
     undone = [worn(bench)]
     for _ in sizes[1:]:

@@ -44,15 +44,9 @@ HIDDEN = {
     "lift too high": (Faults(lift_offset=-20e-6), sized("lift_offset", x_0=-20e-6)),
     "lift gain": (Faults(lift_gain=0.1), sized("lift_gain", g=0.1)),
     "rail gain": (Faults(rail_pressure_sensor_gain=0.02), sized("rail_pressure_sensor_gain", g=0.02)),
-    "rail offset": (
-        Faults(rail_pressure_sensor_offset=-3e6),
-        sized("rail_pressure_sensor_offset", o=-3e6),
-    ),
+    "rail offset": (Faults(rail_pressure_sensor_offset=-3e6), sized("rail_pressure_sensor_offset", o=-3e6)),
     "lag": (Faults(line_pressure_sensor_lag=40e-6), sized("line_pressure_sensor_lag", tau=40e-6)),
-    "line offset": (
-        Faults(line_pressure_sensor_offset=3e6),
-        sized("line_pressure_sensor_offset", o=3e6),
-    ),
+    "line offset": (Faults(line_pressure_sensor_offset=3e6), sized("line_pressure_sensor_offset", o=3e6)),
     "late": (Faults(channel_skew=27e-6), sized("channel_skew", d=27e-6)),
 }
 SERVO = sized("control_flow", c=4e-6, d_on=44e-6, d_off=-16e-6)  # of the plant's valve
@@ -128,16 +122,18 @@ def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
     stream = Stream(injector=injector).rest(5e-3)
     pressure = np.full(lift.size, RAIL)
     stream.feed(pressure, np.maximum(lift - offset, 0.0), pressure).rest(2e-3)
-    known = Stream().rest(5e-3)
-    known.feed(pressure, lift, pressure).rest(2e-3)
+    sample_stream = Stream().rest(5e-3)
+    sample_stream.feed(pressure, lift, pressure).rest(2e-3)
     instants = np.linspace(0.0, 139.0, 139 * 20 + 1)
-    found, expected = (
+    result, expected = (
         np.maximum(np.interp(instants, np.arange(140), s.rows["seat_area"][500:640]), 0.0)
-        for s in (stream, known)
+        for s in (stream, sample_stream)
     )
     # to a fifth of a sample of the ramp
-    np.testing.assert_allclose(found, expected, atol=0.2 * expected.max() * rise / lift.max())
-    assert stream.count("counts", "injections_begun") == known.count("counts", "injections_begun") == 1
+    np.testing.assert_allclose(result, expected, atol=0.2 * expected.max() * rise / lift.max())
+    assert (
+        stream.count("counts", "injections_begun") == sample_stream.count("counts", "injections_begun") == 1
+    )
 
 
 def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:

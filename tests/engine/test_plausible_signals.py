@@ -37,21 +37,18 @@ def changed(recording: Recording, **signals: NDArray[Any]) -> Recording:
     kept = {"rail_pressure": recording.rail_pressure, "needle_lift": recording.needle_lift}
     all_of_them = {**kept, "line_pressure": recording.line_pressure, **signals}
     return Recording(
-        recording.time,
-        all_of_them["rail_pressure"],
-        all_of_them["needle_lift"],
-        all_of_them["line_pressure"],
+        recording.time, all_of_them["rail_pressure"], all_of_them["needle_lift"], all_of_them["line_pressure"]
     )
 
 
-def found(recording: Recording) -> list[str]:
+def problems(recording: Recording) -> list[str]:
     return [each.signal for each in implausible(HeldSignals(recording).survey)]
 
 
 @pytest.mark.parametrize("noise", [True, False])
 @pytest.mark.parametrize("pressure", [15e6, 30e6, 100e6, 200e6, 280e6])
 def test_recordings_as_they_should_be(pressure: float, noise: bool) -> None:
-    assert found(recorded(pressure, noise)) == []
+    assert problems(recorded(pressure, noise)) == []
 
 
 @pytest.mark.parametrize(
@@ -81,30 +78,30 @@ def test_a_wrong_unit_names_signal_and_unit(
 
 def test_low_pressures_ten_times_too_large_on_one_sensor_are_seen_beside_the_other() -> None:
     right = recorded(30e6)
-    assert found(changed(right, line_pressure=right.line_pressure * 10.0)) == ["line_pressure"]
-    assert found(changed(right, rail_pressure=right.rail_pressure * 10.0)) == ["line_pressure"]
+    assert problems(changed(right, line_pressure=right.line_pressure * 10.0)) == ["line_pressure"]
+    assert problems(changed(right, rail_pressure=right.rail_pressure * 10.0)) == ["line_pressure"]
 
 
 def test_an_inverted_lift() -> None:
     right = recorded()
-    assert found(changed(right, needle_lift=-right.needle_lift)) == ["needle_lift"]
-    assert found(changed(right, needle_lift=0.3e-3 - right.needle_lift)) == ["needle_lift"]
+    assert problems(changed(right, needle_lift=-right.needle_lift)) == ["needle_lift"]
+    assert problems(changed(right, needle_lift=0.3e-3 - right.needle_lift)) == ["needle_lift"]
 
 
 def test_a_dead_or_frozen_signal_is_for_the_observer_to_judge() -> None:
     right = recorded()
     nothing, missing = np.zeros(right.samples), np.full(right.samples, np.nan)
     for name in ("rail_pressure", "line_pressure"):
-        assert found(changed(right, **{name: nothing})) == []
-        assert found(changed(right, **{name: missing})) == []
-        assert found(changed(right, **{name: right.signals[name] + 8e6})) == []
-    assert found(changed(right, needle_lift=nothing)) == []
-    assert found(changed(right, needle_lift=np.full(right.samples, 0.2e-3))) == []
+        assert problems(changed(right, **{name: nothing})) == []
+        assert problems(changed(right, **{name: missing})) == []
+        assert problems(changed(right, **{name: right.signals[name] + 8e6})) == []
+    assert problems(changed(right, needle_lift=nothing)) == []
+    assert problems(changed(right, needle_lift=np.full(right.samples, 0.2e-3))) == []
 
 
 def test_noise_of_a_shut_needle_is_no_lift_in_a_wrong_unit() -> None:
     noise = np.random.default_rng(0).normal(0.0, 0.4e-6, recorded().samples)
-    assert found(changed(recorded(), needle_lift=noise)) == []
+    assert problems(changed(recorded(), needle_lift=noise)) == []
 
 
 def test_the_column_of_the_file_is_named() -> None:
@@ -121,10 +118,10 @@ def test_pressures_that_are_swapped_or_negative() -> None:
     odd = swapped(HeldSignals(exchanged).survey)
     assert odd is not None
     assert "swapped" in odd[0]
-    assert found(changed(made, line_pressure=-made.line_pressure)) == ["line_pressure"]
+    assert problems(changed(made, line_pressure=-made.line_pressure)) == ["line_pressure"]
 
 
-def told(recording: Recording, fitted: tuple[float, float] | None = None) -> str:
+def doubt_text(recording: Recording, fitted: tuple[float, float] | None = None) -> str:
     """What is doubted, in one text; fitted: rail pressures [MPa] of the model."""
     of = None if fitted is None else baseline(rail_pressure_MPa=fitted)
     return "; ".join(doubt.problem for doubt in doubts(HeldSignals(recording).survey, of))
@@ -132,50 +129,52 @@ def told(recording: Recording, fitted: tuple[float, float] | None = None) -> str
 
 @pytest.mark.parametrize("noise", [True, False])
 def test_nothing_is_doubted_of_a_recording_as_it_should_be(noise: bool) -> None:
-    assert told(recorded(100e6, noise), (60.0, 140.0)) == ""
+    assert doubt_text(recorded(100e6, noise), (60.0, 140.0)) == ""
 
 
 @pytest.mark.parametrize("name", ["rail_pressure", "line_pressure"])
 def test_a_pressure_that_never_moves_is_doubted(name: str) -> None:
-    whole = recorded(100e6, True)
-    held = whole.with_arrays({name: np.full(whole.samples, 100e6)})
-    assert f"{name} is 100 MPa all the time, though the needle opens" in told(held)
+    complete = recorded(100e6, True)
+    held = complete.with_arrays({name: np.full(complete.samples, 100e6)})
+    assert f"{name} is 100 MPa all the time, though the needle opens" in doubt_text(held)
 
 
 def test_pressures_far_from_those_fitted_at_are_doubted() -> None:
-    assert "is 10 MPa in the mean, and the model was fitted at 59.8 to 140.4 MPa" in told(
+    assert "is 10 MPa in the mean, and the model was fitted at 59.8 to 140.4 MPa" in doubt_text(
         recorded(10e6, True), (59.8, 140.4)
     )
 
 
 def test_missing_values_are_told_and_refused_where_they_are_many() -> None:
-    whole = recorded(100e6, True)
-    line = whole.line_pressure.copy()
+    complete = recorded(100e6, True)
+    line = complete.line_pressure.copy()
     line[::7] = np.nan
-    often = whole.with_arrays({"line_pressure": line})
-    gaps = -(-whole.samples // 7)
-    assert f"line_pressure: {gaps} of {whole.samples} values are missing, in {gaps} gaps" in told(often)
+    often = complete.with_arrays({"line_pressure": line})
+    gaps = -(-complete.samples // 7)
+    assert f"line_pressure: {gaps} of {complete.samples} values are missing, in {gaps} gaps" in doubt_text(
+        often
+    )
     with pytest.raises(UserError, match="are missing, in"):
         refuse_perforated(None, HeldSignals(often).survey)
-    line = whole.line_pressure.copy()
+    line = complete.line_pressure.copy()
     line[200:400] = np.nan
-    once = whole.with_arrays({"line_pressure": line})
-    assert "200 of" in told(once)
+    once = complete.with_arrays({"line_pressure": line})
+    assert "200 of" in doubt_text(once)
     refuse_perforated(None, HeldSignals(once).survey)
 
 
 def test_a_signal_without_values_and_one_that_never_moves_are_refused() -> None:
-    whole = recorded(100e6, True)
+    complete = recorded(100e6, True)
     for name, value in (
         ("rail_pressure", np.nan),
         ("needle_lift", np.nan),
         ("needle_lift", 0.0),
         ("line_pressure", 1e8),
     ):
-        dead = whole.with_arrays({name: np.full(whole.samples, value)})
+        dead = complete.with_arrays({name: np.full(complete.samples, value)})
         with pytest.raises(UserError, match=name):
             refuse_dead(None, HeldSignals(dead).survey)
-    refuse_dead(None, HeldSignals(whole).survey)
+    refuse_dead(None, HeldSignals(complete).survey)
 
 
 @pytest.mark.parametrize("name", ["rail_pressure", "line_pressure"])

@@ -66,8 +66,8 @@ def test_an_offset_is_told_with_its_size() -> None:
     report = replace(report, indicators={**report.indicators, OFFSET: Estimate(0.03)})
     with ServiceLog(Console(file=stream)) as log:
         teller = EventLogger(log, Notifier({}), effective_model(load_injector()).coefficients, "")
-        for each in (report, replace(report, reason=Reason.SENSOR_LAG)):
-            teller.hear(each)
+        for item in (report, replace(report, reason=Reason.SENSOR_LAG)):
+            teller.hear(item)
     offset, lag = stream.getvalue().splitlines()
     assert offset.endswith(", line pressure reads +3.00 MPa off")
     assert "MPa off" not in lag

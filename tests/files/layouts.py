@@ -86,12 +86,12 @@ def _frame(recording: Recording) -> pd.DataFrame:
 
 
 def _mdf(folder: Path, recording: Recording, version: str, suffix: str) -> Path:
-    time, *rest = columns(recording, PLAIN).items()
+    time, *remaining = columns(recording, PLAIN).items()
     with MDF(version=version) as file:
         file.append(
             [
                 Signal(values, time[1], unit=unit, name=name)
-                for (name, values), unit in zip(rest, ("bar", "um", "bar"), strict=True)
+                for (name, values), unit in zip(remaining, ("bar", "um", "bar"), strict=True)
             ]
         )
         saved = Path(file.save(folder / f"a.{suffix}", overwrite=True))

@@ -37,12 +37,12 @@ class _File:
     def block(self, kind: str, links: list[int], content: bytes) -> int:
         """Append a block; returns where."""
         self.data += bytes(-len(self.data) % 8)
-        place = len(self.data)
+        position = len(self.data)
         size = 24 + 8 * len(links) + len(content)
         self.data += (
             struct.pack(f"<4s4xQQ{len(links)}Q", f"##{kind}".encode(), size, len(links), *links) + content
         )
-        return place
+        return position
 
     def link(self, block: int, number: int, target: int) -> None:
         """Have a block lead to another."""
@@ -55,12 +55,19 @@ class _File:
         return self.block("CC", [0] * 4, struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
 
     def channel(
-        self, name: str, kind: int, data_type: int, bits: int, place: int, conversion: int = 0, data: int = 0
+        self,
+        name: str,
+        kind: int,
+        data_type: int,
+        bits: int,
+        position: int,
+        conversion: int = 0,
+        data: int = 0,
     ) -> int:
         """A channel at a place [bits] of the record."""
         sync = 1 if kind == MASTER else 0
         content = struct.pack(
-            "<BBBBIIIIBxH6d", kind, sync, data_type, place % 8, place // 8, bits, 0, 0, 0, 0, *[0.0] * 6
+            "<BBBBIIIIBxH6d", kind, sync, data_type, position % 8, position // 8, bits, 0, 0, 0, 0, *[0.0] * 6
         )
         return self.block("CN", [0, 0, self.text(name), 0, conversion, data, 0, 0], content)
 
@@ -107,7 +114,7 @@ def write_logger_file(
         data_group = file.group(DATA_RECORDS, cycles(len(frames)), VARIABLE_GROUP, data_bytes * finalised, [])
     channels = [file.channel("Timestamp", MASTER, UNSIGNED, 64, 0, file.linear(1e-9, 0.0))]
     channels.append(file.channel("CAN_DataFrame", FIXED, BYTES, 8 * size - 64, 64))
-    place = 8 * TIME_BYTES
+    position = 8 * TIME_BYTES
     for field in fields:
         conversion = 0
         if not field.bits:
@@ -116,12 +123,12 @@ def write_logger_file(
             conversion = file.linear(field.factor, field.offset)
         kind = FIXED if field.bits else VIRTUAL
         channels.append(
-            file.channel(f"CAN_DataFrame.{field.name}", kind, UNSIGNED, field.bits, place, conversion)
+            file.channel(f"CAN_DataFrame.{field.name}", kind, UNSIGNED, field.bits, position, conversion)
         )
-        place += field.bits
-    place += -place % 8
+        position += field.bits
+    position += -position % 8
     kind, bits = (VARIABLE, 64) if data_width is None else (FIXED, 8 * data_width)
-    channels.append(file.channel("CAN_DataFrame.DataBytes", kind, BYTES, bits, place, data=data_group))
+    channels.append(file.channel("CAN_DataFrame.DataBytes", kind, BYTES, bits, position, data=data_group))
     first = file.group(FRAME_RECORDS, cycles(len(frames)), BUS_EVENT | PLAIN, size, channels)
     error_channels = [
         file.channel("Timestamp", MASTER, UNSIGNED, 64, 0, file.linear(1e-9, 0.0)),
@@ -154,13 +161,13 @@ def _records(
     size = 0
     data_bytes = 0
     for frame in frames:
-        place = number = 0
+        position = number = 0
         for field in fields:
             if field.bits:
                 stored = round((value_of(frame, field.name) - field.offset) / field.factor)
-                number |= stored << place
-                place += field.bits
-        fixed = number.to_bytes((place + 7) // 8, "little")
+                number |= stored << position
+                position += field.bits
+        fixed = number.to_bytes((position + 7) // 8, "little")
         payload = frame.frame.payload
         data = struct.pack("<Q", data_bytes) if data_width is None else payload.ljust(data_width, b"\0")
         record = struct.pack("<Q", frame.frame.stamp_ns - start_ns) + fixed + data

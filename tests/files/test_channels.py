@@ -28,7 +28,7 @@ def log(folder: Path, suffix: str, *channels: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("suffix", "channels", "found"),
+    ("suffix", "channels", "result"),
     [
         (".log", ("can1", "can0", "can7"), {0: "can0", 1: "can1"}),
         (".log", ("can2", "can1", "can0"), {0: "can0", 1: "can1", 2: "can2"}),
@@ -39,9 +39,9 @@ def log(folder: Path, suffix: str, *channels: str) -> Path:
     ],
 )
 def test_channels_are_matched(
-    tmp_path: Path, suffix: str, channels: tuple[str, ...], found: dict[int, str]
+    tmp_path: Path, suffix: str, channels: tuple[str, ...], result: dict[int, str]
 ) -> None:
-    assert chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ()) == found
+    assert chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ()) == result
 
 
 def test_what_is_said_counts(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.files.formats import open_log, open_writer
 from tests.daemon.participants import bench_file
 from tests.device import frames_of, worn_recording
-from tests.files.traffic import BEGIN, Observed, traffic, write_log
+from tests.files.traffic import BEGIN, ObservedInjector, traffic, write_log
 from tests.pages import ROOT, Page
 
 DATABASE = ROOT / "dbc" / "observer_fd.dbc"
@@ -30,7 +30,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bench = load_bench(bench_file(folder, "can0", "socketcan"))
     recording = worn_recording(4)
     frames = frames_of(bench, recording)
-    write_log(folder / "bus.log", list(traffic(frames, [Observed(bench)])), ["can0"])
+    write_log(folder / "bus.log", list(traffic(frames, [ObservedInjector(bench)])), ["can0"])
     return folder / "bus.log"
 
 

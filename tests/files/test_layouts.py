@@ -24,12 +24,12 @@ def read(made: Any) -> Recording:
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
 def test_a_layout_gives_the_same_recording(tmp_path: Path, layout: Layout) -> None:
-    found = read(layout.make(tmp_path, OURS))
-    assert found.sample_rate == pytest.approx(OURS.sample_rate, rel=1e-9)
-    assert found.samples == OURS.samples
-    np.testing.assert_allclose(found.rail_pressure, OURS.rail_pressure, atol=20.0)
-    np.testing.assert_allclose(found.line_pressure, OURS.line_pressure, atol=20.0)
-    np.testing.assert_allclose(found.needle_lift, OURS.needle_lift, atol=1e-10)
+    recording = read(layout.make(tmp_path, OURS))
+    assert recording.sample_rate == pytest.approx(OURS.sample_rate, rel=1e-9)
+    assert recording.samples == OURS.samples
+    np.testing.assert_allclose(recording.rail_pressure, OURS.rail_pressure, atol=20.0)
+    np.testing.assert_allclose(recording.line_pressure, OURS.line_pressure, atol=20.0)
+    np.testing.assert_allclose(recording.needle_lift, OURS.needle_lift, atol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -67,9 +67,9 @@ def test_a_section_reads_what_headings_do_not_say(tmp_path: Path) -> None:
             for at, (name, unit) in enumerate(columns, 1)
         )
     )
-    found = read_recording(path, load_bench(bench, off_bus=True).injector)
-    np.testing.assert_allclose(found.rail_pressure, OURS.rail_pressure, atol=20.0)
-    np.testing.assert_allclose(found.line_pressure, OURS.line_pressure, atol=20.0)
+    recording = read_recording(path, load_bench(bench, off_bus=True).injector)
+    np.testing.assert_allclose(recording.rail_pressure, OURS.rail_pressure, atol=20.0)
+    np.testing.assert_allclose(recording.line_pressure, OURS.line_pressure, atol=20.0)
 
 
 def test_a_table_without_a_time_is_read_by_its_rate() -> None:
@@ -82,8 +82,8 @@ def test_a_table_without_a_time_is_read_by_its_rate() -> None:
         signals_of(table).collected()
     assert "rate_hz" in raised.value.remedy
     units = zip(("rail_pressure", "needle_lift", "line_pressure"), table, ("bar", "um", "bar"), strict=True)
-    found = signals_of(
+    result = signals_of(
         table, {"rate_hz": 50e3, **{s: {"column": c, "unit": u} for s, c, u in units}}
     ).collected()
-    np.testing.assert_allclose(found.line_pressure, OURS.line_pressure)
-    assert found.sample_rate == 50e3
+    np.testing.assert_allclose(result.line_pressure, OURS.line_pressure)
+    assert result.sample_rate == 50e3

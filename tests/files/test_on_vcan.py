@@ -34,17 +34,17 @@ SENT = [
 def recorded(vcan: str, path: Path, count: int, send: Callable[[Link], object]) -> RecordStatistics:
     """What `record` finds of frames that `send` sends."""
     stop = threading.Event()
-    found: list[RecordStatistics] = []
+    results: list[RecordStatistics] = []
     with open_link("socketcan", vcan, True) as link, open_link("socketcan", vcan, True, []) as sender:
 
         def run() -> None:
-            found.append(record({vcan: link}, path, RecordLimits(frames=count, duration=30.0), stop))
+            results.append(record({vcan: link}, path, RecordLimits(frames=count, duration=30.0), stop))
 
         recorder = threading.Thread(target=run)
         recorder.start()
         send(sender)
         recorder.join()
-    return found[0]
+    return results[0]
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".log"])
@@ -54,8 +54,8 @@ def test_what_is_sent_is_recorded_and_replayed(vcan: str, tmp_path: Path, suffix
     assert (statistics.frames, statistics.lost) == (len(SENT), 0)
     recorded(vcan, second, len(SENT), lambda link: play(log_frames(LogPart(first)), link, 1.0))
     for path in (first, second):
-        found = [entry.frame for entry in open_log(path)]
-        assert [(f.frame_id, f.payload, *f[3:]) for f in found] == [
+        frames = [entry.frame for entry in open_log(path)]
+        assert [(f.frame_id, f.payload, *f[3:]) for f in frames] == [
             (
                 f.frame_id,
                 f.payload,
@@ -66,5 +66,5 @@ def test_what_is_sent_is_recorded_and_replayed(vcan: str, tmp_path: Path, suffix
             )
             for f in SENT
         ]
-        taken = (found[-1].stamp_ns - found[0].stamp_ns) / 1e9
+        taken = (frames[-1].stamp_ns - frames[0].stamp_ns) / 1e9
         assert 0.07 < taken < 2.0  # as sent, .1495 s, but for what else the machine does

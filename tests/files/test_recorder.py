@@ -10,12 +10,7 @@ import pytest
 
 from observer_rt.bus.links.link import Frame, LinkDownError
 from observer_rt.files.formats import open_log, recorded, suffixes_of
-from observer_rt.files.recorder import (
-    RecordLimits,
-    RecordStatistics,
-    check_recording_path,
-    record,
-)
+from observer_rt.files.recorder import RecordLimits, RecordStatistics, check_recording_path, record
 from observer_rt.foundation.errors import RunError, UserError
 from tests.files.canlog.log_cases import START
 from tests.links import FakeLink
@@ -68,11 +63,11 @@ def run(path: Path, source: Source, stop: threading.Event, limits: RecordLimits)
 def test_every_frame_is_in_the_file(tmp_path: Path, suffix: str) -> None:
     stop, path = threading.Event(), tmp_path / f"bus{suffix}"
     statistics = run(path, Source(500, stop), stop, RecordLimits())
-    found = list(open_log(path))
-    assert [f.frame.stamp_ns for f in found] == pytest.approx(
+    entries = list(open_log(path))
+    assert [f.frame.stamp_ns for f in entries] == pytest.approx(
         [START + n * 1000 for n in range(1, 501)], abs=999
     )
-    assert [f.frame[4:] for f in found] == [  # whether FD, its switch, its sender's state
+    assert [f.frame[4:] for f in entries] == [  # whether FD, its switch, its sender's state
         (n % 2 == 0, n % 6 == 0, n % 10 == 0) for n in range(1, 501)
     ]
     assert (statistics.frames, statistics.lost, statistics.files) == (500, 0, [path])
@@ -165,7 +160,7 @@ def test_a_failure_leaves_what_was_recorded(tmp_path: Path, failure: Exception) 
 def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
     stop, path = threading.Event(), tmp_path / "bus.blf"
 
-    class Unplugged(Source):
+    class UnpluggedSource(Source):
         away = 0
 
         def receive(self, timeout_s: float) -> Frame | None:
@@ -181,7 +176,7 @@ def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
                 raise LinkDownError("can0 is still down")
             self.given = 51
 
-    statistics = run(path, Unplugged(100, stop), stop, RecordLimits())
+    statistics = run(path, UnpluggedSource(100, stop), stop, RecordLimits())
     assert (statistics.frames, statistics.outages) == (99, 1)
     assert "interface away 1 times" in statistics.as_text()
     stamps = [entry.frame.stamp_ns for entry in open_log(path)]

@@ -18,7 +18,7 @@ BEGIN = 1_780_000_000_000_000_000  # ns since 1970
 STATUS_EVERY = 100_000_000  # ns
 
 
-class Observed:
+class ObservedInjector:
     """A core beside the devices; `reports` are its injections."""
 
     def __init__(self, alone: Bench) -> None:
@@ -45,7 +45,7 @@ class Observed:
             self.reports.append(news)
 
 
-def traffic(frames: Sequence[TimedFrame], observers: Sequence[Observed]) -> Iterator[BusFrame]:
+def traffic(frames: Sequence[TimedFrame], observers: Sequence[ObservedInjector]) -> Iterator[BusFrame]:
     """All frames in order, results some 10 us after what caused them."""
     for frame in frames:
         stamp = BEGIN + frame.stamp_ns
@@ -65,5 +65,5 @@ def traffic(frames: Sequence[TimedFrame], observers: Sequence[Observed]) -> Iter
 def write_log(path: Path, came: Sequence[BusFrame], channels: Sequence[str]) -> None:
     """The frames as a log of candump."""
     with CandumpWriter(path, BEGIN) as writer:
-        for each in sorted(came, key=lambda one: one.frame.stamp_ns):
-            writer.write(LogFrame(each.frame, channels[each.bus]))
+        for frame in sorted(came, key=lambda one: one.frame.stamp_ns):
+            writer.write(LogFrame(frame.frame, channels[frame.bus]))

@@ -15,7 +15,7 @@ from tests.benches import twin_bench
 THREE = (Path(__file__).parents[2] / "bus" / "databases" / "three_buses.toml").read_text()
 
 
-def found(path: Path) -> list[Finding]:
+def findings_of(path: Path) -> list[Finding]:
     bench = load_bench(path)
     return buses_findings(bench, map_bench(bench))
 
@@ -28,7 +28,7 @@ def changed(folder: Path, old: str, new: str) -> Path:
 
 
 def test_equal_identifiers_on_different_buses_are_no_clash(tmp_path: Path) -> None:
-    findings = found(twin_bench(tmp_path))
+    findings = findings_of(twin_bench(tmp_path))
     assert [f.text for f in findings if f.topic == "identifiers"] == ["6 messages, all different"]
     assert not [f for f in findings if f.level is Level.ERROR]
 
@@ -45,19 +45,19 @@ def test_equal_identifiers_on_one_bus_are_one(tmp_path: Path) -> None:
     path.write_text(
         text.replace('[[dbc]]\nfile = "observer', '[[dbc]]\nfile = "second.dbc"\n[[dbc]]\nfile = "observer')
     )
-    (clash,) = (f for f in found(path) if f.level is Level.ERROR)
+    (clash,) = (f for f in findings_of(path) if f.level is Level.ERROR)
     assert "Samples on can0 and Others on can0 share 0x123" in clash.text
 
 
 def test_a_bus_that_carries_nothing_is_told(tmp_path: Path) -> None:
-    findings = found(changed(tmp_path, '[outputs]\nlink = "results"\n', ""))
+    findings = findings_of(changed(tmp_path, '[outputs]\nlink = "results"\n', ""))
     (warning,) = (f for f in findings if f.topic == "buses" and f.level is Level.WARNING)
     assert "results (can3), socketcan: nothing" in warning.text
     assert "leave [links.results] out" in warning.text
 
 
 def test_a_classic_bus_cannot_carry_a_message_of_can_fd(tmp_path: Path) -> None:
-    findings = found(changed(tmp_path, 'channel = "can1"', 'channel = "can1"\nfd = false'))
+    findings = findings_of(changed(tmp_path, 'channel = "can1"', 'channel = "can1"\nfd = false'))
     (error,) = (f for f in findings if f.level is Level.ERROR)
     assert "NeedleLiftBlock is a CAN FD message, but links.lift.fd is false" in error.text
 
@@ -71,7 +71,7 @@ def test_the_load_of_each_bus_is_its_own(tmp_path: Path) -> None:
     assert loads[:2] == pytest.approx([frames_per_second * frame_time(64, True, 1e6, 8e6, False)] * 2)
     assert loads[2] == pytest.approx(frames_per_second * frame_time(64, True, 500e3, 2e6, False))
     assert loads[3] > loads[0]  # summary and status besides the rates
-    errors = [f.text for f in found(path) if f.level is not Level.OK]
+    errors = [f.text for f in findings_of(path) if f.level is not Level.OK]
     assert all("line (can2)" in text for text in errors)
     assert errors
 
@@ -86,9 +86,9 @@ def test_every_interface_is_looked_at(tmp_path: Path) -> None:
 def test_stamps_of_drivers_are_too_rough_beside_other_buses(tmp_path: Path) -> None:
     by_stamps = 'link = "lift"\ntime_base = "other"'
     path = changed(tmp_path, 'channel = "can1"', 'channel = "can1"\ninterface = "pcan"')
-    assert not [f for f in found(path) if "stamped" in f.text]  # one time base, all with an index
+    assert not [f for f in findings_of(path) if "stamped" in f.text]  # one time base, all with an index
     path.write_text(path.read_text().replace('link = "lift"', by_stamps))
-    (warning,) = (f for f in found(path) if "stamped" in f.text)
+    (warning,) = (f for f in findings_of(path) if "stamped" in f.text)
     assert (warning.level, warning.text.partition(":")[0]) == (Level.WARNING, "lift (can1)")
     path.write_text(THREE.replace('link = "lift"', by_stamps))
-    assert not [f for f in found(path) if "stamped" in f.text]
+    assert not [f for f in findings_of(path) if "stamped" in f.text]

@@ -282,8 +282,8 @@ equation = "line_flow"
 law = "c*max(line_flow - 25, 0)"
 coefficient = { value = 0.139, unit = "MPa*ms/mm3" }
 """
-    found = findings_of(injector={"[needle]": f"{added}\n[needle]"})
-    assert [finding.text for finding in of(found, "effects")] == [
+    findings = findings_of(injector={"[needle]": f"{added}\n[needle]"})
+    assert [finding.text for finding in of(findings, "effects")] == [
         "orifice_area v_H = 0.3",
         "line_flow: c*max(line_flow - 25, 0), c = 0.139 MPa*ms/mm3",
     ]

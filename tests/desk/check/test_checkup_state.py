@@ -59,9 +59,9 @@ def test_a_state_of_another_model(tmp_path: Path) -> None:
     assert "name the model file it belongs to" in finding.text
 
 
-@pytest.mark.parametrize("place", ["no/state.json", "."])
-def test_a_state_that_run_would_refuse(tmp_path: Path, place: str) -> None:
-    assert of_state(tmp_path / place).level is Level.ERROR
+@pytest.mark.parametrize("location", ["no/state.json", "."])
+def test_a_state_that_run_would_refuse(tmp_path: Path, location: str) -> None:
+    assert of_state(tmp_path / location).level is Level.ERROR
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)

@@ -32,9 +32,9 @@ def test_each_is_reported_by_its_name(tmp_path: Path) -> None:
             "time",
             "injector",
         ):
-            told = [finding.text for finding in two if finding.topic == topic]
+            texts = [finding.text for finding in two if finding.topic == topic]
             said = [f"{name}: {finding.text}" for finding in alone if finding.topic == topic]
-            assert said == [text for text in told if text.startswith(f"{name}: ")], topic
+            assert said == [text for text in texts if text.startswith(f"{name}: ")], topic
             assert said, topic
     assert [finding.text for finding in two if finding.topic == "identifiers"] == [
         "11 messages, all different"

@@ -17,15 +17,15 @@ def findings(folder: Path, signals: dict[str, str], rate: float = 20e3) -> list[
 
 
 def test_messages_of_one_base_are_fine(tmp_path: Path) -> None:
-    found = findings(tmp_path, ONE_BASE)
-    assert [finding.level for finding in found] == [Level.OK, Level.OK]
-    assert all("index" in finding.text for finding in found)
+    result = findings(tmp_path, ONE_BASE)
+    assert [finding.level for finding in result] == [Level.OK, Level.OK]
+    assert all("index" in finding.text for finding in result)
 
 
 def test_two_bases_tell_what_is_demanded_of_the_stamps(tmp_path: Path) -> None:
-    found = findings(tmp_path, TWO_BASES)
-    assert {finding.level for finding in found} == {Level.OK}
-    assert any("2 us" in finding.text and "0.25 MPa" in finding.text for finding in found)
+    result = findings(tmp_path, TWO_BASES)
+    assert {finding.level for finding in result} == {Level.OK}
+    assert any("2 us" in finding.text and "0.25 MPa" in finding.text for finding in result)
 
 
 def test_message_without_index_and_counter_is_warned_of(tmp_path: Path) -> None:
@@ -45,10 +45,10 @@ def test_what_is_stated_is_said_channel_by_channel() -> None:
     bench = bench_with(
         line_pressure={"filter_delay_us": 22.5}, needle_lift={"filter_delay_us": 4, "lag_us": 15.9}
     )
-    found = channel_findings(bench.injector)
-    assert {each.level for each in found} == {Level.OK}
-    assert [each.text.split(":")[0] for each in found] == [Role.NEEDLE_LIFT, Role.LINE_PRESSURE]
-    assert "4 us late" in found[0].text
-    assert "lag of 15.9 us" in found[0].text
-    assert "22.5 us late" in found[1].text
-    assert "lag" not in found[1].text
+    findings = channel_findings(bench.injector)
+    assert {each.level for each in findings} == {Level.OK}
+    assert [each.text.split(":")[0] for each in findings] == [Role.NEEDLE_LIFT, Role.LINE_PRESSURE]
+    assert "4 us late" in findings[0].text
+    assert "lag of 15.9 us" in findings[0].text
+    assert "22.5 us late" in findings[1].text
+    assert "lag" not in findings[1].text

@@ -18,7 +18,7 @@ from tests.desk.evaluation.test_logged import BENCH, frames, log_of, worn
 from tests.files.canlog.log_cases import write_log
 
 
-def found(folder: Path, sent: list[LogFrame]) -> list[Finding]:
+def findings_of(folder: Path, sent: list[LogFrame]) -> list[Finding]:
     write_log(folder / "bus.log", sent)
     return log_findings(BENCH, folder / "bus.log")
 
@@ -37,7 +37,7 @@ def number(pattern: str, finding: Finding) -> float:
 
 
 def test_a_good_log(tmp_path: Path) -> None:
-    findings = found(tmp_path, frames())
+    findings = findings_of(tmp_path, frames())
     assert {finding.level for finding in findings} == {Level.OK}
     samples, regularity, noise = findings
     assert f"{len(frames())} input frames" in samples.text
@@ -50,27 +50,27 @@ def test_a_good_log(tmp_path: Path) -> None:
 def test_hum_is_told(tmp_path: Path) -> None:
     hum = 0.2e6 * np.sin(2.0 * np.pi * 50.0 * worn().time)
     humming = replace(worn(), line_pressure=worn().line_pressure + hum)
-    findings = found(tmp_path, log_of(humming, all_samples(humming)))
+    findings = findings_of(tmp_path, log_of(humming, all_samples(humming)))
     assert {finding.level for finding in findings} == {Level.OK}
-    told = findings[-1]
-    assert told.text.startswith("noise of the line pressure is not white: hum ")
-    assert abs(number(r"hum (\d+) Hz", told) - 50.0) <= 2.0
-    assert abs(number(r"Hz ([\d.]+) MPa", told) - 0.2) < 0.03
+    noise_finding = findings[-1]
+    assert noise_finding.text.startswith("noise of the line pressure is not white: hum ")
+    assert abs(number(r"hum (\d+) Hz", noise_finding) - 50.0) <= 2.0
+    assert abs(number(r"Hz ([\d.]+) MPa", noise_finding) - 0.2) < 0.03
 
 
 def test_jitter_is_told_in_microseconds_and_words(tmp_path: Path) -> None:
     sent = {name: send(name, GRID, jitter(300e-6), END) for name in ("Line", "RailLift")}
     findings = found_of(tmp_path, ONE_BASE, merged(*sent.values()))
     for name, sent_frames in sent.items():
-        (told,) = (f for f in findings if f.text.startswith(f"{name}: "))
-        sigma = number(r"jitter is ([\d.]+) us", told)
+        (text,) = (f for f in findings if f.text.startswith(f"{name}: "))
+        sigma = number(r"jitter is ([\d.]+) us", text)
         delays = [frame.stamp_ns - 1e9 * frame.taken for frame in sent_frames]
-        assert told.level is Level.OK
+        assert text.level is Level.OK
         assert abs(1e3 * sigma / np.std(np.array(delays) - delays[0]) - 1.0) < 0.1
-        greatest = number(r"late by up to ([\d.]+) us", told)
+        greatest = number(r"late by up to ([\d.]+) us", text)
         assert abs(1e3 * greatest / (max(delays) - min(delays)) - 1.0) < 0.1
-        assert told.text.endswith("no effect, samples are counted")
-        assert "MPa" not in told.text
+        assert text.text.endswith("no effect, samples are counted")
+        assert "MPa" not in text.text
 
 
 def test_losses_are_warnings(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_losses_are_warnings(tmp_path: Path) -> None:
         *frames()[103:200],
         damaged._replace(frame=damaged.frame._replace(payload=payload)),
     ]
-    findings = found(tmp_path, [*sent, *frames()[201:]])
+    findings = findings_of(tmp_path, [*sent, *frames()[201:]])
     warnings = [finding.text for finding in findings if finding.level is Level.WARNING]
     assert " 36 lost" in warnings[0]
     assert "1 with CRC errors" in warnings[1]
@@ -90,9 +90,9 @@ def test_losses_are_warnings(tmp_path: Path) -> None:
 def test_clocks_that_stamps_do_not_tell_are_a_warning(tmp_path: Path) -> None:
     delays = jitter(200e-6)
     sent = merged(send("Line", GRID, delays, END), send("RailLift", OTHER, delays, END))
-    told = [f for f in found_of(tmp_path, TWO_BASES, sent) if f.level is Level.WARNING]
-    assert [finding.text.split(":")[0] for finding in told] == ["RailLift"]
-    assert "docs/time.md" in told[0].text
+    warnings = [f for f in found_of(tmp_path, TWO_BASES, sent) if f.level is Level.WARNING]
+    assert [finding.text.split(":")[0] for finding in warnings] == ["RailLift"]
+    assert "docs/time.md" in warnings[0].text
 
 
 def test_a_log_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
@@ -105,10 +105,12 @@ def test_a_log_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
 def test_a_slow_replay_is_no_drift_of_a_clock(tmp_path: Path) -> None:
     start = frames()[0].frame.stamp_ns
 
-    def slowed(one: LogFrame) -> LogFrame:
-        return one._replace(frame=one.frame._replace(stamp_ns=start + 20 * (one.frame.stamp_ns - start)))
+    def slowed(log_frame: LogFrame) -> LogFrame:
+        return log_frame._replace(
+            frame=log_frame.frame._replace(stamp_ns=start + 20 * (log_frame.frame.stamp_ns - start))
+        )
 
-    texts = [finding.text for finding in found(tmp_path, [slowed(frame) for frame in frames()])]
+    texts = [finding.text for finding in findings_of(tmp_path, [slowed(frame) for frame in frames()])]
     assert any(
         "SampleBlock: frames came late" in text and "sent at 0.05 times its rate" in text for text in texts
     )

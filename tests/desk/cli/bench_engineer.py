@@ -57,16 +57,16 @@ def run_and_stop(
     frames = frames_of(bench, sent) if isinstance(sent, Path) else list(sent)
     samples = 9 * (sum(frame.frame_id == BLOCK_ID for frame in frames) - 2)
     with listening("virtual", channel) as listener, open_link("virtual", channel, True, []) as player:
-        heard = listener.results
+        results = listener.results
 
         def first() -> None:
-            until(lambda: bool(heard.statuses))
+            until(lambda: bool(results.statuses))
             play(frames, player, math.inf)
 
         def done() -> bool:
-            return heard.last_status()["SamplesProcessed"] >= samples and meanwhile()
+            return results.last_status()["SamplesProcessed"] >= samples and meanwhile()
 
         with ended_when(done, first, number):
             outcome = command("run", "--bench", bench, *options)
         time.sleep(0.2)  # for the listener to hear the last frames
-    return outcome, heard
+    return outcome, results

@@ -47,16 +47,16 @@ def masses(command: Command, *arguments: object) -> list[float]:
 def test_a_log_of_three_buses_gives_what_the_recording_gives(
     command: Command, twins: Path, log: Path, tmp_path: Path
 ) -> None:
-    found = masses(command, log, "--bench", twins)
-    assert len(found) == 4
+    result = masses(command, log, "--bench", twins)
+    assert len(result) == 4
     numbered = tmp_path / "bus.blf"
     command.done("convert", log, numbered)
     assert {entry.channel for entry in open_log(numbered)} == {"1", "2", "3"}
-    assert masses(command, numbered, "--bench", twins) == found
+    assert masses(command, numbered, "--bench", twins) == result
     csv = tmp_path / "bus.csv"
     outcome = command.done("convert", numbered, csv, "--bench", twins)
     assert "channel 1 is can0, 2 is lift (can1), 3 is line (can2)" in " ".join(outcome.err.split())
-    assert masses(command, csv, "--bench", twins) == pytest.approx(found, rel=1e-9)
+    assert masses(command, csv, "--bench", twins) == pytest.approx(result, rel=1e-9)
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def ears(channels: list[str]) -> Iterator[list[can.BusABC]]:
             bus.shutdown()
 
 
-def heard(bus: can.BusABC) -> list[bytes]:
+def received(bus: can.BusABC) -> list[bytes]:
     return [bytes(message.data) for message in iter(lambda: bus.recv(0.0), None)]
 
 
@@ -90,7 +90,7 @@ def test_replay_sends_every_message_on_its_bus(
     ]
     arguments = ("--bench", bench, *said, "--speed", "0")
     command.done("replay", worn, *arguments)
-    sent = [heard(bus) for bus in ears]
+    sent = [received(bus) for bus in ears]
     frames = frames_of(bench, worn_recording())
     assert [len(each) for each in sent] == [sum(f.bus == bus for f in frames) for bus in range(4)]
     log = tmp_path / "bus.log"
@@ -98,7 +98,7 @@ def test_replay_sends_every_message_on_its_bus(
     assert f"--map-channel CHANNEL={channels[0]}" in command.refused("replay", log, *arguments)
     routes = ("can0=" + channels[0], "can1=lift", "can2=line")
     command.done("replay", log, *arguments, *(word for to in routes for word in ("--map-channel", to)))
-    assert [heard(bus) for bus in ears] == sent
+    assert [received(bus) for bus in ears] == sent
 
 
 def test_all_buses_are_recorded_into_one_log(command: Command, channels: list[str], tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ from tests.desk.cli.conftest import Command
 
 def test_json_document(command: Command, bench: Path) -> None:
     outcome = command.done("check", "--bench", bench, "--json")
-    found = json.loads(outcome.out)
-    assert found["schema"] == 1
-    assert found["errors"] == 0
-    topics = {finding["topic"] for finding in found["findings"]}
+    content = json.loads(outcome.out)
+    assert content["schema"] == 1
+    assert content["errors"] == 0
+    topics = {finding["topic"] for finding in content["findings"]}
     assert {"files", "mapping", "bus load", "integration", "real time"} <= topics
 
 

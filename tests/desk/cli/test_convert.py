@@ -92,6 +92,6 @@ def test_a_log_becomes_a_recording_by_a_bench_file(
     for target in ("out.csv", "out.mf4"):
         outcome = command.done("convert", tmp_path / "bus.blf", tmp_path / target, "--bench", bench)
         assert "at 50000 Hz, from sample index 0 on" in outcome.out
-        found = read_recording(tmp_path / target)
-        error = np.abs(found.rail_pressure[: recording.samples] - recording.rail_pressure)
+        result = read_recording(tmp_path / target)
+        error = np.abs(result.rail_pressure[: recording.samples] - recording.rail_pressure)
         assert error.max() <= 0.0026e6

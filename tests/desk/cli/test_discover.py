@@ -21,34 +21,34 @@ from tests.device import simulated
 def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
     command: Command, worn: Path, tmp_path: Path
 ) -> None:
-    found = tmp_path / "found"
-    done = command.done("discover", "--out", found, worn)
+    result = tmp_path / "found"
+    done = command.done("discover", "--out", result, worn)
     assert done.out.startswith("named: orifice_area")
     assert "MPa" in done.out
     assert "mg" in done.out
-    assert {path.name for path in found.iterdir()} == {
+    assert {path.name for path in result.iterdir()} == {
         "findings.json",
         "amended.toml",
         "report.html",
         "fits.jsonl",
     }
-    (effect,) = load_injector(found / "amended.toml").effects
+    (effect,) = load_injector(result / "amended.toml").effects
     assert effect.parameters["v_H"].value == pytest.approx(0.3, abs=0.02)
-    findings = json.loads((found / "findings.json").read_text())
+    findings = json.loads((result / "findings.json").read_text())
     assert findings["seconds"] > 0.0
     assert len(findings["held_out"]) == 1  # two rail pressures in one recording
     amended = tmp_path / "in_force.toml"
-    amended.write_bytes((found / "amended.toml").read_bytes())
+    amended.write_bytes((result / "amended.toml").read_bytes())
     for name in ("findings.json", "report.html"):
-        kept = (found / name).read_bytes()
-        said = command.refused("discover", "--model", amended, "--out", found, worn)
+        kept = (result / name).read_bytes()
+        said = command.refused("discover", "--model", amended, "--out", result, worn)
         assert name in said
         assert "--force" in said
-        assert (found / name).read_bytes() == kept
-    again = command.done("discover", "--model", amended, "--out", found, "--json", "--force", worn)
+        assert (result / name).read_bytes() == kept
+    again = command.done("discover", "--model", amended, "--out", result, "--json", "--force", worn)
     assert json.loads(again.out)["verdict"] == "none"
-    assert json.loads(again.out) == json.loads((found / "findings.json").read_text())
-    assert not (found / "amended.toml").exists()  # that of another question
+    assert json.loads(again.out) == json.loads((result / "findings.json").read_text())
+    assert not (result / "amended.toml").exists()  # that of another question
 
 
 @pytest.mark.parametrize("named_by", ["--model", "--bench"])
@@ -64,24 +64,24 @@ def test_the_model_is_never_overwritten(
 
 
 def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_path: Path) -> None:
-    recording, found = tmp_path / "seat.csv", tmp_path / "found"
+    recording, result = tmp_path / "seat.csv", tmp_path / "found"
     command(
         *("simulate", "--measured-rate", "--rail-pressure", "60,140", "--injections", "4"),
         *("--effect", "seat_area:v_S=-0.2", "--output", recording),
     )
-    done = command.done("discover", "--out", found, recording)
-    headline, *rest = done.out.splitlines()
+    done = command.done("discover", "--out", result, recording)
+    headline, *remaining = done.out.splitlines()
     assert re.match(r"ambiguous: (lift_gain, or seat_area|seat_area, or lift_gain) \(", headline)
-    assert not (found / "amended.toml").exists()
-    assert "--choose seat_area" in "".join(rest)
-    advice = next(line for line in rest if line.strip().startswith("to tell"))
+    assert not (result / "amended.toml").exists()
+    assert "--choose seat_area" in "".join(remaining)
+    advice = next(line for line in remaining if line.strip().startswith("to tell"))
     assert "rate" not in advice  # which was measured
     assert "which leave open: " in command.refused(
-        "discover", "--out", found, "--force", "--choose", "orifice_area", recording
+        "discover", "--out", result, "--force", "--choose", "orifice_area", recording
     )
-    chosen = command("discover", "--out", found, "--force", "--choose", "seat_area", recording)
+    chosen = command("discover", "--out", result, "--force", "--choose", "seat_area", recording)
     assert chosen.out.startswith("ambiguous: seat_area, or lift_gain")
-    (effect,) = load_injector(found / "amended.toml").effects
+    (effect,) = load_injector(result / "amended.toml").effects
     assert effect.id == "seat_area"
     assert "chosen" in effect.evidence
 
@@ -170,10 +170,10 @@ def test_a_log_of_the_replayed_recording_gives_the_same_verdict(
     expected = json.loads(command("discover", "--out", tmp_path / "a", "--json", signals).out)
     done = command.done("discover", "--bench", bench, "--out", tmp_path / "b", "--json", log)
     assert "no gap, 4 of 4 injections judged" in done.err
-    found = json.loads(done.out)
-    assert found["verdict"] == expected["verdict"] == "named"
-    assert [effect["id"] for effect in found["effects"]] == ["orifice_area"]
-    sizes = [one["effects"][0]["parameters"]["v_H"]["value"] for one in (found, expected)]
+    content = json.loads(done.out)
+    assert content["verdict"] == expected["verdict"] == "named"
+    assert [effect["id"] for effect in content["effects"]] == ["orifice_area"]
+    sizes = [one["effects"][0]["parameters"]["v_H"]["value"] for one in (content, expected)]
     assert sizes[0] == pytest.approx(sizes[1], abs=0.002)  # a code of the bus is a fraction of the noise
 
 

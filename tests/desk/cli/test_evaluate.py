@@ -31,10 +31,10 @@ INDICATORS = {
 
 
 def test_json_document(command: Command, worn: Path) -> None:
-    found = document(command, worn)
-    assert found.keys() == {"schema", "model_sha256", "recordings"}
-    assert found["schema"] == 1
-    (recording,) = found["recordings"]
+    json_document = document(command, worn)
+    assert json_document.keys() == {"schema", "model_sha256", "recordings"}
+    assert json_document["schema"] == 1
+    (recording,) = json_document["recordings"]
     assert recording.keys() == RECORDING_KEYS
     summary = {"valid_share", "adoptions", "rejected_adoptions", "level_ci95_pct", "calibrated"}
     assert recording["summary"].keys() == summary
@@ -214,14 +214,14 @@ def test_logs_of_a_device_that_went_on_are_as_one(
     lines = candump_lines(frames_of(bench, worn))
     for name, part in (("whole", lines), ("first", lines[:within]), ("second", lines[within:])):
         (tmp_path / f"{name}.log").write_text("".join(part))
-    (known,) = document(command, tmp_path / "whole.log", "--bench", bench)["recordings"]
+    (reference,) = document(command, tmp_path / "whole.log", "--bench", bench)["recordings"]
     parts = (tmp_path / "first.log", tmp_path / "second.log")
     chained = document(command, *parts, "--bench", bench, "--chain")["recordings"]
-    found = [injection for part in chained for injection in part["injections"]]
-    assert [injection["number"] for injection in found] == [1, 2, 3, 4]
+    result = [injection for part in chained for injection in part["injections"]]
+    assert [injection["number"] for injection in result] == [1, 2, 3, 4]
     keys = ("mass_mg", "mass_ci95_mg", "valid", "phi_version", "indicators")
-    assert [[i[key] for key in keys] for i in found] == [
-        [i[key] for key in keys] for i in known["injections"]
+    assert [[i[key] for key in keys] for i in result] == [
+        [i[key] for key in keys] for i in reference["injections"]
     ]
     apart = document(command, *parts, "--bench", bench)["recordings"]
     assert apart[1]["injections"][0]["number"] == 1

@@ -20,17 +20,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("three")
     three = three_on(folder, "can0")
     (folder / "bus.log").write_text("".join(candump_lines(three.frames)))
-    for name, each in zip(NAMES, three.recordings, strict=True):
-        write_recording(folder / f"{name}.csv", each)
+    for name, recording in zip(NAMES, three.recordings, strict=True):
+        write_recording(folder / f"{name}.csv", recording)
     return folder
 
 
 def test_one_of_them_as_alone(command: Command, folder: Path) -> None:
     arguments = folder / "bus.log", "--bench", folder / "bench.toml"
     assert "choose one, such as --injector one" in command.refused("evaluate", *arguments)
-    found = document(command, *arguments, "--injector", "two")
+    json_document = document(command, *arguments, "--injector", "two")
     alone = evaluate(load_bench(one_alone(folder, 1, "can0")), [three_recordings()[1]])
-    (recording,) = found["recordings"]
+    (recording,) = json_document["recordings"]
     masses = [one.mass / MILLIGRAM for one in alone.evaluations[0].reports]
     assert [one["mass_mg"] for one in recording["injections"]] == masses
 
@@ -39,8 +39,8 @@ def test_the_signals_of_one_out_of_a_log(command: Command, folder: Path, tmp_pat
     arguments = "convert", folder / "bus.log", tmp_path / "two.csv", "--bench", folder / "bench.toml"
     assert "choose one, such as --injector one" in command.refused(*arguments)
     command.done(*arguments, "--injector", "two")
-    found, sent = read_recording(tmp_path / "two.csv"), read_recording(folder / "two.csv")
-    assert abs(found.needle_lift - sent.needle_lift[: found.samples]).max() < 1e-8
+    recording, sent = read_recording(tmp_path / "two.csv"), read_recording(folder / "two.csv")
+    assert abs(recording.needle_lift - sent.needle_lift[: recording.samples]).max() < 1e-8
     command.refused("convert", folder / "bus.log", tmp_path / "bus.blf", "--injector", "two")
 
 

@@ -22,9 +22,9 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
     """Two recordings of the nominal injector."""
     folder = tmp_path_factory.mktemp("healthy")
     paths = []
-    for number, one in enumerate(simulations(POINTS)):
+    for number, simulation in enumerate(simulations(POINTS)):
         paths.append(folder / f"healthy_{number}.csv")
-        write_recording(paths[-1], one.recording)
+        write_recording(paths[-1], simulation.recording)
     return tuple(paths)
 
 
@@ -103,9 +103,9 @@ def test_a_recording_that_will_not_do_is_refused(
 ) -> None:
     path, fitted = tmp_path / "recording.csv", tmp_path / "fitted.toml"
     write_recording(path, recording)
-    told = command.refused("fit", path, "--model", NOMINAL_INJECTOR, "--output", fitted)
-    assert "recording.csv" in told
-    assert said in told
+    error = command.refused("fit", path, "--model", NOMINAL_INJECTOR, "--output", fitted)
+    assert "recording.csv" in error
+    assert said in error
     assert not fitted.exists()
 
 

@@ -12,12 +12,12 @@ PAGE = Path(__file__).parents[3] / "docs" / "recordings.md"
 
 def test_the_page_lists_the_formats_of_the_registry() -> None:
     row = re.compile(r"^\| (`\.[^|]+`) \| ([^|]+) \|(?: (yes|no) \|)?$", re.MULTILINE)
-    told = {
+    suffixes = {
         (suffix, match[2], match[3] == "yes")
         for match in row.finditer(PAGE.read_text(encoding="utf-8"))
         for suffix in re.findall(r"`(\.[\w.]+)`", match[1])
     }
-    assert told == {
+    assert suffixes == {
         (suffix, each.description, isinstance(each, LogFormat) and each.recorder is not None)
         for each in BUILT_IN
         for suffix in each.suffixes

@@ -24,13 +24,18 @@ def test_every_line_and_outflow_is_simulated_and_observed(
     made = tmp_path / "made.csv"
     points = ("--rail-pressure", "60,140", "--energizing-time", 1.1, "--injections", 4)
     command.done("simulate", "--model", model, *points, "--output", made)
-    (found,) = document(command, made, "--model", model)["recordings"]
-    assert [one["valid"] for one in found["injections"]] == [False, False, True, True]
+    (recording_document,) = document(command, made, "--model", model)["recordings"]
+    assert [injection["valid"] for injection in recording_document["injections"]] == [
+        False,
+        False,
+        True,
+        True,
+    ]
     rate = np.loadtxt(f"{made}.truth.csv", delimiter=",", skiprows=1)[:, 1]
-    for one in found["injections"][2:]:
-        first = one["start_index"]
+    for injection in recording_document["injections"][2:]:
+        first = injection["start_index"]
         true = np.sum(rate[first - 100 : first + 1000]) * 0.01 * 0.83  # 0.01 ms, 0.83 mg/mm3
-        assert one["mass_mg"] == pytest.approx(true, rel=0.01)
+        assert injection["mass_mg"] == pytest.approx(true, rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["evaluate", "check", "run"])
@@ -52,9 +57,9 @@ def test_too_many_cells_are_refused_with_the_numbers(
     assert outcome.code == (1 if name == "check" else 2)
     assert "line.cells: 40 cells are not stable: sound crosses 3.21 of a cell in a step of 10 us" in said
     assert "(at most 0.98)" in said
-    told = re.search(r"give (\d+) cells, or leave 'cells' out", said)
-    assert told is not None
-    model.write_text(model.read_text().replace("cells = 40", f"cells = {told[1]}"))
+    match = re.search(r"give (\d+) cells, or leave 'cells' out", said)
+    assert match is not None
+    model.write_text(model.read_text().replace("cells = 40", f"cells = {match[1]}"))
     command.done("check", "--model", model)
 
 

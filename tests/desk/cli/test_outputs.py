@@ -71,17 +71,17 @@ STRANGERS = ("observer.log", "bench.toml", "learned.json", "evidence/mine.parque
 
 def declared() -> dict[tuple[str, str], Writes]:
     """What commands say that they write, by command and option; `export` is not among them."""
-    found = {}
+    result = {}
     for command in app_of().registered_commands:
         for name, hint in get_type_hints(command.callback, include_extras=True).items():
             of_hint: tuple[Any, ...] = getattr(hint, "__metadata__", ())
             for writes in (one for one in of_hint if isinstance(one, Writes)):
                 info = of_hint[0]
                 option = info.default if isinstance(info, OptionInfo) else info.metavar
-                found[command.name or "", str(option)] = writes
+                result[command.name or "", str(option)] = writes
             if "Path" in str(hint) and not any(isinstance(one, Writes) for one in of_hint):
                 assert name in READ or command.name == "export", f"{command.name}: is {name} read or written?"
-    return found
+    return result
 
 
 DECLARED = declared()
@@ -131,9 +131,9 @@ def test_a_file_of_somebody_else_is_refused_by_its_name(
     command: Command, folder: Path, worn: Path, key: tuple[str, str]
 ) -> None:
     out, writes = file_of(key), DECLARED[key]
-    beside = [Path(name.replace("*", str(out))) for name in writes.names if not name.endswith(".lock")]
+    strangers = [Path(name.replace("*", str(out))) for name in writes.names if not name.endswith(".lock")]
     consents = [[]] if writes.standing is Standing.OWN else [[], ["--force"]]
-    for path in (out, *beside):
+    for path in (out, *strangers):
         for content in (b"mine\n", EXAMPLE_BENCH.read_bytes()):
             path.write_bytes(content)
             before = contents(folder)
@@ -158,13 +158,13 @@ def test_a_folder_of_somebody_else_is_left_alone(
 ) -> None:
     for name in DECLARED[key].names:
         for content in (b"mine\n", SAME_KIND.get(Path(name).suffix, b"[1]")):
-            place = folder / str(len(list(folder.iterdir())))
+            position = folder / str(len(list(folder.iterdir())))
             for stranger in (*STRANGERS, name):
-                (place / stranger).parent.mkdir(parents=True, exist_ok=True)
-                (place / stranger).write_bytes(content)
-            asked = words(key, worn, str(place))
+                (position / stranger).parent.mkdir(parents=True, exist_ok=True)
+                (position / stranger).write_bytes(content)
+            asked = words(key, worn, str(position))
             if "/" in name:  # of a project that is there
-                (place / "project.toml").write_text(
+                (position / "project.toml").write_text(
                     'model = "../model.toml"\nrecordings = ["../bench.toml"]\n'
                 )
                 asked[1] = "report"
@@ -173,20 +173,22 @@ def test_a_folder_of_somebody_else_is_left_alone(
                 if consent and DECLARED[key].standing is Standing.NAMES and content != b"mine\n":
                     continue  # which replaces it
                 said = command.refused(*asked, *consent)
-                assert str(place) in said
+                assert str(position) in said
                 assert name.partition("/")[0] in said
                 assert contents(folder) == before
 
 
 def test_a_demonstration_takes_an_empty_folder_only(command: Command, folder: Path) -> None:
     for name in STRANGERS:
-        place = folder / f"of_{Path(name).stem}"
-        (place / name).parent.mkdir(parents=True)
-        (place / name).write_bytes(b"mine\n")
+        location = folder / f"of_{Path(name).stem}"
+        (location / name).parent.mkdir(parents=True)
+        (location / name).write_bytes(b"mine\n")
         before = contents(folder)
         for consent in ([], ["--force"]):
-            said = command.refused("demo", "--missing-effect", "--out", place, "--figure", "x.png", *consent)
-            assert f"{place}: is not empty" in said
+            said = command.refused(
+                "demo", "--missing-effect", "--out", location, "--figure", "x.png", *consent
+            )
+            assert f"{location}: is not empty" in said
             assert contents(folder) == before
 
 

@@ -55,17 +55,17 @@ def test_a_foreign_file_is_evaluated(command: Command, foreign: Path, own: Path,
     outcome = command.done("evaluate", foreign, "--bench", own)
     assert "1 gaps are bridged" in outcome.err
     assert "split into 2 stretches" in outcome.err
-    (found,) = document(command, foreign, "--bench", own)["recordings"]
-    (known,) = document(command, worn, "--bench", own)["recordings"]
-    assert len(found["injections"]) in (3, 4)
-    masses = [each["mass_mg"] for each in known["injections"]]
-    assert found["injections"][0]["mass_mg"] == pytest.approx(masses[0], rel=5e-3)
+    (recording_document,) = document(command, foreign, "--bench", own)["recordings"]
+    (reference,) = document(command, worn, "--bench", own)["recordings"]
+    assert len(recording_document["injections"]) in (3, 4)
+    masses = [each["mass_mg"] for each in reference["injections"]]
+    assert recording_document["injections"][0]["mass_mg"] == pytest.approx(masses[0], rel=5e-3)
 
 
 def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, own: Path) -> None:
     outcome = command("check", "--bench", own, "--recording", foreign, "--json")
     texts = [each["text"] for each in json.loads(outcome.out)["findings"] if each["topic"] == "recording"]
-    told = "\n".join(texts)
+    text = "\n".join(texts)
     for part in (
         "names in line 2",
         "separated by ';'",
@@ -76,7 +76,7 @@ def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, ow
         "split into 2 stretches",
         "needle_lift: ",
     ):
-        assert part in told
+        assert part in text
     own.write_text(own.read_text().replace('column = "Hub"\nunit = "um"', 'column = "Hub"\nunit = "mm"'))
     outcome = command("check", "--bench", own, "--recording", foreign)
     assert outcome.code == 1
@@ -93,13 +93,15 @@ def speaking(foreign: Path) -> Path:
 
 def test_a_foreign_file_is_read_by_its_headings(command: Command, speaking: Path, own: Path) -> None:
     """And stderr says how; the masses are those by the section."""
-    told = command.done("evaluate", speaking).err
-    assert "by its headings time is 'Zeit' in ms, rail_pressure is 'p_Rail' in bar" in told
-    found, stated = (document(command, speaking, *bench)["recordings"][0] for bench in ((), ("--bench", own)))
-    assert found["injections"] == stated["injections"] != []
-    told = command.done("check", "--recording", speaking).out
-    assert "line_pressure is 'p_Leitung' in bar" in told
-    assert "bus database" not in told
+    message = command.done("evaluate", speaking).err
+    assert "by its headings time is 'Zeit' in ms, rail_pressure is 'p_Rail' in bar" in message
+    json_document, stated = (
+        document(command, speaking, *bench)["recordings"][0] for bench in ((), ("--bench", own))
+    )
+    assert json_document["injections"] == stated["injections"] != []
+    message = command.done("check", "--recording", speaking).out
+    assert "line_pressure is 'p_Leitung' in bar" in message
+    assert "bus database" not in message
 
 
 def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_path: Path) -> None:

@@ -207,8 +207,8 @@ def test_the_description_of_the_package_has_no_link_into_the_repository() -> Non
     """On a package index it would lead nowhere."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     text = Page("README.md").text
-    for each in project["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
-        text = re.sub(each["pattern"], each["replacement"], text)
+    for substitution in project["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
+        text = re.sub(substitution["pattern"], substitution["replacement"], text)
     assert re.findall(r"\]\((?!https?:)", text) == []
     assert "`docs/operating.md` of the sources" in text
 
@@ -230,9 +230,9 @@ def test_the_readme_is_a_screen_and_a_half() -> None:
 
 def test_the_benchmarks_that_are_named_are_there() -> None:
     named = {name for page in PAGES for name in re.findall(r"`tools/bench (\w[\w-]*)", page.text)}
-    there = typer.main.get_command(bench).commands  # type: ignore[attr-defined]
+    commands = typer.main.get_command(bench).commands  # type: ignore[attr-defined]
     assert len(named) > 4
-    assert named <= set(there)
+    assert named <= set(commands)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.path)
@@ -284,12 +284,12 @@ def test_from_unknown_to_the_daemon(
     )
     Path("plugging.toml").write_text(plugged, encoding="utf-8")
     command.done(*simulate_plugged)
-    found = command.done(*discover_plugged).out
+    result = command.done(*discover_plugged).out
     table = command.done(*evaluate_amended).out
     [proposal] = re.findall(
         r"^ +proposal 1: as if the nozzle lost 15.0 % of its flow .*$", page.text, re.MULTILINE
     )
-    assert proposal.strip() in " ".join(found.split())
+    assert proposal.strip() in " ".join(result.split())
     rows = re.findall(r"^ +( [456]   .* yes)$", page.text, re.MULTILINE)
     assert len(rows) == 3
     assert [row for row in rows if row not in table] == []
@@ -319,9 +319,9 @@ def test_the_plan_of_the_page(command: Command, tmp_path: Path, monkeypatch: pyt
 
 def test_every_reservation_is_explained() -> None:
     source = Path(observer_rt.identification.discovery.findings.__file__).read_text(encoding="utf-8")
-    known = set(re.findall(r'Caveat\(\s*"(\w+)"', source))
-    assert len(known) > 5
-    assert set(re.findall(r"^\| `(\w+)` \|", Page("docs/discovery.md").text, re.MULTILINE)) - {"id"} == known
+    names = set(re.findall(r'Caveat\(\s*"(\w+)"', source))
+    assert len(names) > 5
+    assert set(re.findall(r"^\| `(\w+)` \|", Page("docs/discovery.md").text, re.MULTILINE)) - {"id"} == names
 
 
 LIBRARY = Page("docs/library.md")
@@ -359,9 +359,9 @@ def test_programs_do_what_the_page_says(tmp_path: Path) -> None:
 def test_every_name_of_the_page_is_there() -> None:
     assert len(NAMES) > 8
     for module, names in NAMES:
-        found = importlib.import_module(module)
+        result = importlib.import_module(module)
         for name in re.findall(r"`(\w+)`", names):
-            assert hasattr(found, name), f"{module}.{name}"
+            assert hasattr(result, name), f"{module}.{name}"
 
 
 @pytest.mark.slow
@@ -425,10 +425,10 @@ def the_fit_is_as_the_page_says() -> None:
     plant, by_file, fitted = (
         load_injector(Path(name)) for name in ("plant.toml", "by_file.toml", "fitted.toml")
     )
-    for found in (by_file, fitted):
-        assert (found.line_outflow, found.line.model) == (plant.line_outflow, plant.line.model)
-        assert found.baseline is not None
-        assert found.baseline.adequate
+    for item in (by_file, fitted):
+        assert (item.line_outflow, item.line.model) == (plant.line_outflow, plant.line.model)
+        assert item.baseline is not None
+        assert item.baseline.adequate
     assert by_file.line.diameter == 2.4e-3
     assert fitted.line.diameter == pytest.approx(plant.line.diameter, rel=0.005)
     assert fitted.nozzle.flow_coefficient == pytest.approx(plant.nozzle.flow_coefficient, rel=0.01)
@@ -437,10 +437,10 @@ def the_fit_is_as_the_page_says() -> None:
 
 def the_worn_injector_is(injections: list[dict[str, float]]) -> None:
     """Every mass from the third on, beside the truth."""
-    assert [bool(one["valid"]) for one in injections] == [False, False, *[True] * 4]
+    assert [bool(injection["valid"]) for injection in injections] == [False, False, *[True] * 4]
     with Path("worn.csv.truth.csv").open() as file:
         rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
-    for one in injections[2:]:
-        first = int(one["start_index"])
+    for injection in injections[2:]:
+        first = int(injection["start_index"])
         rates = [row["injection_rate_mm3_per_ms"] for row in rows[first - 100 : first + 2000]]
-        assert one["mass_mg"] == pytest.approx(sum(rates) * 0.01 * 0.83, rel=0.006)
+        assert injection["mass_mg"] == pytest.approx(sum(rates) * 0.01 * 0.83, rel=0.006)

@@ -41,11 +41,11 @@ def indices(messages: list[can.Message]) -> list[int]:
 def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -> None:
     part = ("--start", "0.1", "--stop", "0.11", "--loop", "2", "--json")
     outcome = command.done("replay", worn, *ON_BUS, "--speed", "1", *part)
-    found = json.loads(outcome.out)
+    content = json.loads(outcome.out)
     messages = received(bus)
-    assert found["frames"] == len(messages) == pytest.approx(2 * 500 / 9, abs=2)
-    assert 0.018 <= found["duration_s"] <= 0.2
-    assert found["lateness_median_s"] >= 0.0
+    assert content["frames"] == len(messages) == pytest.approx(2 * 500 / 9, abs=2)
+    assert 0.018 <= content["duration_s"] <= 0.2
+    assert content["lateness_median_s"] >= 0.0
     starts = indices(messages)
     assert all(later - earlier == 9 for earlier, later in pairwise(starts))
 

@@ -13,19 +13,9 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.config.bench import (
-    EXAMPLE_BENCH,
-    NOMINAL_INJECTOR,
-    example_text,
-    load_bench,
-    load_injector,
-)
+from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text, load_bench, load_injector
 from observer_rt.daemon import link_opening
-from observer_rt.daemon.persistence.state_file import (
-    learned_beside,
-    load_knowledge,
-    save_knowledge,
-)
+from observer_rt.daemon.persistence.state_file import learned_beside, load_knowledge, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.formats import read_recording
 from observer_rt.files.replay.framing import TimedFrame
@@ -54,14 +44,14 @@ def bench(bench: Path, tmp_path: Path) -> Path:
     return bench
 
 
-def valid_injections(heard: ResultFrames) -> list[float]:
-    return [decoded(SUMMARY, payload)["Valid"] for payload in heard.summaries]
+def valid_injections(results: ResultFrames) -> list[float]:
+    return [decoded(SUMMARY, payload)["Valid"] for payload in results.summaries]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path, number: signal.Signals) -> None:
     before = signal.getsignal(number)
-    outcome, heard = run_and_stop(command, bench, worn, number)
+    outcome, results = run_and_stop(command, bench, worn, number)
     assert outcome.code == 0
     assert outcome.out == ""
     assert "ready" in outcome.err
@@ -69,21 +59,21 @@ def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path, numbe
     assert "injection 4 at index" in outcome.err
     assert "stopped after" in outcome.err
     samples = read_recording(worn).samples
-    assert heard.last_status()["SamplesProcessed"] == samples  # also those the look-ahead held
+    assert results.last_status()["SamplesProcessed"] == samples  # also those the look-ahead held
     assert signal.getsignal(number) == before
 
 
 def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, tmp_path: Path) -> None:
     """With it the first valid injection is the second, without it the third."""
     state = tmp_path / "learned.json"
-    first, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    first, results = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
     assert f"no learned state at {state}" in first.err
     assert f"learned state saved in {state}" in first.err
-    assert valid_injections(heard) == [0, 0, 1, 1]
-    second, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert valid_injections(results) == [0, 0, 1, 1]
+    second, results = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
     assert "learned state restored" in second.err
     assert "learned from 4 events" in second.err
-    assert valid_injections(heard) == [0, 1, 1, 1]
+    assert valid_injections(results) == [0, 1, 1, 1]
     restored = load_knowledge(state, load_injector()).knowledge
     assert restored is not None
     assert restored.state.events == 8
@@ -98,8 +88,8 @@ def test_state_learned_from_nothing_earns_no_trust(
     bench.write_text(text.replace("rate_hz = 50e3", "rate_hz = 100e3"))
     run_and_stop(command, bench, resting, signal.SIGTERM, "--state", state)
     bench.write_text(text)
-    _, heard = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
-    assert valid_injections(heard) == [0, 0, 1, 1]
+    _, results = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    assert valid_injections(results) == [0, 0, 1, 1]
 
 
 @pytest.mark.slow
@@ -108,15 +98,15 @@ def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
 ) -> None:
     injector(tmp_path / "injector.toml", end=FITTED.format(adequate="false", rate=50e3))
     bench.write_text(bench.read_text().replace("# file = ", "file = ", 1))
-    outcome, heard = run_and_stop(command, bench, worn, signal.SIGTERM)
-    (told,) = (line for line in outcome.err.splitlines() if "inadequate by its own fit" in line)
-    assert " WARNING start: injector.toml was found inadequate" in told
-    assert "remedy: see what `observer-rt fit` says to try" in told
-    assert valid_injections(heard) == [0, 0, 0, 0]
+    outcome, results = run_and_stop(command, bench, worn, signal.SIGTERM)
+    (text,) = (line for line in outcome.err.splitlines() if "inadequate by its own fit" in line)
+    assert " WARNING start: injector.toml was found inadequate" in text
+    assert "remedy: see what `observer-rt fit` says to try" in text
+    assert valid_injections(results) == [0, 0, 0, 0]
     bench.write_text(bench.read_text().replace("on_inadequate_model = false", "on_inadequate_model = true"))
-    outcome, heard = run_and_stop(command, bench, worn, signal.SIGTERM)
+    outcome, results = run_and_stop(command, bench, worn, signal.SIGTERM)
     assert "learned with all the same" in outcome.err
-    assert valid_injections(heard) == [0, 0, 1, 1]
+    assert valid_injections(results) == [0, 0, 1, 1]
 
 
 def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench: Path, worn: Path) -> None:
@@ -278,10 +268,10 @@ def test_it_can_be_stopped_while_it_waits_for_its_interface(bench: Path) -> None
     bench.write_text(text.replace(load_bench(bench).config.link.channel, "/dev/no-such-line"))
     process = module("run", "--bench", bench)
     assert process.stderr is not None
-    told = ""
-    while "waiting for the interface" not in told:
-        told = process.stderr.readline()
-        assert told, "ended by itself"
+    line = ""
+    while "waiting for the interface" not in line:
+        line = process.stderr.readline()
+        assert line, "ended by itself"
     process.send_signal(signal.SIGTERM)
     _, messages = process.communicate(timeout=60)
     assert process.returncode == 0, messages
@@ -344,11 +334,11 @@ def test_the_service_manager_hears_of_it(
         monkeypatch.setenv("WATCHDOG_USEC", "600000")
         run_and_stop(command, bench, worn, signal.SIGTERM, "--injector=", "--log", log, meanwhile=hang_up)
         manager.setblocking(False)
-        heard = []
+        notifications = []
         with contextlib.suppress(BlockingIOError):
             while True:
-                heard.append(manager.recv(1000).decode())
-    assert heard[0] == "READY=1"
-    assert heard[-1] == "STOPPING=1"
-    assert heard.count("STOPPING=1") == 1
-    assert "WATCHDOG=1" in heard
+                notifications.append(manager.recv(1000).decode())
+    assert notifications[0] == "READY=1"
+    assert notifications[-1] == "STOPPING=1"
+    assert notifications.count("STOPPING=1") == 1
+    assert "WATCHDOG=1" in notifications

@@ -30,9 +30,9 @@ def test_commands_and_missing_injections_are_printed(
     assert outcome.code == 0
     printed = " ".join(outcome.err.split())
     assert "injection missing: the needle did not open within 3 ms of command 1 at index 6000" in printed
-    found = [[int(number) for number in one] for one in OPENED.findall(outcome.err)]
-    assert [one[:2] for one in found] == [[1, 2], [2, 3], [3, 4], [4, 5]]
-    assert all(280 <= delay <= 360 for _, _, delay in found)
+    result = [[int(number) for number in one] for one in OPENED.findall(outcome.err)]
+    assert [one[:2] for one in result] == [[1, 2], [2, 3], [3, 4], [4, 5]]
+    assert all(280 <= delay <= 360 for _, _, delay in result)
     assert "energizing: 5 commands, 1 injections missing, 0 without a command, opening delay 3" in printed
 
 
@@ -71,13 +71,13 @@ def test_learning_stops_and_errors_of_the_estimate_are_printed(
     command: Command, with_optional: Path, worn: Path
 ) -> None:
     frames = sent_to(with_optional, worn)
-    outcome, heard = run_and_stop(command, with_optional, frames)
-    status = heard.last_status()
+    outcome, results = run_and_stop(command, with_optional, frames)
+    status = results.last_status()
     assert outcome.code == 0
     assert "SampleBlock 0x100, Bed 0x321 at 50000 Hz" in outcome.err
     assert (status["Learning"], status["Adoptions"]) == (0, 0)
-    found = [[float(number) for number in one] for one in MEASURED.findall(outcome.err)]
-    assert [number for number, *_ in found] == [1, 2, 3, 4]
-    for _, measured, estimate, error in found:
+    result = [[float(number) for number in one] for one in MEASURED.findall(outcome.err)]
+    assert [number for number, *_ in result] == [1, 2, 3, 4]
+    for _, measured, estimate, error in result:
         assert 10.0 < measured < 10.0 + len(frames) / EVERY / 100
         assert error == pytest.approx(100 * (estimate / measured - 1), abs=0.1)

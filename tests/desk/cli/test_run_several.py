@@ -41,51 +41,51 @@ def bench(tmp_path: Path) -> Path:
 @contextmanager
 def listening(interface: str, channel: str) -> Iterator[Payloads]:
     """Payloads of results on the bus by identifier."""
-    heard: Payloads = {}
+    payloads: Payloads = {}
     stop = threading.Event()
     with can.Bus(interface=interface, channel=channel, fd=True, can_filters=RESULTS) as bus:
 
         def listen() -> None:
             while not stop.is_set():
                 if (message := bus.recv(0.2)) is not None:
-                    heard.setdefault(message.arbitration_id, []).append(bytes(message.data))
+                    payloads.setdefault(message.arbitration_id, []).append(bytes(message.data))
 
         thread = threading.Thread(target=listen)
         thread.start()
         try:
-            yield heard
+            yield payloads
         finally:
             stop.set()
             thread.join()
 
 
-def processed(heard: Payloads, number: int) -> float:
+def processed(payloads: Payloads, number: int) -> float:
     """Samples of an injector, as it says; -1 before it says anything."""
-    statuses = heard.get(STATUS_ID + number * STEP)
+    statuses = payloads.get(STATUS_ID + number * STEP)
     return decoded(STATUS, statuses[-1])["SamplesProcessed"] if statuses else -1.0
 
 
-def assert_as_alone(heard: Payloads, three: Three, number: int) -> None:
+def assert_as_alone(received: Payloads, three: Three, number: int) -> None:
     """Bit for bit what its own recording gives."""
     for identifier, payloads in three.results_alone(number).items():
-        assert heard[identifier] == payloads
-    status = decoded(STATUS, heard[STATUS_ID + number * STEP][-1])
+        assert received[identifier] == payloads
+    status = decoded(STATUS, received[STATUS_ID + number * STEP][-1])
     assert (status["InjectorId"], status["SamplesProcessed"]) == (number + 1, three.recordings[0].samples)
 
 
 def test_one_is_observed_among_the_frames_of_all(command: Command, tmp_path: Path) -> None:
     three, channel = three_on(tmp_path, tmp_path.name), tmp_path.name
     samples = three.recordings[0].samples - LOOK_AHEAD
-    with listening("virtual", channel) as heard, open_link("virtual", channel, True, []) as player:
+    with listening("virtual", channel) as payloads, open_link("virtual", channel, True, []) as player:
 
         def first() -> None:
-            until(lambda: processed(heard, 1) == 0)
+            until(lambda: processed(payloads, 1) == 0)
             play(three.frames, player, float("inf"))
 
-        with ended_when(lambda: processed(heard, 1) >= samples, first):
+        with ended_when(lambda: processed(payloads, 1) >= samples, first):
             outcome = command.done("run", "--bench", three.bench, "--injector", "two", "--json")
-    assert_as_alone(heard, three, 1)
-    assert {identifier & 0xF0 for identifier in heard} == {STEP}
+    assert_as_alone(payloads, three, 1)
+    assert {identifier & 0xF0 for identifier in payloads} == {STEP}
     records = [json.loads(line) for line in outcome.out.splitlines()]
     assert [(one["injector"], one["number"]) for one in records] == [("two", n) for n in (1, 2, 3, 4)]
     assert (tmp_path / "learned_two.json").exists()
@@ -97,22 +97,22 @@ def test_two_daemons_on_one_bus_leave_each_other_alone(tmp_path: Path, vcan: str
     """Processes of their own; the results of one are nothing to the other."""
     three, both = three_on(tmp_path, vcan, "socketcan"), range(2)
     samples = three.recordings[0].samples - LOOK_AHEAD
-    with listening("socketcan", vcan) as heard, open_link("socketcan", vcan, True, []) as player:
+    with listening("socketcan", vcan) as payloads, open_link("socketcan", vcan, True, []) as player:
         daemons = [module("run", "--bench", three.bench, "--injector", NAMES[number]) for number in both]
         try:
-            until(lambda: all(processed(heard, number) == 0 for number in both), START_TIMEOUT)
+            until(lambda: all(processed(payloads, number) == 0 for number in both), START_TIMEOUT)
             play(three.frames, player, SLOWED_DOWN)
-            until(lambda: all(processed(heard, number) >= samples for number in both), END_TIMEOUT)
+            until(lambda: all(processed(payloads, number) >= samples for number in both), END_TIMEOUT)
         finally:
             for daemon in daemons:
                 daemon.send_signal(signal.SIGTERM)
-            told = [daemon.communicate(timeout=END_TIMEOUT)[1] for daemon in daemons]
-    for number, said in zip(both, told, strict=True):
+            outputs = [daemon.communicate(timeout=END_TIMEOUT)[1] for daemon in daemons]
+    for number, said in zip(both, outputs, strict=True):
         assert daemons[number].returncode == 0, said
         assert " 0 frames dropped, 0 results unsent, 0 frames of other senders," in said
         assert "another node" not in said
-        assert_as_alone(heard, three, number)
-        summaries = [decoded(SUMMARY, payload) for payload in heard[SUMMARY_ID + number * STEP]]
+        assert_as_alone(payloads, three, number)
+        summaries = [decoded(SUMMARY, payload) for payload in payloads[SUMMARY_ID + number * STEP]]
         assert [summary["Valid"] for summary in summaries] == [0, 0, 1, 1]
 
 

@@ -17,9 +17,9 @@ KINDS = {"lump": ("lump", "nozzle", ""), "fitted": ("wave_two_part", "seat", FIT
 @pytest.fixture(scope="module")
 def source() -> NDArray[np.float64]:
     """Time [s], pressures [MPa] and lift [mm] of three injections, (n, 4)."""
-    one = simulated()
-    pressures = one.rail_pressure / 1e6, one.line_pressure / 1e6
-    return np.column_stack([one.time, pressures[0], one.needle_lift * 1e3, pressures[1]])
+    simulation = simulated()
+    pressures = simulation.rail_pressure / 1e6, simulation.line_pressure / 1e6
+    return np.column_stack([simulation.time, pressures[0], simulation.needle_lift * 1e3, pressures[1]])
 
 
 def resampled(path: Path, source: NDArray[np.float64], rate: float) -> Path:
@@ -52,16 +52,11 @@ def has_result_or_remedy(command: Command, *arguments: object) -> bool:
     ],
 )
 def test_evaluate(
-    command: Command,
-    tmp_path: Path,
-    source: NDArray[np.float64],
-    kind: str,
-    rate: float,
-    has_result: bool,
+    command: Command, tmp_path: Path, source: NDArray[np.float64], kind: str, rate: float, has_result: bool
 ) -> None:
     made = resampled(tmp_path / "made.csv", source, rate)
-    found = has_result_or_remedy(command, "evaluate", made, "--model", model(tmp_path, kind))
-    assert found is has_result
+    result = has_result_or_remedy(command, "evaluate", made, "--model", model(tmp_path, kind))
+    assert result is has_result
 
 
 @pytest.mark.parametrize(("name", "rate"), [("fit", 500.0), ("discover", 5e3), ("fit", 2e6)])

@@ -47,12 +47,12 @@ def evaluated(folder: Path, signals: dict[str, str], *recordings: Recording) -> 
 def test_rates_are_those_of_messages_with_an_index(
     tmp_path: Path, made: Simulation, expected: Evaluation, signals: dict[str, str]
 ) -> None:
-    (found,) = evaluated(tmp_path, signals, made.recording)
+    (evaluation,) = evaluated(tmp_path, signals, made.recording)
     late = slice(LOCKED, made.recording.samples - 200)
-    assert found.trace.valid[late].all()
-    difference = found.trace.injection_rate[late] - expected.trace.injection_rate[late]
+    assert evaluation.trace.valid[late].all()
+    difference = evaluation.trace.injection_rate[late] - expected.trace.injection_rate[late]
     assert np.abs(difference).max() < 1e-6
-    assert found.counters.lost_samples == 0
+    assert evaluation.counters.lost_samples == 0
 
 
 @pytest.mark.parametrize("signals", [STAMPS, NIBBLE], ids=["stamps", "counter"])

@@ -41,18 +41,18 @@ def test_healthy_injector_without_noise_is_estimated_exactly(sample_rate: float)
     shots = [Shot(0.4e-3, -1.5e-3), Shot(1.1e-3, 0.0), Shot(0.4e-3, 2.5e-3)]
     schedule = make_schedule([60e6, 140e6], 4, 0.05, shots=shots)
     made = simulate(NOMINAL, schedule, sample_rate)
-    (found,) = evaluate(BENCH, [made.recording], learning=False).evaluations
-    error = (found.trace.injection_rate - made.truth.injection_rate) / 1e-6
-    for report in found.reports:
+    (evaluation,) = evaluate(BENCH, [made.recording], learning=False).evaluations
+    error = (evaluation.trace.injection_rate - made.truth.injection_rate) / 1e-6
+    for report in evaluation.reports:
         window = error[report.start_index : report.end_index + 1]
         assert np.sqrt(np.mean(window**2)) <= 0.3
-    assert [report.event for report in found.reports] == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
+    assert [report.event for report in evaluation.reports] == [1] * 3 + [2] * 3 + [3] * 3 + [4] * 3
 
 
 def test_published_rate_is_the_balance_of_state_and_phi() -> None:
     """From the columns of the trace alone: Q_H,model(x^) - (V_L p0/K_L) phi_1."""
-    (found,) = evaluated().evaluations
-    trace = found.trace
+    (evaluation,) = evaluated().evaluations
+    trace = evaluation.trace
     some = ~np.isnan(trace.injection_rate)
     x3, phi1 = trace.x[some, 2], trace.phi[some, 0]
     drop = x3 * NOMINAL.scaling.pressure
@@ -66,19 +66,19 @@ def test_published_rate_is_the_balance_of_state_and_phi() -> None:
 
 def test_results_of_the_injections() -> None:
     """Masses from trace and measurement over the window stated, in the units stated."""
-    (found,) = evaluated().evaluations
+    (evaluation,) = evaluated().evaluations
     recording = worn().recording
     assert recording.injection_rate is not None
-    for result in recording_json(found, C)["injections"]:
+    for result in recording_json(evaluation, C)["injections"]:
         inside = (recording.time >= result["start_s"] - 1e-9) & (recording.time <= result["end_s"] + 1e-9)
         to_mg = 1 / 50e3 * NOMINAL.fluid.density_nozzle * 1e6
         for key, rate in (
-            ("mass_mg", found.trace.injection_rate),
-            ("nominal_mass_mg", found.trace.nominal_rate),
+            ("mass_mg", evaluation.trace.injection_rate),
+            ("nominal_mass_mg", evaluation.trace.nominal_rate),
             ("measured_mass_mg", recording.injection_rate),
         ):
             assert result[key] == pytest.approx(float(np.trapezoid(rate[inside])) * to_mg, rel=1e-9)
-        error = (found.trace.injection_rate - recording.injection_rate)[inside] / 1e-6
+        error = (evaluation.trace.injection_rate - recording.injection_rate)[inside] / 1e-6
         assert result["rate_rmse_mm3_per_ms"] == pytest.approx(float(np.sqrt(np.mean(error**2))))
         assert result["rail_pressure_MPa"] == pytest.approx(100.0, abs=0.6)
 
@@ -111,8 +111,8 @@ def test_what_is_learned_and_every_mass_have_an_interval() -> None:
 
 def test_without_a_measurement_nothing_is_compared_with_it() -> None:
     made = simulate(NOMINAL, make_schedule([100e6], 2, 0.05, [1.1e-3]), 20e3, noise=SimulatedNoise())
-    (found,) = evaluate(BENCH, [made.recording]).evaluations
-    for result in recording_json(found, C)["injections"]:
+    (evaluation,) = evaluate(BENCH, [made.recording]).evaluations
+    for result in recording_json(evaluation, C)["injections"]:
         assert result["measured_mass_mg"] is None
         assert result["rate_rmse_mm3_per_ms"] is None
         assert result["mass_mg"] > 0.0
@@ -122,8 +122,8 @@ def test_without_a_measurement_nothing_is_compared_with_it() -> None:
 def test_standstill_check_of_the_offset(offset: float, passed: bool) -> None:
     effects = (sized("line_pressure_sensor_offset", o=offset),)
     made = simulate(NOMINAL, make_schedule([100e6], 1, 0.05, [1.1e-3]), 20e3, effects, SimulatedNoise())
-    (found,) = evaluate(BENCH, [made.recording], learning=False).evaluations
-    checks = {check["id"]: check for check in recording_json(found, C)["checks"]}
+    (evaluation,) = evaluate(BENCH, [made.recording], learning=False).evaluations
+    checks = {check["id"]: check for check in recording_json(evaluation, C)["checks"]}
     assert checks["rail_line_offset"]["value"] == pytest.approx(offset / 1e6, abs=0.02)
     assert checks["rail_line_offset"]["unit"] == "MPa"
     assert checks["rail_line_offset"]["passed"] is passed
@@ -135,17 +135,17 @@ def test_missing_samples_are_counted_and_left_out() -> None:
     line = recording.line_pressure.copy()
     line[9000:9150] = np.nan
     damaged = type(recording)(recording.time, recording.rail_pressure, recording.needle_lift, line)
-    (found,) = evaluate(BENCH, [damaged]).evaluations
-    assert found.counters.lost_samples == 150
-    assert np.isnan(found.trace.injection_rate[9000:9300]).all()
-    assert not found.trace.valid[9000:9300].any()
-    assert not np.isnan(found.trace.injection_rate[9302:]).any()
+    (evaluation,) = evaluate(BENCH, [damaged]).evaluations
+    assert evaluation.counters.lost_samples == 150
+    assert np.isnan(evaluation.trace.injection_rate[9000:9300]).all()
+    assert not evaluation.trace.valid[9000:9300].any()
+    assert not np.isnan(evaluation.trace.injection_rate[9302:]).any()
 
 
 def test_trace_file(tmp_path: Path) -> None:
-    (found,) = evaluated().evaluations
+    (evaluation,) = evaluated().evaluations
     path = tmp_path / "trace.csv"
-    evaluate_stream(BENCH, [found.source], [path])
+    evaluate_stream(BENCH, [evaluation.source], [path])
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
@@ -155,14 +155,14 @@ def test_trace_file(tmp_path: Path) -> None:
     ]
     assert len(rows) == worn().recording.samples
     assert (rows[0]["injection_rate_mm3_per_ms"], rows[0]["valid"], rows[0]["state"]) == ("", "0", "STARTING")
-    at = int(np.nanargmax(found.trace.injection_rate))
-    shown = found.trace.injection_rate[at] / 1e-6
+    at = int(np.nanargmax(evaluation.trace.injection_rate))
+    shown = evaluation.trace.injection_rate[at] / 1e-6
     assert float(rows[at]["injection_rate_mm3_per_ms"]) == pytest.approx(shown, rel=1e-8)
-    sigma, nominal = found.trace.injection_rate_sigma[at], found.trace.nominal_rate[at]
+    sigma, nominal = evaluation.trace.injection_rate_sigma[at], evaluation.trace.nominal_rate[at]
     assert float(rows[at]["injection_rate_sigma_mm3_per_ms"]) == pytest.approx(sigma / 1e-6, rel=1e-8)
     assert float(rows[at]["nominal_rate_mm3_per_ms"]) == pytest.approx(nominal / 1e-6, rel=1e-8)
-    assert float(rows[at]["x3"]) == pytest.approx(found.trace.x[at, 2], rel=1e-8)
-    assert float(rows[at]["phi1"]) == pytest.approx(found.trace.phi[at, 0], rel=1e-8)
+    assert float(rows[at]["x3"]) == pytest.approx(evaluation.trace.x[at, 2], rel=1e-8)
+    assert float(rows[at]["phi1"]) == pytest.approx(evaluation.trace.phi[at, 0], rel=1e-8)
     assert float(rows[at]["time_s"]) == pytest.approx(worn().recording.time[at], rel=1e-8)
     assert rows[-1]["state"] == "ADAPTED"
     assert rows[-1]["valid"] == "1"
@@ -183,10 +183,10 @@ def judged(recording: Recording, learning: bool) -> Evaluation:
 def test_once_something_is_learned_it_stays_nominal(pilots: Recording) -> None:
     learned, nominal = judged(pilots, learning=True), judged(pilots, learning=False)
     rate, expected = learned.trace.nominal_rate, nominal.trace.injection_rate
-    known = ~np.isnan(rate) & ~np.isnan(expected)
-    peak = expected[known].max()
-    assert known.mean() > 0.9
-    assert np.abs(rate - expected)[known].max() < 0.02 * peak
+    available = ~np.isnan(rate) & ~np.isnan(expected)
+    peak = expected[available].max()
+    assert available.mean() > 0.9
+    assert np.abs(rate - expected)[available].max() < 0.02 * peak
     for mine, theirs in zip(learned.injections, nominal.injections, strict=True):
         assert mine.nominal_mass == pytest.approx(theirs.report.mass, rel=0.005)
     assert learned.injections[-1].report.mass > 1.1 * learned.injections[-1].nominal_mass
@@ -202,9 +202,9 @@ def test_mass_and_rate(v_h: float) -> None:
     made = simulate(
         load_injector(), schedule, 50e3, (sized("orifice_area", v_H=v_h),), SimulatedNoise(), seed=7
     )
-    (found,) = evaluate(load_bench(), [made.recording]).evaluations
+    (evaluation,) = evaluate(load_bench(), [made.recording]).evaluations
     density = load_injector().fluid.density_nozzle
-    results = found.injections
+    results = evaluation.injections
     assert len(results) == 10
     assert [result.report.valid for result in results] == [False] * 2 + [True] * 8
     squares = []
@@ -217,7 +217,7 @@ def test_mass_and_rate(v_h: float) -> None:
         if v_h == 0.0:
             assert result.report.mass == pytest.approx(result.nominal_mass, rel=0.005)
         assert result.report.mass == pytest.approx(true_mass, rel=0.01)
-        squares.append(np.mean((found.trace.injection_rate[window] - true_rate) ** 2))
+        squares.append(np.mean((evaluation.trace.injection_rate[window] - true_rate) ** 2))
     assert np.sqrt(np.mean(squares)) / 1e-6 <= 1.0
 
 
@@ -229,8 +229,8 @@ def test_a_line_pressure_clipped_at_rest_is_never_valid_and_wrong(seed: int) -> 
     schedule = make_schedule(rails.tolist(), 20, 0.06, durations.tolist())
     made = simulate(NOMINAL, schedule, 100e3, (sized("orifice_area", v_H=0.15),), SimulatedNoise(), seed=seed)
     clipped = replace(made.recording, line_pressure=np.minimum(made.recording.line_pressure, 102e6))
-    (found,) = evaluate(BENCH, [clipped]).evaluations
-    for report in (one for one in found.reports if one.valid):
+    (evaluation,) = evaluate(BENCH, [clipped]).evaluations
+    for report in (one for one in evaluation.reports if one.valid):
         window = slice(report.start_index, report.end_index + 1)
         truth = np.sum(made.truth.injection_rate[window]) / 100e3 * C.density
         assert report.mass == pytest.approx(truth, rel=0.02)
@@ -241,5 +241,5 @@ def test_the_nominal_model_counts_as_the_observer_does(law: str, tmp_path: Path)
     file = tmp_path / "injector.toml"
     stated = f'\n[[terms]]\nequation = "nozzle_flow"\nlaw = "{law}"\n'
     file.write_text(NOMINAL_INJECTOR.read_text("utf-8") + stated, "utf-8")
-    (found,) = evaluate(load_bench(model=file), [worn().recording], learning=False).evaluations
-    np.testing.assert_array_equal(found.trace.nominal_rate, found.trace.injection_rate)
+    (evaluation,) = evaluate(load_bench(model=file), [worn().recording], learning=False).evaluations
+    np.testing.assert_array_equal(evaluation.trace.nominal_rate, evaluation.trace.injection_rate)

@@ -17,8 +17,8 @@ RATE = 60.0 * MM3_PER_MS * np.sin(np.linspace(0.0, np.pi, 50))
 
 def picture(title: str, sigma: float | None = None, reference: float | None = None) -> Picture:
     """Injections of 50 and 100 mg by the nominal model, 1 % more as estimated; sigma: of their rate [mm3/ms]."""
-    known = None if sigma is None else np.full(TIME.size, sigma * MM3_PER_MS)
-    curves = {1: RateCurves("injection 1", TIME, 1.01 * RATE, RATE, None, known)}
+    sigmas = None if sigma is None else np.full(TIME.size, sigma * MM3_PER_MS)
+    curves = {1: RateCurves("injection 1", TIME, 1.01 * RATE, RATE, None, sigmas)}
     rows = [
         MassRow(
             number,

@@ -42,23 +42,25 @@ def rung(healthy: list[Recording]) -> list[Recording]:
 
 
 def test_an_exact_model_leaves_noise(healthy: list[Recording]) -> None:
-    found = observer_remainder(NOMINAL, baseline(), healthy)
-    assert found is not None
-    assert found.overdispersion < 1.2
-    assert np.abs(found.shape.opening).max() < 0.1
-    assert found.variance.open == pytest.approx(1.0, abs=0.2)
+    remainder = observer_remainder(NOMINAL, baseline(), healthy)
+    assert remainder is not None
+    assert remainder.overdispersion < 1.2
+    assert np.abs(remainder.shape.opening).max() < 0.1
+    assert remainder.variance.open == pytest.approx(1.0, abs=0.2)
 
 
 def test_what_comes_back_after_every_opening_is_found(rung: list[Recording]) -> None:
-    found = observer_remainder(NOMINAL, baseline(), rung)
-    assert found is not None
-    after = np.array(found.shape.opening)[(KNOTS > 0.0) & (KNOTS < 0.3e-3)]
+    remainder = observer_remainder(NOMINAL, baseline(), rung)
+    assert remainder is not None
+    after = np.array(remainder.shape.opening)[(KNOTS > 0.0) & (KNOTS < 0.3e-3)]
     assert after.max() > 0.5 * SWING
 
 
 def test_recordings_without_injections_say_nothing(healthy: list[Recording]) -> None:
-    one = healthy[0]
-    still = Recording(one.time, one.rail_pressure, np.zeros_like(one.needle_lift), one.rail_pressure)
+    recording = healthy[0]
+    still = Recording(
+        recording.time, recording.rail_pressure, np.zeros_like(recording.needle_lift), recording.rail_pressure
+    )
     assert observer_remainder(NOMINAL, baseline(), [still]) is None
 
 
@@ -75,9 +77,9 @@ def test_injections_that_differ_beyond_noise_are_overdispersed() -> None:
         ).recording
         for number, (pressure, duration) in enumerate(POINTS)
     ]
-    found = observer_remainder(NOMINAL, baseline(), recordings)
-    assert found is not None
-    assert found.overdispersion > 1.5
+    remainder = observer_remainder(NOMINAL, baseline(), recordings)
+    assert remainder is not None
+    assert remainder.overdispersion > 1.5
 
 
 @pytest.mark.parametrize("is_known", [False, True])

@@ -14,8 +14,8 @@ from tests.device import simulated
 
 
 def reasons_of(recording: Recording) -> list[Reason]:
-    (found,) = evaluate(load_bench(EXAMPLE_BENCH), [recording]).evaluations
-    return [report.reason for report in found.reports]
+    (evaluation,) = evaluate(load_bench(EXAMPLE_BENCH), [recording]).evaluations
+    return [report.reason for report in evaluation.reports]
 
 
 def test_a_set_value_in_place_of_the_measured_one_makes_nothing_valid() -> None:
@@ -29,9 +29,9 @@ def test_it_is_over_once_the_pressure_moves_again() -> None:
     recording = simulated(injections=10, v_h=0.0)
     held = recording.rail_pressure.copy()
     held[: round(0.29 * recording.sample_rate)] = 100e6  # of three injections of ten
-    found = reasons_of(replace(recording, rail_pressure=held))
-    assert found[2] is Reason.INPUT_FROZEN
-    assert found[-2:] == [Reason.NONE] * 2
+    result = reasons_of(replace(recording, rail_pressure=held))
+    assert result[2] is Reason.INPUT_FROZEN
+    assert result[-2:] == [Reason.NONE] * 2
 
 
 def test_a_computed_recording_without_noise_keeps_its_rail_pressure() -> None:

@@ -58,8 +58,8 @@ def run(seed: int, v_h: float, v_s: float = 0.0, twice: bool = False, learning: 
         expected = {name: 2 * sigma for name, sigma in stated.model_dump().items()}
         bench = BENCH.with_sections(noise=stated.model_copy(update=expected))
     made = simulate(NOMINAL, schedule, SAMPLE_RATE, effects, noise, seed=seed)
-    (found,) = evaluate(bench, [made.recording], learning=learning).evaluations
-    return Run(found, made.truth)
+    (evaluation,) = evaluate(bench, [made.recording], learning=learning).evaluations
+    return Run(evaluation, made.truth)
 
 
 @cache
@@ -110,8 +110,8 @@ def test_before_anything_is_learned_the_interval_is_that_of_the_prior() -> None:
     rate = made.truth.injection_rate.max()
     assert np.mean(np.abs(error) <= 1.96 * sigma) > 0.9
     assert 0.1 * rate < sigma.max() < rate
-    _, known = made.errors(made.found.reports[-1])
-    assert known.max() < 0.1 * sigma.max()
+    _, prior_sigmas = made.errors(made.found.reports[-1])
+    assert prior_sigmas.max() < 0.1 * sigma.max()
 
 
 def test_twice_the_noise_widens_both_intervals() -> None:

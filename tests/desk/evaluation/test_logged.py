@@ -99,9 +99,9 @@ def test_classic_frames_give_what_the_recording_gives(
     path = write(log_of(recording, all_samples(recording), classic_bench), suffix)
     logged = LoggedSignals(classic_bench, path)
     assert logged.notes == ()
-    known = evaluate(classic_bench, [recording])
-    assert len(known.evaluations[0].reports) == 2
-    assert evaluate(classic_bench, [logged]).frames == known.frames
+    reference = evaluate(classic_bench, [recording])
+    assert len(reference.evaluations[0].reports) == 2
+    assert evaluate(classic_bench, [logged]).frames == reference.frames
 
 
 def test_delays_stay_in_what_was_sent(write: Write) -> None:
@@ -112,16 +112,16 @@ def test_delays_stay_in_what_was_sent(write: Write) -> None:
         needle_lift={"filter_delay_us": 23.0, "lag_us": 16.0},
         line_pressure={"filter_delay_us": 7.0},
     )
-    found, sent = (LoggedSignals(bench, path).collected() for bench in (late, BENCH))
+    result, sent = (LoggedSignals(bench, path).collected() for bench in (late, BENCH))
     for name in ("time", "rail_pressure", "needle_lift", "line_pressure"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(sent, name))
+        np.testing.assert_array_equal(getattr(result, name), getattr(sent, name))
     assert evaluate(late, [LoggedSignals(late, path)]).frames == evaluate(late, [worn()]).frames
 
 
 def test_samples_that_were_lost_are_not_available(write: Write) -> None:
     kept = frames()[:100] + frames()[103:]
-    found = LoggedSignals(BENCH, write(kept, ".log")).collected()
-    assert np.flatnonzero(np.isnan(found.rail_pressure[: 9 * 1000])).tolist() == list(range(900, 927))
+    result = LoggedSignals(BENCH, write(kept, ".log")).collected()
+    assert np.flatnonzero(np.isnan(result.rail_pressure[: 9 * 1000])).tolist() == list(range(900, 927))
 
 
 def test_windows_of_a_source_keep_their_place(write: Write) -> None:
@@ -129,10 +129,10 @@ def test_windows_of_a_source_keep_their_place(write: Write) -> None:
     logged = LoggedSignals(BENCH, write(log_of(worn(), spans), ".log"))
     assert logged.logged[0].first_index == spans[0].start
     sent = ~np.isnan(logged.collected().line_pressure)
-    known = np.concatenate([np.arange(span.start, span.end) for span in spans])
-    assert set(known - spans[0].start) <= set(np.flatnonzero(sent))
-    (found,) = evaluate(BENCH, [logged]).evaluations
-    assert [report.start_index for report in found.reports] == pytest.approx(
+    expected_samples = np.concatenate([np.arange(span.start, span.end) for span in spans])
+    assert set(expected_samples - spans[0].start) <= set(np.flatnonzero(sent))
+    (evaluation,) = evaluate(BENCH, [logged]).evaluations
+    assert [report.start_index for report in evaluation.reports] == pytest.approx(
         [report.start_index for report in expected().evaluations[0].reports], abs=2
     )
 
@@ -167,11 +167,11 @@ def test_lift_of_another_clock_is_brought_to_the_samples_of_the_line_pressure(tm
     write_log(path, [LogFrame(Frame(f.frame_id, f.payload, f.stamp_ns), "1") for f in sent])
     logged = LoggedSignals(bench, path)
     truth = plant()[1]
-    found = logged.collected()
-    lift = np.interp(found.time + logged.logged[0].first_index / 20e3, truth.time, truth.needle_lift)
-    moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(found.needle_lift)
+    result = logged.collected()
+    lift = np.interp(result.time + logged.logged[0].first_index / 20e3, truth.time, truth.needle_lift)
+    moving = (lift > 50e-6) & (lift < 250e-6) & ~np.isnan(result.needle_lift)
     assert moving.sum() > 20
-    assert np.abs(found.needle_lift - lift)[moving].max() < 8e-6
+    assert np.abs(result.needle_lift - lift)[moving].max() < 8e-6
 
 
 def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:

@@ -86,6 +86,6 @@ def test_a_belief_that_was_replaced_says_nothing_of_what_was_before(replaced: st
         TaughtEvent(other, other.updated(INFORMATION[2], INFORMATION[2] @ np.array([50.0, 2.0]))),
         events[3],
     ]
-    found = smoothed([*events[:2], *new])
-    np.testing.assert_array_equal(found[1].mean, events[1].after.mean)
-    np.testing.assert_array_equal(found[1].covariance, events[1].after.covariance)
+    result = smoothed([*events[:2], *new])
+    np.testing.assert_array_equal(result[1].mean, events[1].after.mean)
+    np.testing.assert_array_equal(result[1].covariance, events[1].after.covariance)

@@ -65,21 +65,21 @@ class Cut(SignalStream):
 def test_in_parts_as_in_one_piece(tmp_path: Path) -> None:
     recording = worn()
     traces = [tmp_path / "found.csv", tmp_path / "known.csv"]
-    (found,), _ = evaluate_stream(BENCH, [Cut(recording, [0, recording.samples], 701)], traces[:1])
-    (known,), _ = evaluate_stream(BENCH, [HeldSignals(recording)], traces[1:])
-    assert recording_json(found, C) == recording_json(known, C)
+    (result,), _ = evaluate_stream(BENCH, [Cut(recording, [0, recording.samples], 701)], traces[:1])
+    (reference,), _ = evaluate_stream(BENCH, [HeldSignals(recording)], traces[1:])
+    assert recording_json(result, C) == recording_json(reference, C)
     assert traces[0].read_bytes() == traces[1].read_bytes()
 
 
 def test_stretches_are_one_history_with_a_pause_between(tmp_path: Path) -> None:
     recording = worn()
     middle = recording.samples // 2
-    (found,), _ = evaluate_stream(BENCH, [Cut(recording, [0, middle, recording.samples], 5000)])
+    (outcome,), _ = evaluate_stream(BENCH, [Cut(recording, [0, middle, recording.samples], 5000)])
     halves = [Cut(recording, [a, b], 5000).collected() for a, b in ((0, middle), (middle, recording.samples))]
-    known = evaluate(BENCH, halves).evaluations
-    results = [result for evaluation in known for result in evaluation.injections]
-    assert [result.report.mass for result in found.injections] == [result.report.mass for result in results]
-    assert [result.start for result in found.injections] == [result.start for result in results]
+    reference = evaluate(BENCH, halves).evaluations
+    results = [result for evaluation in reference for result in evaluation.injections]
+    assert [result.report.mass for result in outcome.injections] == [result.report.mass for result in results]
+    assert [result.start for result in outcome.injections] == [result.start for result in results]
     assert len(results) == 4
 
 
@@ -92,14 +92,14 @@ def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
     log = LoggedSignals(BENCH, path)
     assert len(log.logged) == 2
     assert any("a device was restarted" in note for note in log.notes)
-    (found,), _ = evaluate_stream(BENCH, [log], [tmp_path / "trace.csv"])
-    known = evaluate(BENCH, [worn()]).evaluations[0].injections
-    assert len(found.injections) == 8
-    assert [each.report.mass for each in found.injections[:4]] == [each.report.mass for each in known]
-    masses = np.array([each.report.mass for each in found.injections])
+    (result,), _ = evaluate_stream(BENCH, [log], [tmp_path / "trace.csv"])
+    reference = evaluate(BENCH, [worn()]).evaluations[0].injections
+    assert len(result.injections) == 8
+    assert [each.report.mass for each in result.injections[:4]] == [each.report.mass for each in reference]
+    masses = np.array([each.report.mass for each in result.injections])
     np.testing.assert_allclose(masses[4:], masses[3], rtol=0.6)  # two pressures
-    assert len((tmp_path / "trace.csv").read_text().splitlines()) == 1 + found.samples
-    starts = [each.start for each in found.injections]
+    assert len((tmp_path / "trace.csv").read_text().splitlines()) == 1 + result.samples
+    starts = [each.start for each in result.injections]
     assert starts == sorted(starts)
     decoded = list(log.chunks())
     assert sum(chunk.samples for chunk in decoded) == log.samples
@@ -127,10 +127,10 @@ def test_a_trace_is_in_the_format_of_its_suffix(tmp_path: Path, suffix: str) -> 
     path = tmp_path / f"trace{suffix}"
     source = HeldSignals(worn())
     evaluate_stream(BENCH, [source], [path])
-    (known,) = evaluate(BENCH, [worn()]).evaluations
+    (reference,) = evaluate(BENCH, [worn()]).evaluations
     time, rate, state = _columns(path)
     np.testing.assert_allclose(time, worn().time, rtol=1e-8)
-    np.testing.assert_allclose(rate, known.trace.injection_rate / 1e-6, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(rate, reference.trace.injection_rate / 1e-6, rtol=1e-8, atol=1e-12)
     assert set(state) == {"RUNNING_NOMINAL", "ADAPTED", "STARTING"} & set(state)
     assert "ADAPTED" in state
 
@@ -184,8 +184,8 @@ def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     log = LoggedSignals(BENCH, path)
     assert (len(log.logged), len(log.logged[0].resumed)) == (1, 2)
     in_parts, in_one_piece = tmp_path / "found.csv", tmp_path / "known.csv"
-    (found,), _ = evaluate_stream(BENCH, [log], [in_parts])
+    (result,), _ = evaluate_stream(BENCH, [log], [in_parts])
     log.logged = (replace(log.logged[0], resumed=()),)
-    (known,), _ = evaluate_stream(BENCH, [log], [in_one_piece])
-    assert recording_json(found, C) == recording_json(known, C)
+    (reference,), _ = evaluate_stream(BENCH, [log], [in_one_piece])
+    assert recording_json(result, C) == recording_json(reference, C)
     assert in_parts.read_bytes() == in_one_piece.read_bytes()

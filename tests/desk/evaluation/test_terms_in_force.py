@@ -47,12 +47,12 @@ def test_the_rate_is_that_of_the_plant(injector: Path, line: str, further: str) 
     injector.write_text(text.replace('# model = "lump"', f'model = "{line}"  #'))
     bench = load_bench(model=injector)
     made = simulate(load_injector(injector), make_schedule([140e6], 3, 0.06, [1.1e-3]), 100e3)
-    (found,) = evaluate(bench, [made.recording], learning=False).evaluations
+    (evaluation,) = evaluate(bench, [made.recording], learning=False).evaluations
 
-    assert len(found.reports) == 3
-    for report in found.reports:
+    assert len(evaluation.reports) == 3
+    for report in evaluation.reports:
         window = slice(report.start_index, report.end_index + 1)
-        rate, truth = found.trace.injection_rate[window], made.truth.injection_rate[window]
+        rate, truth = evaluation.trace.injection_rate[window], made.truth.injection_rate[window]
         assert np.sum(rate) == pytest.approx(np.sum(truth), rel=0.004)
 
 
@@ -62,10 +62,10 @@ def test_a_shut_needle_held_open_injects_on(tmp_path: Path, line: str) -> None:
     text = NOMINAL_INJECTOR.read_text().replace('# model = "lump"', f'model = "{line}"  #')
     path.write_text(text + HELD_OPEN)
     made = simulate(load_injector(path), make_schedule([140e6], 2, 0.06, [1.1e-3]), 100e3)
-    (found,) = evaluate(load_bench(model=path), [made.recording], learning=False).evaluations
+    (evaluation,) = evaluate(load_bench(model=path), [made.recording], learning=False).evaluations
 
-    at_rest = slice(found.reports[0].end_index + 1000, found.reports[1].start_index - 100)
-    rate, truth = found.trace.injection_rate[at_rest], made.truth.injection_rate[at_rest]
+    at_rest = slice(evaluation.reports[0].end_index + 1000, evaluation.reports[1].start_index - 100)
+    rate, truth = evaluation.trace.injection_rate[at_rest], made.truth.injection_rate[at_rest]
     assert np.mean(truth) > 1e-9  # 1 mm3/ms
     assert np.mean(rate) == pytest.approx(np.mean(truth), rel=0.01)
 

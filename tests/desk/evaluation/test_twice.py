@@ -41,10 +41,10 @@ def evaluated(recording: Recording, twice: bool) -> Evaluation:
 
 def history(recordings: Sequence[Recording], twice: bool) -> Sequence[Evaluation]:
     look = SecondLook()
-    found = evaluate(BENCH, recordings, learner_of=look.learner, curves_of=C)
+    result = evaluate(BENCH, recordings, learner_of=look.learner, curves_of=C)
     if twice:
-        look.revise(found.evaluations)
-    return found.evaluations
+        look.revise(result.evaluations)
+    return result.evaluations
 
 
 def true_mass(simulation: Simulation, start: int, end: int) -> float:
@@ -68,9 +68,9 @@ def test_the_first_injections_are_as_good_as_the_last() -> None:
 
 def test_curves_trace_and_errors_are_those_of_the_second_look() -> None:
     once, again = looked(False), looked(True)
-    for place, (before, after) in enumerate(zip(once.injections, again.injections, strict=True)):
+    for position, (before, after) in enumerate(zip(once.injections, again.injections, strict=True)):
         window = slice(after.report.start_index, after.report.end_index + 1)
-        curves = again.curves[place]
+        curves = again.curves[position]
         np.testing.assert_array_equal(again.trace.injection_rate[window], curves.estimated)
         np.testing.assert_array_equal(again.trace.injection_rate_sigma[window], curves.sigma)
         assert again.trace.valid[window].all()

@@ -24,8 +24,8 @@ def test_what_was_taken_is_there_for_the_next_run(tmp_path: Path) -> None:
     assert again.is_done("aa")
     assert again.is_done("bb")
     assert not again.is_done("cc")
-    found = read_injections(tmp_path)
-    assert found.equals(rows("aa", "one", [0.1, 0.2]).select(found.schema.names))
+    result = read_injections(tmp_path)
+    assert result.equals(rows("aa", "one", [0.1, 0.2]).select(result.schema.names))
 
 
 def test_a_file_done_twice_is_there_once(tmp_path: Path) -> None:

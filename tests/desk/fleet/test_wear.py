@@ -19,8 +19,8 @@ def line(level: float, rate: float, half: float = 0.004) -> WearLine:
 def test_a_known_line_is_found_and_a_bad_recording_counts_less(rate: float) -> None:
     value, half = 0.01 + rate * DAYS, np.full(DAYS.size, 0.004)
     value[4], half[4] = 0.5, 2.0
-    found = WearLine.of(DAYS, value, half)
-    assert found.coefficients == pytest.approx([rate, 0.01], abs=1e-5)
+    result = WearLine.of(DAYS, value, half)
+    assert result.coefficients == pytest.approx([rate, 0.01], abs=1e-5)
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say_when_values_scatter_beyond_theirs() -> None:
@@ -29,13 +29,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say_when_values_scatter_beyon
     for _ in range(1500):
         rate, sigma = random.uniform(0.001, 0.003), random.uniform(0.002, 0.01, DAYS.size)
         value = rate * DAYS + random.normal(0.0, np.hypot(sigma, 0.015))
-        found = WearLine.of(DAYS, value, 1.96 * sigma)
-        level, half = found.at(DAYS[-1:])
-        slope_half = math.sqrt(found.spread[0, 0])
+        result = WearLine.of(DAYS, value, 1.96 * sigma)
+        level, half = result.at(DAYS[-1:])
+        slope_half = math.sqrt(result.spread[0, 0])
         holds.append(
-            [abs(level[0] - rate * LAST) <= half[0], abs(found.coefficients[0] - rate) <= slope_half]
+            [abs(level[0] - rate * LAST) <= half[0], abs(result.coefficients[0] - rate) <= slope_half]
         )
-        low, _, high = found.reaches(Limit("nozzle", 1.3 * rate * LAST))
+        low, _, high = result.reaches(Limit("nozzle", 1.3 * rate * LAST))
         dates.append(low <= 1.3 * LAST <= high)
     assert np.mean(holds, axis=0) == pytest.approx([0.95, 0.95], abs=0.025)
     assert np.mean(dates) == pytest.approx(0.95, abs=0.025)

@@ -78,19 +78,19 @@ def test_every_form_of_a_recording_gives_the_same_masses(
     recording, frame = worn[0], ort.to_frame(worn[0])
     path = tmp_path / "worn.parquet"
     write_recording(path, recording)
-    given = {
+    sources = {
         "frame": frame,
         "arrays": {name: frame[name].tolist() for name in frame},
         "si": recording.arrays,
         "list": [str(path)],
     }[form]
-    found = ort.Injector.load().evaluate(given, twice=False)
-    np.testing.assert_allclose(found.injections.mass_mg, result.injections.mass_mg, rtol=1e-6)
+    outcome = ort.Injector.load().evaluate(sources, twice=False)
+    np.testing.assert_allclose(outcome.injections.mass_mg, result.injections.mass_mg, rtol=1e-6)
 
 
 def test_two_looks_are_the_default_and_have_a_budget(worn: tuple[Recording, pd.DataFrame]) -> None:
-    found = ort.Injector.load().evaluate(worn[0])
-    table, budget = found.injections, found.budget
+    result = ort.Injector.load().evaluate(worn[0])
+    table, budget = result.injections, result.budget
     assert table.valid.all()
     np.testing.assert_allclose(table.mass_mg, true_masses(worn[1], table), rtol=6e-3)
     assert (
@@ -177,8 +177,8 @@ def test_results_are_pickled_whole(
     discovery: ort.Discovery,
     tmp_path: Path,
 ) -> None:
-    def copied(found: Any) -> Any:
-        return pickle.loads(pickle.dumps(found))
+    def copied(outcome: Any) -> Any:
+        return pickle.loads(pickle.dumps(outcome))
 
     path = tmp_path / "worn.parquet"
     write_recording(path, worn[0])
@@ -187,10 +187,10 @@ def test_results_are_pickled_whole(
         pd.testing.assert_frame_equal(again.injections, evaluated.injections)
         pd.testing.assert_frame_equal(again.trace, evaluated.trace)
         assert again.plot().axes
-    found = copied(discovery)
-    assert repr(found) == repr(discovery)
+    outcome = copied(discovery)
+    assert repr(outcome) == repr(discovery)
     assert discovery.amended is not None
-    assert found.amended.parameters == discovery.amended.parameters
+    assert outcome.amended.parameters == discovery.amended.parameters
     assert copied(ort.Injector.load()) == ort.Injector.load()
 
 
@@ -200,7 +200,7 @@ def test_injectors_of_the_same_files_are_equal(discovery: ort.Discovery) -> None
 
 
 @pytest.mark.parametrize(
-    ("given", "place", "words"),
+    ("arguments", "location", "words"),
     [
         ({"rail_pressure_MPa": -3}, "rail_pressure_MPa", "-3 MPa is out of range"),
         ({"rail_pressure_MPa": 1000}, "rail_pressure_MPa", "if it is in bar, 100"),
@@ -214,10 +214,10 @@ def test_injectors_of_the_same_files_are_equal(discovery: ort.Discovery) -> None
         ({"effects": {"orifice_area": {}}}, "effects", "has no '=value'"),
     ],
 )
-def test_simulate_refuses_by_its_parameters(given: dict[str, Any], place: str, words: str) -> None:
+def test_simulate_refuses_by_its_parameters(arguments: dict[str, Any], location: str, words: str) -> None:
     with pytest.raises(ort.UserError, match=words) as refused:
-        ort.simulate(**given)
-    assert refused.value.place == place
+        ort.simulate(**arguments)
+    assert refused.value.place == location
 
 
 @pytest.mark.parametrize(
@@ -266,7 +266,7 @@ def test_discovery_names_effect_and_amends(
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "words"),
+    ("argument", "error", "words"),
     [
         (3.0, TypeError, "float is no recording"),
         ([3.0], TypeError, "recording 1: float"),
@@ -275,9 +275,9 @@ def test_discovery_names_effect_and_amends(
         (pd.DataFrame({"time_s": [0.0, 1.0]}), ort.UserError, "recording 1: its headings do not say"),
     ],
 )
-def test_wrong_call_says_what_to_give(given: object, error: type[Exception], words: str) -> None:
+def test_wrong_call_says_what_to_give(argument: object, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        ort.Injector.load().evaluate(given)
+        ort.Injector.load().evaluate(argument)
 
 
 def test_doubt_becomes_a_warning(worn: tuple[Recording, pd.DataFrame]) -> None:

@@ -60,13 +60,13 @@ def served(command: Sequence[str | Path], folder: Path | None = None) -> Iterato
     with subprocess.Popen(words, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None
-            told = []
+            lines = []
             for line in process.stderr:
-                told.append(line)
-                if (found := _URL.search(line)) is not None:
-                    yield Served(process, found[0])
+                lines.append(line)
+                if (result := _URL.search(line)) is not None:
+                    yield Served(process, result[0])
                     break
             else:
-                raise UserError(" ".join(words), "served no page:\n" + "".join(told), "see what it says")
+                raise UserError(" ".join(words), "served no page:\n" + "".join(lines), "see what it says")
         finally:
             process.terminate()

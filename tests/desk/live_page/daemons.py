@@ -37,7 +37,7 @@ def daemons_of(path: Path, frames: Sequence[TimedFrame], slower: float = 0.0) ->
         daemons = []
         for alone in load_bench(path).per_injector:
             daemons.append(daemon := HeardDaemon(alone, PacedLink(frames, slower)))
-            place = socket_places(alone.injector)[0]
-            stack.enter_context(control_socket(place, {SNAPSHOT: daemon.snapshots.answer}))
+            position = socket_places(alone.injector)[0]
+            stack.enter_context(control_socket(position, {SNAPSHOT: daemon.snapshots.answer}))
             stack.enter_context(serving(daemon))
         yield daemons

@@ -34,7 +34,7 @@ def frames_to(path: Path, injections: int = 10) -> list[TimedFrame]:
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def single_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A bench whose daemon has seen ten injections."""
     path = bench_file(tmp_path_factory.mktemp("one"), "can0")
     with daemons_of(path, frames_to(path)) as (daemon,):
@@ -147,8 +147,8 @@ _BOXES = """() => [...document.querySelectorAll("#top, .mass, .letters tr, #cont
     .map((each) => each.getBoundingClientRect().toJSON()).filter((each) => each.width > 0)"""
 
 
-def test_nothing_is_hidden_however_wide_the_window_is(one: Path, serve: Serve, page: Page) -> None:
-    page.goto(serve("--bench", one))
+def test_nothing_is_hidden_however_wide_the_window_is(single_bench: Path, serve: Serve, page: Page) -> None:
+    page.goto(serve("--bench", single_bench))
     expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)
     assert page.evaluate("document.documentElement.scrollHeight") <= 1080
     page.get_by_role("button", name="Hold").click()
@@ -167,18 +167,18 @@ def test_nothing_is_hidden_however_wide_the_window_is(one: Path, serve: Serve, p
             assert min(across, down) < 1.0, (width, box, other)
 
 
-def test_a_page_of_another_name_is_not_served(one: Path, serve: Serve) -> None:
+def test_a_page_of_another_name_is_not_served(single_bench: Path, serve: Serve) -> None:
     """A foreign name may lead here: who owns it is not to see the bench."""
-    url = serve("--bench", one)
+    url = serve("--bench", single_bench)
     for path in ("", "page.js", "drawings"):
         with pytest.raises(HTTPError, match="404"):
             urlopen(Request(url + path, headers={"Host": "elsewhere.example"}))
 
 
-def test_a_page_for_other_computers_asks_for_its_token(one: Path, page: Page, serve: Serve) -> None:
-    found = urlsplit(serve("--address", "0.0.0.0", "--bench", one))
-    assert not str(found.hostname).startswith(("127.", "0.", "localhost"))  # one that others can open
-    url = found._replace(netloc=f"127.0.0.1:{found.port}").geturl()
+def test_a_page_for_other_computers_asks_for_its_token(single_bench: Path, page: Page, serve: Serve) -> None:
+    result = urlsplit(serve("--address", "0.0.0.0", "--bench", single_bench))
+    assert not str(result.hostname).startswith(("127.", "0.", "localhost"))  # one that others can open
+    url = result._replace(netloc=f"127.0.0.1:{result.port}").geturl()
     bare, _, token = url.partition("?token=")
     assert len(token) >= 16
     for path in ("", "page.js", "drawings", "?token=", "?token=guessed", f"page.js?token={token[:-1]}"):
@@ -217,11 +217,11 @@ def test_nothing_looks_alive_while_the_daemon_is_silent_and_it_goes_on_by_itself
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGSTOP])
 def test_nothing_looks_alive_once_the_monitor_is_lost_and_the_page_goes_on(
-    one: Path, page: Page, tmp_path: Path, how: signal.Signals
+    single_bench: Path, page: Page, tmp_path: Path, how: signal.Signals
 ) -> None:
     """Old numbers are not to be taken for new ones."""
     lost = page.get_by_text("No connection to observer-rt monitor since")
-    words = command("monitor", "--bench", one, "--port")
+    words = command("monitor", "--bench", single_bench, "--port")
     with served([*words, "0"], tmp_path) as monitor:
         page.goto(monitor.url)
         expect(page.locator(".mass")).to_be_visible(timeout=PATIENCE)

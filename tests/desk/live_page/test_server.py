@@ -34,8 +34,8 @@ def silent(folder: Path, *arguments: str) -> Iterator[Served]:
 def answers(url: str) -> bool:
     """Whether the page is served."""
     try:
-        with urlopen(url, timeout=5.0) as found:
-            return bool(found.status == 200)
+        with urlopen(url, timeout=5.0) as result:
+            return bool(result.status == 200)
     except (URLError, OSError):
         return False
 
@@ -60,9 +60,9 @@ def many_files() -> Iterator[None]:
 def test_requests_that_never_end_are_limited_and_given_up(tmp_path: Path) -> None:
     """They come before any token; the page is served again while they are still held."""
     with silent(tmp_path) as monitor, ExitStack() as stack:
-        place = urlsplit(monitor.url)
+        position = urlsplit(monitor.url)
         for _ in range(HALF):
-            half = stack.enter_context(socket.create_connection((place.hostname, place.port)))
+            half = stack.enter_context(socket.create_connection((position.hostname, position.port)))
             half.sendall(b"GET / HTTP/1.1\r\n")
         until(lambda: answers(monitor.url))
         (line, remedy) = said_until_end(monitor)

@@ -44,9 +44,9 @@ _JSON = st.recursive(
 @example('["drawn", -2, 0]')
 def test_whatever_is_said_is_a_button_or_nothing(watching: Watching, message: str | bytes) -> None:
     """And a button that there is not does no harm."""
-    if (found := pressed(message)) is not None:
+    if (result := pressed(message)) is not None:
         session = Session(watching, Path())
-        session.take(*found)
+        session.take(*result)
         assert session.message() is not None
 
 

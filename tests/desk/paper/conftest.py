@@ -8,13 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.paper.scheme import PaperSetting
-from observer_rt.desk.paper.study import (
-    injection_windows,
-    inputs,
-    learning_window,
-    true_fault,
-    true_states,
-)
+from observer_rt.desk.paper.study import injection_windows, inputs, learning_window, true_fault, true_states
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import simulate
 from observer_rt.engine.estimation.predictor import Window

@@ -55,13 +55,7 @@ FUNCTIONS = {
 def test_same_minimum_as_scipy(name: str) -> None:
     function, start = FUNCTIONS[name]
     minimum = found(function, start)
-    reference = minimize(
-        function.value,
-        start,
-        jac=function.gradient,
-        method="BFGS",
-        options={"gtol": 1e-9},
-    )
+    reference = minimize(function.value, start, jac=function.gradient, method="BFGS", options={"gtol": 1e-9})
     np.testing.assert_allclose(minimum.theta, reference.x, atol=2e-5)
     assert minimum.value == pytest.approx(reference.fun, abs=1e-10)
     assert minimum.value == function.value(minimum.theta)

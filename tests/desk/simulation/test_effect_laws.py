@@ -177,9 +177,9 @@ def test_plant_follows_the_law(name: str, rail: float) -> None:
 
 def test_sensors_do_not_change_the_plant() -> None:
     for name in SENSORS:
-        one, healthy = simulated(name, 100e6), simulated("", 100e6)
-        np.testing.assert_array_equal(one.truth.injection_rate, healthy.truth.injection_rate)
-        np.testing.assert_array_equal(one.truth.line_pressure, healthy.truth.line_pressure)
+        simulation, healthy = simulated(name, 100e6), simulated("", 100e6)
+        np.testing.assert_array_equal(simulation.truth.injection_rate, healthy.truth.injection_rate)
+        np.testing.assert_array_equal(simulation.truth.line_pressure, healthy.truth.line_pressure)
 
 
 @pytest.mark.parametrize(
@@ -193,17 +193,17 @@ def test_sensors_do_not_change_the_plant() -> None:
     ],
 )
 def test_what_a_sensor_says_of_the_truth(name: str, signal: str, law: Callable[[Vector], Vector]) -> None:
-    found = getattr(simulated(name, 100e6).recording, signal)
+    result = getattr(simulated(name, 100e6).recording, signal)
     expected = law(getattr(simulated("", 100e6).truth, signal))
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_lift_recorded_too_high_is_zero_while_shut() -> None:
     schedule = make_schedule([100e6], 1, 0.05, [OPEN_FOR])
-    found = simulate(NOMINAL, schedule, 100e3, (sized("lift_offset", x_0=-20e-6),))
-    true = found.truth.needle_lift
+    result = simulate(NOMINAL, schedule, 100e3, (sized("lift_offset", x_0=-20e-6),))
+    true = result.truth.needle_lift
     np.testing.assert_allclose(
-        found.recording.needle_lift, np.where(true > 0.0, true + 20e-6, 0.0), atol=1e-12
+        result.recording.needle_lift, np.where(true > 0.0, true + 20e-6, 0.0), atol=1e-12
     )
 
 

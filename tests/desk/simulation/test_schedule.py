@@ -92,7 +92,7 @@ def test_the_last_event_has_time_to_close(period: float, tail: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "place"),
+    ("arguments", "location"),
     [
         ({"injections": 0}, "--injections"),
         ({"period": 0.0}, "--period"),
@@ -106,7 +106,7 @@ def test_the_last_event_has_time_to_close(period: float, tail: float) -> None:
         ({"shots": [Shot(1e-3, 0.0), Shot(1e-3, 49.5e-3)]}, "--period"),
     ],
 )
-def test_impossible_schedules(arguments: dict[str, object], place: str) -> None:
+def test_impossible_schedules(arguments: dict[str, object], location: str) -> None:
     valid: dict[str, object] = {
         "rail_pressures": [100e6],
         "injections": 3,
@@ -115,7 +115,7 @@ def test_impossible_schedules(arguments: dict[str, object], place: str) -> None:
     }
     with pytest.raises(UserError) as raised:
         make_schedule(**{**valid, **arguments})  # type: ignore[arg-type]
-    assert raised.value.place == place
+    assert raised.value.place == location
 
 
 def test_rail_pressure_holds_during_events_and_moves_smoothly_between() -> None:
@@ -137,9 +137,9 @@ START = 0.15
 
 
 def placed(duration: float, rail_pressure: float = 100e6, offset: float = 0.0) -> Stroke:
-    found = stroke(Shot(duration, offset), START, rail_pressure, NOMINAL)
-    assert found is not None
-    return found
+    result = stroke(Shot(duration, offset), START, rail_pressure, NOMINAL)
+    assert result is not None
+    return result
 
 
 def lift(times: NDArray[np.float64], s: Stroke) -> NDArray[np.float64]:

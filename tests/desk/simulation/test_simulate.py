@@ -197,11 +197,7 @@ SIGNALS = {signal.name: signal for signal in DATABASE.get_message_by_name("Sampl
 
 QUANTITIES = pytest.mark.parametrize(
     ("quantisation", "signal", "factor"),
-    [
-        (PRESSURE, "RailPressure_00", 1e6),
-        (PRESSURE, "LinePressure_00", 1e6),
-        (LIFT, "NeedleLift_00", 1e-6),
-    ],
+    [(PRESSURE, "RailPressure_00", 1e6), (PRESSURE, "LinePressure_00", 1e6), (LIFT, "NeedleLift_00", 1e-6)],
 )
 
 
@@ -222,11 +218,11 @@ def test_every_code_of_the_bus_is_left_as_it_is(
 def test_values_are_rounded_as_on_the_bus(
     quantisation: Quantisation, signal: str, factor: float, value: float
 ) -> None:
-    (found,) = quantisation.apply(np.array([value * factor]))
+    (result,) = quantisation.apply(np.array([value * factor]))
     physical = SIGNALS[signal]
     exact = (value - float(physical.offset)) / float(physical.scale)
     if abs(exact % 1.0 - 0.5) > 1e-6:  # ties may fall either way by the last bit of the arithmetic
-        assert physical.scaled_to_raw(found / factor) == round(exact)
+        assert physical.scaled_to_raw(result / factor) == round(exact)
 
 
 @QUANTITIES

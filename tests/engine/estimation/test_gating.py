@@ -120,13 +120,13 @@ def test_gated_covariance_is_that_of_the_error_when_the_rest_is_known(
     information, _ = belief(seed, 1.0)
     joint = np.asarray(np.linalg.inv(information), np.float64)
     error = np.asarray(share * np.linalg.inv(belief(seed + 1, 1.0)[0]), np.float64)
-    known = [c for c in GATE.columns if c not in active]
-    used = [c for c in range(SIZE) if c not in known]
+    inactive = [c for c in GATE.columns if c not in active]
+    used = [c for c in range(SIZE) if c not in inactive]
     regression = np.zeros((SIZE, SIZE))
     regression[used, used] = 1.0
-    if known:
-        regression[np.ix_(used, known)] = -joint[np.ix_(used, known)] @ np.linalg.inv(
-            joint[np.ix_(known, known)]
+    if inactive:
+        regression[np.ix_(used, inactive)] = -joint[np.ix_(used, inactive)] @ np.linalg.inv(
+            joint[np.ix_(inactive, inactive)]
         )
     for covariance in (error, joint):
         np.testing.assert_allclose(

@@ -31,13 +31,19 @@ RECORDINGS = [
 def test_the_shape_is_found_in_noise() -> None:
     random = np.random.default_rng(0)
     seen = [
-        [(one, expected(TRUE, one) / SIGMA + 0.1 * random.normal(size=one.samples)) for one in events]
+        [
+            (
+                stretch_of_event,
+                expected(TRUE, stretch_of_event) / SIGMA + 0.1 * random.normal(size=stretch_of_event.samples),
+            )
+            for stretch_of_event in events
+        ]
         for events in RECORDINGS
     ]
-    found = ShapeFit(seen, SIGMA).shape()
-    for one in (stretch(80, 120.3, 220.7), stretch(120, 99.9, 260.2)):
-        true = expected(TRUE, one)
-        assert np.mean((expected(found, one) - true) ** 2) < 0.1 * np.mean(true**2)
+    result = ShapeFit(seen, SIGMA).shape()
+    for stretch_of_event in (stretch(80, 120.3, 220.7), stretch(120, 99.9, 260.2)):
+        true = expected(TRUE, stretch_of_event)
+        assert np.mean((expected(result, stretch_of_event) - true) ** 2) < 0.1 * np.mean(true**2)
 
 
 def test_what_was_left_out_is_not_seen() -> None:
@@ -49,8 +55,10 @@ def test_what_was_left_out_is_not_seen() -> None:
 
 
 def test_shapes_add_up() -> None:
-    one = RECORDINGS[0][0]
-    assert expected(together(TRUE, TRUE), one) == pytest.approx(2.0 * expected(TRUE, one), abs=20.0)
+    recording_stretch = RECORDINGS[0][0]
+    assert expected(together(TRUE, TRUE), recording_stretch) == pytest.approx(
+        2.0 * expected(TRUE, recording_stretch), abs=20.0
+    )
 
 
 def test_the_courses_of_all_openings_add_up() -> None:
@@ -60,8 +68,8 @@ def test_the_courses_of_all_openings_add_up() -> None:
 
 
 def test_nothing_is_expected_long_before_and_after() -> None:
-    one = stretch(100, 100.0, 160.0)
-    course = expected(TRUE, one)
+    outside_stretch = stretch(100, 100.0, 160.0)
+    course = expected(TRUE, outside_stretch)
     assert not course[: 100 - 4].any()
     assert not course[160 + 401 :].any()
     assert course[110] != 0.0

@@ -38,9 +38,9 @@ def test_the_error_after_an_event_is_what_is_said_of_it() -> None:
 def test_what_is_not_held_is_learned_as_ever() -> None:
     before, information = belief(), np.diag([2.0, 1.0, 3.0])
     vector = np.array([0.4, 0.1, -0.2])
-    one, other = nothing_held(before).updated(information, vector), before.updated(information, vector)
-    np.testing.assert_array_equal(one.mean, other.mean)
-    np.testing.assert_array_equal(one.covariance, other.covariance)
+    first, second = nothing_held(before).updated(information, vector), before.updated(information, vector)
+    np.testing.assert_array_equal(first.mean, second.mean)
+    np.testing.assert_array_equal(first.covariance, second.covariance)
 
 
 def test_holding_costs_what_the_value_is_unlikely_by() -> None:

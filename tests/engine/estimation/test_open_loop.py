@@ -81,12 +81,12 @@ def test_line_pressure_after_the_opening_does_not_matter(case: Case) -> None:
     window = simulated_event(case, worn_theta(), event_inputs(), seed=3)
     output = window.output.copy()
     output[window.opening :] += 0.05
-    for one, other in zip(
+    for first, second in zip(
         rate_of(case, window, worn_theta()),
         rate_of(case, window._replace(output=output), worn_theta()),
         strict=True,
     ):
-        np.testing.assert_array_equal(one, other)
+        np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize("row", range(2))

@@ -156,8 +156,8 @@ def test_only_what_happened_is_counted() -> None:
 @given(st.integers(0, 1000), st.integers(1, 500))
 def test_statistics_add_up_over_events(seed: int, length: int) -> None:
     phases = np.full(length, int(Phase.AFTER), np.int8)
-    one = phase_statistics(white(seed, length), SIGMA, phases, 0)
+    first_event = phase_statistics(white(seed, length), SIGMA, phases, 0)
     other = phase_statistics(white(seed + 1, length), SIGMA, phases, 0)
-    both = one.faded(0.5, other)
+    both = first_event.faded(0.5, other)
     for name, sums in vars(both).items():
-        np.testing.assert_allclose(sums, 0.5 * vars(one)[name] + vars(other)[name])
+        np.testing.assert_allclose(sums, 0.5 * vars(first_event)[name] + vars(other)[name])

@@ -53,9 +53,9 @@ def test_error_of_parameters_that_stand_still() -> None:
         beliefs = drifted.updated(information, np.zeros(2))
         vectors = means @ drifted.information + (truth @ slopes.T + noise) @ slopes
         means = vectors @ beliefs.covariance
-    found = np.cov((means - truth).T)
-    np.testing.assert_allclose(beliefs.error_covariance, found, rtol=0.03, atol=0.03 * found.max())
-    assert np.all(np.diag(found) < 0.8 * np.diag(beliefs.covariance))
+    result = np.cov((means - truth).T)
+    np.testing.assert_allclose(beliefs.error_covariance, result, rtol=0.03, atol=0.03 * result.max())
+    assert np.all(np.diag(result) < 0.8 * np.diag(beliefs.covariance))
 
 
 @given(st.integers(0, 10_000))

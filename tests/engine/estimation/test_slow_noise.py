@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise
 WHITE = 0.15  # MPa
 
 
-def rest(samples: int = 30_000) -> NDArray[np.int64]:
+def resting_rows(samples: int = 30_000) -> NDArray[np.int64]:
     """Indices of samples at rest: of every 6000, 1500 are not."""
     index = np.arange(samples)
     return index[index % 6000 > 1500]
@@ -22,13 +22,15 @@ def white(index: NDArray[np.int64], seed: int = 1) -> NDArray[np.float64]:
     return WHITE * np.random.default_rng(seed).normal(size=index.size)
 
 
-def found(values: NDArray[np.float64], index: NDArray[np.int64], rate: float = 100e3) -> SlowNoise | None:
+def noise_found(
+    values: NDArray[np.float64], index: NDArray[np.int64], rate: float = 100e3
+) -> SlowNoise | None:
     return slow_noise(values, index, rate, WHITE)
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_of_white_noise_nothing_is_said(seed: int) -> None:
-    assert found(white(rest(), seed) + 7.0, rest()) is None
+    assert noise_found(white(resting_rows(), seed) + 7.0, resting_rows()) is None
 
 
 @pytest.mark.parametrize("rate", [100e3, 20e3])
@@ -36,9 +38,9 @@ def test_of_white_noise_nothing_is_said(seed: int) -> None:
     ("hertz", "amplitude"), [(50.0, 0.2), (50.0, 0.5), (150.0, 0.2), (620.0, 0.1), (3000.0, 0.2)]
 )
 def test_hum_has_its_frequency_and_amplitude(rate: float, hertz: float, amplitude: float) -> None:
-    index = rest()
+    index = resting_rows()
     tone = amplitude * np.sin(2.0 * math.pi * hertz * index / rate + 0.7)
-    noise = found(white(index) + tone, index, rate)
+    noise = noise_found(white(index) + tone, index, rate)
     assert noise is not None
     assert noise.is_tone
     assert noise.frequency == pytest.approx(hertz, rel=0.03)
@@ -51,7 +53,7 @@ def test_a_colour_has_its_strength_and_its_middle() -> None:
     drive = np.random.default_rng(2).normal(size=index.size)
     slow = 0.2 * math.sqrt(1.0 - pole**2) * lfilter([1.0], [1.0, -pole], drive)
     chosen = index % 6000 > 1500
-    noise = found(white(index[chosen]) + slow[chosen], index[chosen])
+    noise = noise_found(white(index[chosen]) + slow[chosen], index[chosen])
     assert noise is not None
     assert not noise.is_tone
     assert noise.strength == pytest.approx(0.2, rel=0.1)
@@ -61,17 +63,17 @@ def test_a_colour_has_its_strength_and_its_middle() -> None:
 
 def test_few_samples_tell_nothing() -> None:
     index = np.arange(300)
-    assert found(np.sin(0.01 * index), index) is None
+    assert noise_found(np.sin(0.01 * index), index) is None
 
 
 def test_short_stretches_are_enough_for_a_tone() -> None:
     index = np.concatenate([np.arange(100) + 700 * k for k in range(50)])
-    noise = found(white(index) + 0.4 * np.sin(2.0 * math.pi * 50.0 * index / 100e3), index)
+    noise = noise_found(white(index) + 0.4 * np.sin(2.0 * math.pi * 50.0 * index / 100e3), index)
     assert noise is not None
     assert noise.as_text("MPa", 1.0).startswith("hum 50 Hz 0.")
 
 
 def test_what_decays_is_no_noise() -> None:
-    index = rest()
+    index = resting_rows()
     ringing = 2.0 * np.exp(-(index % 6000 - 1500) / 800.0) * np.sin(2.0 * math.pi * 2e3 * index / 100e3)
-    assert found(white(index) + ringing, index) is None
+    assert noise_found(white(index) + ringing, index) is None

@@ -18,11 +18,13 @@ def noise(seed: int, *shape: int) -> NDArray[np.float64]:
 
 def reference(values: NDArray[np.float64], whitening: Whitening) -> NDArray[np.float64]:
     """The same by scipy, for one column."""
-    rest = values[1:]
+    remaining = values[1:]
     if whitening.forgetting is not None:
-        rest = lfilter([1.0, -1.0], [1.0, -whitening.forgetting], rest - rest[:LEVEL_SAMPLES].mean())
-    rest = lfilter(np.append(1.0, whitening.taps), [1.0], rest)
-    return np.append(0.0, rest)
+        remaining = lfilter(
+            [1.0, -1.0], [1.0, -whitening.forgetting], remaining - remaining[:LEVEL_SAMPLES].mean()
+        )
+    remaining = lfilter(np.append(1.0, whitening.taps), [1.0], remaining)
+    return np.append(0.0, remaining)
 
 
 @pytest.mark.parametrize("forgetting", [None, 0.96])
@@ -38,9 +40,9 @@ def test_as_scipy_filters(forgetting: float | None, taps: NDArray[np.float64], s
 
 def test_is_linear() -> None:
     whitening = Whitening(0.985, TAPS)
-    one, other = noise(2, 300), noise(3, 300)
+    first, second = noise(2, 300), noise(3, 300)
     assert_allclose(
-        whitening.of(one - 2.0 * other), whitening.of(one) - 2.0 * whitening.of(other), atol=1e-12
+        whitening.of(first - 2.0 * second), whitening.of(first) - 2.0 * whitening.of(second), atol=1e-12
     )
 
 
@@ -55,12 +57,12 @@ def test_what_is_masked_does_not_matter_and_soon_is_forgotten(forgetting: float 
     masked = np.zeros(400, np.bool_)
     masked[100:112] = True
     other = np.where(masked, 50.0, values)
-    found = whitening.of(values, masked)
-    assert_allclose(whitening.of(other, masked), found, rtol=1e-12)
-    assert_allclose(found[100 : 112 + TAPS.size], 0.0, atol=1e-12)
-    assert_allclose(found[:100], whitening.of(values)[:100], rtol=1e-12)
+    result = whitening.of(values, masked)
+    assert_allclose(whitening.of(other, masked), result, rtol=1e-12)
+    assert_allclose(result[100 : 112 + TAPS.size], 0.0, atol=1e-12)
+    assert_allclose(result[:100], whitening.of(values)[:100], rtol=1e-12)
     if forgetting is None:
-        assert_allclose(found[112 + TAPS.size :], whitening.of(values)[112 + TAPS.size :], rtol=1e-12)
+        assert_allclose(result[112 + TAPS.size :], whitening.of(values)[112 + TAPS.size :], rtol=1e-12)
 
 
 def test_of_coloured_noise_with_a_gap_white_noise_is_left() -> None:
@@ -71,7 +73,7 @@ def test_of_coloured_noise_with_a_gap_white_noise_is_left() -> None:
     masked = np.zeros(white.size, np.bool_)
     for start in range(200, white.size, 200):
         masked[start : start + 12] = True
-    found = whitening.of(np.where(masked, 0.0, coloured), masked)
-    counted = found != 0.0
+    result = whitening.of(np.where(masked, 0.0, coloured), masked)
+    counted = result != 0.0
     assert counted.sum() > 0.85 * white.size
-    assert np.std(found[counted]) == pytest.approx(np.std(white), rel=0.05)
+    assert np.std(result[counted]) == pytest.approx(np.std(white), rel=0.05)

@@ -73,9 +73,9 @@ def test_a_coloured_phase_is_named(phase: Phase) -> None:
     inside = np.equal(PHASES_OF_EVENT, phase)
     for e in noise:
         e[inside] = lfilter([np.sqrt(1 - 0.9**2)], [1.0, -0.9], random.normal(size=int(inside.sum())))
-    found = [inadequate_phase(statistics) for statistics in pooled_over(noise)]
-    assert all(name in (phase, None) for name in found)
-    assert np.mean([name is phase for name in found[5:]]) > 0.9
+    result = [inadequate_phase(statistics) for statistics in pooled_over(noise)]
+    assert all(name in (phase, None) for name in result)
+    assert np.mean([name is phase for name in result[5:]]) > 0.9
 
 
 @pytest.mark.parametrize("phase", Phase)
@@ -83,8 +83,8 @@ def test_a_phase_that_is_always_off_is_named(phase: Phase) -> None:
     """Two standard deviations, 0.3 MPa at the usual noise, from the second such event on."""
     noise = np.random.default_rng(20).normal(size=(100, PHASES_OF_EVENT.size))
     noise[:, np.equal(PHASES_OF_EVENT, phase)] += 2.0
-    found = [inadequate_phase(statistics) for statistics in pooled_over(noise)]
-    assert all(name is phase for name in found[1:])
+    result = [inadequate_phase(statistics) for statistics in pooled_over(noise)]
+    assert all(name is phase for name in result[1:])
 
 
 def statistics_of(colour: float, variance: float, blocks: float, phase: Phase) -> PhaseStatistics:
@@ -209,10 +209,10 @@ def test_an_event_is_believed_again_sooner_where_all_was_well_before(events: str
     rng = np.random.default_rng(4)
     resting = np.ones(1200, np.bool_)
     window = Window(np.zeros((1200, 2)), np.zeros(1200), resting, np.zeros(4), opening=0)
-    examiner, found = Examiner(no_statistics(), NOT_FITTED), []
+    examiner, result = Examiner(no_statistics(), NOT_FITTED), []
     for event in events.split():
         innovations = Innovations(rng.normal(0.0, 6.0 if event == "bad" else 1.0, 1200), 1.0)
         examination = examiner.examine(window, innovations, np.zeros(PARAMETERS), CONSTANTS)
         examiner.take(examination)
-        found.append("no" if examination.objections else "yes")
-    assert " ".join(found) == passed
+        result.append("no" if examination.objections else "yes")
+    assert " ".join(result) == passed

@@ -18,9 +18,9 @@ MM3_PER_MS = 1e-6
 WRONG = 0.03
 
 
-def control_flow(found: ObservedRun) -> tuple[float, float]:
+def control_flow(result: ObservedRun) -> tuple[float, float]:
     """As it is believed after the last event, and its standard deviation [mm3/ms]; Q_0 is 60."""
-    flow = found.reports[-1].indicators["control_flow"]
+    flow = result.reports[-1].indicators["control_flow"]
     assert flow.sigma is not None
     return 60.0 * flow.value, 60.0 * flow.sigma
 
@@ -56,26 +56,26 @@ def learned(
     [(1.5, Faults(orifice_area=-0.15)), (4.0, Faults(orifice_area=0.1)), (8.0, Faults(seat_area=0.1))],
 )
 def test_it_is_found_beside_wear_and_no_mass_is_refused_or_wrong(flow: float, faults: Faults) -> None:
-    found = learned(flow, faults)
-    assert all(found.valid)
-    assert np.mean(found.inside) >= 0.9
-    assert np.abs(found.errors).max() < 0.01
-    size, sigma = control_flow(found)
+    run = learned(flow, faults)
+    assert all(run.valid)
+    assert np.mean(run.inside) >= 0.9
+    assert np.abs(run.errors).max() < 0.01
+    size, sigma = control_flow(run)
     assert size == pytest.approx(flow, abs=max(4.0 * sigma, 0.02 * flow))
     assert sigma < 0.2
 
 
 def test_an_injector_without_has_none() -> None:
-    found = learned(0.0, Faults(orifice_area=0.1))
-    assert all(found.valid)
-    assert control_flow(found) == (0.0, 0.0)
+    run = learned(0.0, Faults(orifice_area=0.1))
+    assert all(run.valid)
+    assert control_flow(run) == (0.0, 0.0)
 
 
 def test_a_needle_that_displaces_fuel_is_no_control_flow() -> None:
-    found = learned(4.0, Faults(), laws=Laws(needle_area=1e-6))
-    assert all(found.valid)
-    assert np.mean(found.inside) >= 0.9
-    assert control_flow(found)[0] == pytest.approx(4.0, abs=0.15)
+    run = learned(4.0, Faults(), laws=Laws(needle_area=1e-6))
+    assert all(run.valid)
+    assert np.mean(run.inside) >= 0.9
+    assert control_flow(run)[0] == pytest.approx(4.0, abs=0.15)
 
 
 def test_what_is_in_step_with_the_needle_is_in_the_interval() -> None:
@@ -101,9 +101,9 @@ def test_the_promise_over_many_injections(seed: int) -> None:
     )
     valid = inside = 0
     for flow, faults in zip((0.0, 1.5, 3.0, 6.0, 8.0), wear, strict=True):
-        found = learned(flow, faults, 48 + FIRST, seed=seed)
-        valid, inside = valid + sum(found.valid), inside + sum(found.inside)
-        assert not (found.valid & (np.abs(found.errors) > WRONG)).any()
-        assert {report.reason for report in found.reports} <= {Reason.NONE}
+        run = learned(flow, faults, 48 + FIRST, seed=seed)
+        valid, inside = valid + sum(run.valid), inside + sum(run.inside)
+        assert not (run.valid & (np.abs(run.errors) > WRONG)).any()
+        assert {report.reason for report in run.reports} <= {Reason.NONE}
     assert valid >= 0.95 * 240
     assert inside >= 0.93 * 240

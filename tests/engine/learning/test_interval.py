@@ -38,14 +38,11 @@ def test_volume_without_doubt_about_parameters_and_inputs() -> None:
     assert volume_interval(event(1), WHOLE, VOLUME) == pytest.approx((VOLUME, VOLUME))
 
 
-@given(
-    published=st.floats(0.5 * VOLUME, 1.5 * VOLUME) | st.just(math.nan),
-    systematic=st.floats(0.0, 0.1),
-)
+@given(published=st.floats(0.5 * VOLUME, 1.5 * VOLUME) | st.just(math.nan), systematic=st.floats(0.0, 0.1))
 def test_a_published_volume_lies_within_its_interval(published: float, systematic: float) -> None:
-    known = replace(event(1), systematic=systematic)
-    low, high = volume_interval(known, WHOLE, published)
-    learned = volume_interval(known, WHOLE, math.nan)
+    event_interval = replace(event(1), systematic=systematic)
+    low, high = volume_interval(event_interval, WHOLE, published)
+    learned = volume_interval(event_interval, WHOLE, math.nan)
     assert not published < low
     assert not published > high
     assert low <= learned[0] <= learned[1] <= high

@@ -64,7 +64,7 @@ def test_old_points_are_forgotten() -> None:
     assert extrapolation_sigma(far, learned_at) > 0.99
 
 
-def known(sigmas: dict[int, float], filled: float = 0.9, rate: float = 50e-6) -> KnownFlow:
+def flow_known_by(sigmas: dict[int, float], filled: float = 0.9, rate: float = 50e-6) -> KnownFlow:
     """After an event of a constant rate [m3/s] at p_0, with independent errors of theta; filled: p_S / p_L in it."""
     slopes = np.zeros((100, PARAMETERS))
     slopes[:, Parameter.NOZZLE_BIAS] = filled * rate
@@ -84,27 +84,27 @@ WEIGHTS = range(Parameter.NOZZLE_WEIGHT, Parameter.SEAT_BIAS)
 
 
 def test_a_flow_known_well_is_known_everywhere() -> None:
-    assert known({Parameter.NOZZLE_BIAS: 0.01, Parameter.SEAT_BIAS: 0.01}) == EVERYWHERE
+    assert flow_known_by({Parameter.NOZZLE_BIAS: 0.01, Parameter.SEAT_BIAS: 0.01}) == EVERYWHERE
 
 
 @given(st.floats(1e-4, 0.3), st.floats(1.0, 3.0))
 def test_the_less_is_known_of_the_pressure_dependence_the_nearer_it_ends(sigma: float, factor: float) -> None:
-    less = known(dict.fromkeys(WEIGHTS, factor * sigma))
-    more = known(dict.fromkeys(WEIGHTS, sigma))
+    less = flow_known_by(dict.fromkeys(WEIGHTS, factor * sigma))
+    more = flow_known_by(dict.fromkeys(WEIGHTS, sigma))
     if less != NOWHERE and math.isinf(less.filled_to) == math.isinf(more.filled_to):
         assert more.rail_from <= less.rail_from <= 1.0 <= less.rail_to <= more.rail_to
 
 
 def test_from_short_injections_the_nozzle_is_not_known() -> None:
     """Of a sac that hardly fills the nozzle is a third of the flow: 3 % of it are 1.2 % of one that is 40 % full."""
-    found = known({Parameter.NOZZLE_BIAS: 0.03}, filled=0.3)
-    assert found[:2] == EVERYWHERE[:2]
-    assert found.filled_to == pytest.approx(0.4, abs=0.02)
+    result = flow_known_by({Parameter.NOZZLE_BIAS: 0.03}, filled=0.3)
+    assert result[:2] == EVERYWHERE[:2]
+    assert result.filled_to == pytest.approx(0.4, abs=0.02)
 
 
 @pytest.mark.parametrize(("sigma", "rate"), [(0.1, 50e-6), (0.0, 0.0)])
 def test_what_not_even_the_event_showed_is_known_nowhere(sigma: float, rate: float) -> None:
-    assert known({Parameter.NOZZLE_BIAS: sigma}, rate=rate) == NOWHERE
+    assert flow_known_by({Parameter.NOZZLE_BIAS: sigma}, rate=rate) == NOWHERE
 
 
 RAILS, OPENINGS = (50e6, 50e6, 50e6, 150e6, 150e6, 50e6), (1.4e-3,) * 6

@@ -36,15 +36,15 @@ NO_MORE_THAN_NOISE = LiftLag(16e-6, without=-490.0, left=-640.0, samples=1200)
 @pytest.mark.parametrize("wear", [0.0, 0.25])
 @pytest.mark.parametrize("lag", [15e-6, 40e-6])
 def test_a_slow_lift_sensor_is_named(lag: float, wear: float) -> None:
-    found = reasons(sized("needle_lift_sensor_lag", tau=lag), sized("orifice_area", v_H=wear))
-    assert found[4:] == (Reason.LIFT_SENSOR_LAG,) * (EVENTS - 4)
+    result = reasons(sized("needle_lift_sensor_lag", tau=lag), sized("orifice_area", v_H=wear))
+    assert result[4:] == (Reason.LIFT_SENSOR_LAG,) * (EVENTS - 4)
 
 
 @pytest.mark.parametrize("other", [sized("channel_skew", d=50e-6), sized("seat_outflow")])
 def test_a_late_line_pressure_or_another_seat_is_none(other: SizedEffect) -> None:
-    found = reasons(other)
-    assert Reason.NONE not in found[4:]
-    assert Reason.LIFT_SENSOR_LAG not in found
+    result = reasons(other)
+    assert Reason.NONE not in result[4:]
+    assert Reason.LIFT_SENSOR_LAG not in result
 
 
 @pytest.mark.parametrize("late", [0.0, 16e-6, 30e-6])
@@ -58,12 +58,12 @@ def test_the_lag_is_found_although_the_nozzle_is_worn(late: float) -> None:
     def cost_of(moved: Window) -> EventCost:
         return EventCost(moved, case.setting, case.schedule.innovation_sigma, burn_in=50)
 
-    found = lift_lag_of(recorded, case.setting, cost_of)
-    assert found.lag == pytest.approx(late, abs=4e-6)
-    assert found.left <= found.without
+    result = lift_lag_of(recorded, case.setting, cost_of)
+    assert result.lag == pytest.approx(late, abs=4e-6)
+    assert result.left <= result.without
 
 
-def found(events: Iterable[LiftLag]) -> list[float | None]:
+def lags_found(events: Iterable[LiftLag]) -> list[float | None]:
     """After each of the refused events."""
     search, lags = LiftLagSearch(), []
     for event in events:
@@ -73,16 +73,16 @@ def found(events: Iterable[LiftLag]) -> list[float | None]:
 
 
 def test_what_explains_recent_events_is_told() -> None:
-    assert found([EXPLAINED] * 3) == pytest.approx([16e-6] * 3)
+    assert lags_found([EXPLAINED] * 3) == pytest.approx([16e-6] * 3)
 
 
 def test_on_a_fitted_line_something_may_be_left() -> None:
-    assert found([NEARLY_ALL]) == pytest.approx([28e-6])
+    assert lags_found([NEARLY_ALL]) == pytest.approx([28e-6])
 
 
 def test_a_lag_that_differs_from_event_to_event_is_none() -> None:
     """As a nozzle with other holes gives: the sensor would be as slow at every rail pressure."""
-    first, *others = found([replace(EXPLAINED, missed=30.0)] * 4)
+    first, *others = lags_found([replace(EXPLAINED, missed=30.0)] * 4)
     assert first is not None  # nothing was expected yet
     assert others == [None] * 3
 
@@ -100,7 +100,7 @@ def test_a_sac_that_rests_at_another_pressure_is_no_late_lift(pressure: float, l
 
 @pytest.mark.parametrize("event", [OF_ANOTHER_CAUSE, SMALL, STILL_WRONG, OF_THE_CHAMBER, NO_MORE_THAN_NOISE])
 def test_what_does_not_is_not(event: LiftLag) -> None:
-    assert found([event] * 10) == [None] * 10
+    assert lags_found([event] * 10) == [None] * 10
 
 
 def test_where_events_are_refused_for_long_few_are_asked() -> None:

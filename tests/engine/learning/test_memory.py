@@ -27,7 +27,7 @@ class Sums:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class TrackedState:
     sums: Sums = field(default_factory=Sums)
     before: Sums | None = None
     levels: tuple[Level, ...] = ()
@@ -45,26 +45,26 @@ some_sums = st.builds(Sums, st.lists(finite, min_size=3, max_size=3).map(np.arra
 
 @given(
     st.builds(
-        Followed,
+        TrackedState,
         some_sums,
         st.none() | some_sums,
         st.lists(st.builds(Level, finite, st.none() | st.sampled_from(Reason)), max_size=4).map(tuple),
         st.frozensets(st.integers(0, 17)),
     )
 )
-def test_what_goes_through_a_file_comes_back_to_the_bit(followed: Followed) -> None:
-    found = restored(Followed, through_a_file(followed), Followed())
-    assert found.sums.values.tobytes() == followed.sums.values.tobytes()
-    assert (found.levels, found.columns) == (followed.levels, followed.columns)
-    assert through_a_file(found) == through_a_file(followed)
+def test_what_goes_through_a_file_comes_back_to_the_bit(followed: TrackedState) -> None:
+    result = restored(TrackedState, through_a_file(followed), TrackedState())
+    assert result.sums.values.tobytes() == followed.sums.values.tobytes()
+    assert (result.levels, result.columns) == (followed.levels, followed.columns)
+    assert through_a_file(result) == through_a_file(followed)
 
 
 def test_what_is_of_one_run_is_not_kept() -> None:
-    assert "of_this_run" not in plain(Followed(of_this_run=3))
+    assert "of_this_run" not in plain(TrackedState(of_this_run=3))
 
 
 @pytest.mark.parametrize(
-    ("change", "place"),
+    ("change", "location"),
     [
         ({"sums": {"values": [1.0, 2.0]}}, "sums.values"),
         ({"sums": {"values": "x"}}, "sums.values"),
@@ -76,10 +76,10 @@ def test_what_is_of_one_run_is_not_kept() -> None:
         ({"before": {"values": {}}}, "before.values"),
     ],
 )
-def test_what_is_none_of_a_field_is_named(change: dict[str, Any], place: str) -> None:
-    with pytest.raises(NotAsExpectedError, match=f"^{place}: "):
-        restored(Followed, through_a_file(Followed()) | change, Followed())
+def test_what_is_none_of_a_field_is_named(change: dict[str, Any], location: str) -> None:
+    with pytest.raises(NotAsExpectedError, match=f"^{location}: "):
+        restored(TrackedState, through_a_file(TrackedState()) | change, TrackedState())
 
 
 def test_what_an_older_file_does_not_tell_is_as_before_any_event() -> None:
-    assert restored(Followed, {"sums": {"count": 7}}, Followed()).sums.count == 7
+    assert restored(TrackedState, {"sums": {"count": 7}}, TrackedState()).sums.count == 7

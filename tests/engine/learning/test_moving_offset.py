@@ -74,9 +74,7 @@ def test_an_offset_that_drifts_is_followed(
     [line_gain(0.01), line_gain(-0.01), rail_gain(0.01), rail_gain(-0.01)],
     ids=["line +", "line -", "rail +", "rail -"],
 )
-def test_gains_that_differ_are_shared_between_both_sensors(
-    disturbance: Callable[[Signals], Signals],
-) -> None:
+def test_gains_that_differ_are_shared_between_both_sensors(disturbance: Callable[[Signals], Signals]) -> None:
     """Whose gain is wrong is not known: the masses are wrong by half of it, and their intervals say so."""
     evaluation, errors = evaluated(disturbance)
     assert are_valid(evaluation) == [True] * (EVENTS - 2)

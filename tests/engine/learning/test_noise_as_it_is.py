@@ -34,8 +34,8 @@ def coloured(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def disturbed(extra: NDArray[np.float64]) -> Recording:
     measured = recorded(EVENTS, SEED).measured
-    heard = replace(measured, line_pressure=measured.line_pressure + extra)
-    return recording_of(replace(recorded(EVENTS, SEED), measured=heard))
+    recorded_signals = replace(measured, line_pressure=measured.line_pressure + extra)
+    return recording_of(replace(recorded(EVENTS, SEED), measured=recorded_signals))
 
 
 def evaluated(extra: NDArray[np.float64]) -> Evaluation:

@@ -14,13 +14,7 @@ from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.fitting import EventFitter, theta_limits
-from observer_rt.engine.learning.pressure_lag import (
-    RELEVANT_RATE,
-    LagDoubt,
-    Lateness,
-    lag_score,
-    no_doubt,
-)
+from observer_rt.engine.learning.pressure_lag import RELEVANT_RATE, LagDoubt, Lateness, lag_score, no_doubt
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import sized
@@ -75,11 +69,11 @@ def test_score_of_a_fit_is_not_changed_by_what_was_tried_after_it() -> None:
 
 def doubts(scores: Iterable[float], rate_share: float = 2.0 * RELEVANT_RATE) -> list[LagDoubt]:
     """After each of the events with these scores."""
-    doubt, found = no_doubt(2), []
+    doubt, result = no_doubt(2), []
     for score in scores:
         doubt = doubt.after(Lateness(score, rate_share, 0.004, np.array([0.01, 0.0])))
-        found.append(doubt)
-    return found
+        result.append(doubt)
+    return result
 
 
 def test_white_scores_hardly_ever_contradict_a_lag() -> None:
@@ -99,16 +93,16 @@ def test_without_a_lag_all_is_forgotten() -> None:
 
 
 def test_a_delay_too_short_to_matter_only_widens_the_interval() -> None:
-    found = doubts([-3.0] * 8, 0.5 * RELEVANT_RATE)
-    assert not any(doubt.is_relevant for doubt in found)
-    assert found[-1].volume_share == pytest.approx(0.004)
-    assert found[-1].variance == pytest.approx([1e-4, 0.0])
+    result = doubts([-3.0] * 8, 0.5 * RELEVANT_RATE)
+    assert not any(doubt.is_relevant for doubt in result)
+    assert result[-1].volume_share == pytest.approx(0.004)
+    assert result[-1].variance == pytest.approx([1e-4, 0.0])
 
 
 def test_a_lag_widens_nothing() -> None:
-    found = doubts((0.5, -1.0, 0.2))
-    assert not any(doubt.is_relevant for doubt in found)
-    assert found[-1].volume_share == 0.0
+    result = doubts((0.5, -1.0, 0.2))
+    assert not any(doubt.is_relevant for doubt in result)
+    assert result[-1].volume_share == 0.0
 
 
 def test_an_unstated_filter_of_the_line_is_no_reason_to_refuse() -> None:

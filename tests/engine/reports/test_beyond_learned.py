@@ -10,7 +10,7 @@ from tests.daemon.samples import some_report
 
 
 @pytest.mark.parametrize(
-    ("known", "said"),
+    ("rails", "said"),
     [
         ((43e6, 98e6), "what was learned reaches from 43 up to 98 MPa; record injections at 120 MPa"),
         ((-math.inf, 98e6), "what was learned reaches up to 98 MPa; record"),
@@ -19,9 +19,9 @@ from tests.daemon.samples import some_report
         ((-math.inf, math.inf), "longer than those learned from"),
     ],
 )
-def test_how_far_it_is(known: tuple[float, float], said: str) -> None:
+def test_how_far_it_is(rails: tuple[float, float], said: str) -> None:
     report = some_report(
-        rail_pressure=120e6, known_rails=known, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE
+        rail_pressure=120e6, known_rails=rails, valid=False, reason=Reason.OUTSIDE_LEARNED_RANGE
     )
     assert said in line(report)
-    assert said not in line(some_report(rail_pressure=120e6, known_rails=known))
+    assert said not in line(some_report(rail_pressure=120e6, known_rails=rails))

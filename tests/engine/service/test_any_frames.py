@@ -21,9 +21,9 @@ CLASSIC = Path(__file__).parents[2] / "bus" / "databases" / "testbed_classic.tom
 
 
 def database() -> Database:
-    found = cantools.database.load_file(CLASSIC.with_suffix(".dbc"))
-    assert isinstance(found, Database)
-    return found
+    result = cantools.database.load_file(CLASSIC.with_suffix(".dbc"))
+    assert isinstance(result, Database)
+    return result
 
 
 FRAMES = st.lists(

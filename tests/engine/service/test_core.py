@@ -20,18 +20,7 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import Span, TimedFrame
 from tests.benches import ONE_MESSAGE, SAMPLE_RATE, THREE_MESSAGES, sample_bench
-from tests.device import (
-    RATES,
-    Device,
-    Traffic,
-    core_of,
-    damaged,
-    hand,
-    later,
-    protected,
-    run,
-    simulated,
-)
+from tests.device import RATES, Device, Traffic, core_of, damaged, hand, later, protected, run, simulated
 
 
 def test_every_index_is_published_exactly_once(clean: Traffic) -> None:
@@ -94,8 +83,10 @@ def test_three_messages_give_the_same_rates(tmp_path: Path, clean: Traffic) -> N
     three = run(bench, Device(bench).send(simulated()))
     common = 28 * (simulated().samples // 28)
     assert three.core.counters.samples == common
-    rates, one = ({i: c for i, c in of.rates.items() if i < common - 40} for of in (three, clean.result))
-    assert rates == one
+    rates, expected_rates = (
+        {i: c for i, c in of.rates.items() if i < common - 40} for of in (three, clean.result)
+    )
+    assert rates == expected_rates
     assert [each["Mass"] for each in three.summaries] == [each["Mass"] for each in clean.result.summaries]
 
 

@@ -52,26 +52,26 @@ def pulses(stretches: list[int]) -> Pulses:
 
 
 def read(
-    mapped: EnergizingLayout, told: Pulses, first: int, lost: set[int]
+    mapped: EnergizingLayout, commands: Pulses, first: int, lost: set[int]
 ) -> tuple[CommandReader, list[Command]]:
     reader = CommandReader(mapped, SAMPLE_RATE)
-    found: list[Command] = []
-    for number in range(len(told.levels) // LEVELS):
+    results: list[Command] = []
+    for number in range(len(commands.levels) // LEVELS):
         if number not in lost:
-            values = np.array(told.levels[number * LEVELS : (number + 1) * LEVELS], float)
-            found += reader.read(EnergizingSignal((first + number * LEVELS) % INDICES, 0, values, None))
-    return reader, found
+            values = np.array(commands.levels[number * LEVELS : (number + 1) * LEVELS], float)
+            results += reader.read(EnergizingSignal((first + number * LEVELS) % INDICES, 0, values, None))
+    return reader, results
 
 
 @given(STRETCHES, FIRST)
 def test_every_rising_edge_is_a_command(
     in_blocks: EnergizingLayout, stretches: list[int], first: int
 ) -> None:
-    told = pulses(stretches)
-    _, found = read(in_blocks, told, first, set())
-    assert [(one.start - first) % INDICES for one in found] == told.starts
-    assert [round(one.duration * SAMPLE_RATE) for one in found] == told.lengths
-    assert all(one.is_certain and one.margin == 0.0 for one in found)
+    commands = pulses(stretches)
+    _, result = read(in_blocks, commands, first, set())
+    assert [(one.start - first) % INDICES for one in result] == commands.starts
+    assert [round(one.duration * SAMPLE_RATE) for one in result] == commands.lengths
+    assert all(one.is_certain and one.margin == 0.0 for one in result)
 
 
 @given(STRETCHES, FIRST, st.sets(st.integers(0, 10)))
@@ -79,26 +79,30 @@ def test_what_is_lost_is_known_to_be(
     in_blocks: EnergizingLayout, stretches: list[int], first: int, lost: set[int]
 ) -> None:
     """Certain commands are true ones; a true one that is not found lies in a span said to be lost."""
-    told = pulses(stretches)
-    reader, found = read(in_blocks, told, first, lost)
-    certain = [(one.start - first) % INDICES for one in found if one.is_certain]
-    assert set(certain) <= set(told.starts)
-    for one in found:
-        length = dict(zip(told.starts, told.lengths, strict=True)).get((one.start - first) % INDICES)
-        assert np.isnan(one.duration) or round(one.duration * SAMPLE_RATE) == length
+    commands = pulses(stretches)
+    reader, result = read(in_blocks, commands, first, lost)
+    certain = [(command.start - first) % INDICES for command in result if command.is_certain]
+    assert set(certain) <= set(commands.starts)
+    for command in result:
+        length = dict(zip(commands.starts, commands.lengths, strict=True)).get(
+            (command.start - first) % INDICES
+        )
+        assert np.isnan(command.duration) or round(command.duration * SAMPLE_RATE) == length
     spans = [((begin - first) % INDICES, (end - first) % INDICES) for begin, end in reader.lost]
-    end_of_last = max((n + 1 for n in range(len(told.levels) // LEVELS) if n not in lost), default=0) * LEVELS
-    for start in set(told.starts) - set(certain):
+    end_of_last = (
+        max((n + 1 for n in range(len(commands.levels) // LEVELS) if n not in lost), default=0) * LEVELS
+    )
+    for start in set(commands.starts) - set(certain):
         is_told = any(begin <= start <= end or (begin > end and start <= end) for begin, end in spans)
         assert is_told or start >= end_of_last
 
 
 def test_a_cyclic_level_changed_in_the_middle_between_two_frames(tmp_path: Path) -> None:
     reader = CommandReader(energizing(tmp_path, EnergizingBy.CYCLIC), SAMPLE_RATE)
-    found = []
+    results = []
     for millisecond, level in enumerate((0, 0, 1, 1, 0)):
-        found += reader.read(EnergizingSignal(None, millisecond * 10**6, np.array([level], float), None))
-    [command] = found
+        results += reader.read(EnergizingSignal(None, millisecond * 10**6, np.array([level], float), None))
+    [command] = results
     assert command.start == 1_500_000
     assert command.margin == 0.5e-3 * SAMPLE_RATE
     assert command.duration == pytest.approx(2e-3)

@@ -78,8 +78,8 @@ def test_whatever_tells_of_the_energizing(tmp_path: Path, case: str, kind: str) 
     injections, shots, change, expected = ANY_SOURCE[case]
     lines, source = SOURCES[kind]
     pulses, recording = injected(injections, shots)
-    sent, told = change(pulses, recording)
-    watched = watch(pulse_bench(tmp_path, lines), sent, source(told))
+    sent, energizing_frames = change(pulses, recording)
+    watched = watch(pulse_bench(tmp_path, lines), sent, source(energizing_frames))
     assert watched.energized == expected
     if shots is PILOT_AND_MAIN and len(expected[0]) == 4:
         assert [report.event for report in watched.reports] == [1, 1, 2, 2]
@@ -255,8 +255,10 @@ def test_it_changes_no_result(tmp_path: Path, kind: str) -> None:
 
 def test_of_more_commands_than_wait_for_python_the_oldest_are_lost(tmp_path: Path) -> None:
     core = core_of(pulse_bench(tmp_path, EnergizingBy.SAFE))
-    told = safe_durations([(1e-3 * n, 0.5e-3) for n in range(READINGS + 5)])
-    block = block_of([BusFrame(one.bus, Frame(one.frame_id, one.payload, one.stamp_ns)) for one in told])
+    energizing_frames = safe_durations([(1e-3 * n, 0.5e-3) for n in range(READINGS + 5)])
+    block = block_of(
+        [BusFrame(one.bus, Frame(one.frame_id, one.payload, one.stamp_ns)) for one in energizing_frames]
+    )
     number = 0
     while number < block.frames:
         number, _ = core.compiled.take_many(block, number)
@@ -271,8 +273,12 @@ def test_index_of_a_device_that_restarts(tmp_path: Path, first: int) -> None:
     pulses, recording = injected(2)
     length = recording.samples / SAMPLE_RATE
     sent = [*samples(recording, index=first), *later(samples(recording), length)]
-    told = on_change(pulses, first), later(on_change(pulses), length)
-    assert watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, *told).energized == ([1, 2, 3, 4], [], [])
+    energizing_frames = on_change(pulses, first), later(on_change(pulses), length)
+    assert watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, *energizing_frames).energized == (
+        [1, 2, 3, 4],
+        [],
+        [],
+    )
 
 
 def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None:
@@ -281,7 +287,7 @@ def test_a_command_cut_off_by_a_restart_is_never_missing(tmp_path: Path) -> None
     end = start + 0.2e-3
     shut = misfired(recording, (0.0, recording.samples / SAMPLE_RATE))
     sent = [*samples(recording, (0.0, end)), *later(samples(shut), end)]
-    told = [*on_change([(0.1, lasts)]), on_change([(start, lasts)])[0]]
-    watched = watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, told)
+    energizing_frames = [*on_change([(0.1, lasts)]), on_change([(start, lasts)])[0]]
+    watched = watch(pulse_bench(tmp_path, EnergizingBy.LEVEL), sent, energizing_frames)
     assert watched.core.counters.restarts == 1
     assert watched.energized[1] == [1]

@@ -16,13 +16,7 @@ from observer_rt.desk.evaluation.results import print_evaluation
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
-from tests.daemon.participants import (
-    BLOCK_ID,
-    HeardDaemon,
-    ScriptedLink,
-    serving,
-    until,
-)
+from tests.daemon.participants import BLOCK_ID, HeardDaemon, ScriptedLink, serving, until
 from tests.daemon.pulses import (
     BED,
     EnergizingBy,
@@ -73,18 +67,18 @@ def test_check_says_what_to_expect(
     tmp_path: Path, lines: str, mapping: str, level: Level, accuracy: str
 ) -> None:
     bench = pulse_bench(tmp_path, lines)
-    [(found, text)] = findings(bench, "mapping", "energizing")
-    assert found is Level.OK
+    [(result, text)] = findings(bench, "mapping", "energizing")
+    assert result is Level.OK
     assert mapping in text
     assert "missing 3 ms after" in text
-    [(found, text)] = findings(bench, "time", "opening delays")
-    assert found is level
+    [(result, text)] = findings(bench, "time", "opening delays")
+    assert result is level
     assert accuracy in text
     assert bool(findings(bench, "time", "misses shorter energizing")) == (lines == EnergizingBy.CYCLIC)
 
 
 @pytest.mark.parametrize(
-    ("lines", "place", "word"),
+    ("lines", "location", "word"),
     [
         ('message = "PulseVolts"\nsignal = "Volts"\n', "signals.energizing", "'V'"),
         (EnergizingBy.LEVEL.replace("PulseIndex", "Energized"), "signals.energizing.index", "32 bits"),
@@ -97,11 +91,11 @@ def test_check_says_what_to_expect(
         (f'message = "PulseBlock"\n{TWO.format("Level")}unit = "us"\n', "signals.energizing", "levels"),
     ],
 )
-def test_mistakes_name_the_key(tmp_path: Path, lines: str, place: str, word: str) -> None:
+def test_mistakes_name_the_key(tmp_path: Path, lines: str, location: str, word: str) -> None:
     bench = pulse_bench(tmp_path, lines)
     with pytest.raises(UserError) as caught:
         map_bus(load_bench(bench))
-    assert place in caught.value.place
+    assert location in caught.value.place
     assert word in f"{caught.value.problem} {caught.value.remedy}"
 
 

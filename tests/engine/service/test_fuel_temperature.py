@@ -100,14 +100,14 @@ def test_masses_of_hot_fuel_are_valid_with_its_temperature_only(tmp_path: Path) 
     """Untold, fuel 45 K warmer looks like a softer, lighter one: nothing is valid then."""
     hot = simulation(HOT)
     frames = frames_at(HOT)
-    told = run(bench(tmp_path), [sensor(HOT), *frames])
+    with_temperature = run(bench(tmp_path), [sensor(HOT), *frames])
     untold = run(sample_bench(tmp_path / "untold"), frames)
     for number in range(2, INJECTIONS):
-        true = true_mass(hot, told, number, HOT)
-        assert told.reports[number].valid
-        assert told.reports[number].mass == pytest.approx(true, rel=4e-3)
+        true = true_mass(hot, with_temperature, number, HOT)
+        assert with_temperature.reports[number].valid
+        assert with_temperature.reports[number].mass == pytest.approx(true, rel=4e-3)
         assert not untold.reports[number].valid
-    assert abs(told.reports[-1].indicators["bulk_modulus"].value) < 0.02
+    assert abs(with_temperature.reports[-1].indicators["bulk_modulus"].value) < 0.02
     assert untold.reports[-1].indicators["bulk_modulus"].value < -0.1
 
 

@@ -20,10 +20,12 @@ def made(folder: Path, timeout: float) -> Fuel:
     path = bench(folder, "" if math.isinf(timeout) else f"timeout_ms = {1e3 * timeout}\n")
     core, device = core_of(path), Device(path)
 
-    def at(time: float, *told: TimedFrame) -> float | None:
+    def at(time: float, *optional_frames: TimedFrame) -> float | None:
         device.index = round(time * SAMPLE_RATE)
         samples = device.send(simulated(), Span(0, BLOCK))
-        hand(core, [*samples, *(told or samples)])  # a frame that is repeated brings nothing but a look
+        hand(
+            core, [*samples, *(optional_frames or samples)]
+        )  # a frame that is repeated brings nothing but a look
         kelvin = float(core.compiled.pipeline.heard.memory["measured"][0])
         return None if math.isnan(kelvin) else round(kelvin - 273.15, 1)
 

@@ -22,7 +22,7 @@ Words = Iterable[tuple[int, TimedFrame]]
 
 
 @pytest.fixture
-def told(tmp_path: Path, clean: Traffic) -> Callable[..., Result]:
+def with_frames(tmp_path: Path, clean: Traffic) -> Callable[..., Result]:
     """What a core makes of clean traffic and of words before the frames of some numbers; extra: of `slow_bench`."""
 
     def through(words: Words, roles: dict[str, tuple[str, str]] = ENABLE, extra: str = "") -> Result:
@@ -43,23 +43,25 @@ def flags(result: Result) -> list[int]:
 
 @pytest.mark.parametrize("value", [1, 2, None])
 def test_enabled_or_not_known_changes_nothing(
-    clean: Traffic, told: Callable[..., Result], value: int | None
+    clean: Traffic, with_frames: Callable[..., Result], value: int | None
 ) -> None:
-    assert told((n, bed("LearnEnable", value)) for n in range(0, 1600, 100)).frames == clean.result.frames
-    assert told([]).frames == clean.result.frames
+    assert (
+        with_frames((n, bed("LearnEnable", value)) for n in range(0, 1600, 100)).frames == clean.result.frames
+    )
+    assert with_frames([]).frames == clean.result.frames
 
 
-def test_off_from_the_start_is_as_switched_off_by_the_bench(told: Callable[..., Result]) -> None:
-    held = told([(0, bed("LearnEnable", 0))])
-    assert held.frames == told([], extra="[learning]\nenabled = false").frames
+def test_off_from_the_start_is_as_switched_off_by_the_bench(with_frames: Callable[..., Result]) -> None:
+    held = with_frames([(0, bed("LearnEnable", 0))])
+    assert held.frames == with_frames([], extra="[learning]\nenabled = false").frames
     assert set(flags(held)) == {0}
     assert held.core.counters.adoptions == 0
 
 
-def test_what_was_learned_stays_in_force(clean: Traffic, told: Callable[..., Result]) -> None:
+def test_what_was_learned_stays_in_force(clean: Traffic, with_frames: Callable[..., Result]) -> None:
     """Off after the first of three events."""
     usual = clean.result
-    held = told([(after_injection(usual, 1), bed("LearnEnable", 0))])
+    held = with_frames([(after_injection(usual, 1), bed("LearnEnable", 0))])
     first, second, third = held.reports
     assert held.core.counters.adoptions == 1 < usual.core.counters.adoptions
     assert first.mass_ci95 == usual.reports[0].mass_ci95
@@ -76,19 +78,23 @@ def test_what_was_learned_stays_in_force(clean: Traffic, told: Callable[..., Res
 
 @pytest.mark.parametrize("on", [1, None])
 def test_learning_goes_on_when_it_is_on_again(
-    clean: Traffic, told: Callable[..., Result], on: int | None
+    clean: Traffic, with_frames: Callable[..., Result], on: int | None
 ) -> None:
-    result = told([(0, bed("LearnEnable", 0)), (after_injection(clean.result, 1), bed("LearnEnable", on))])
+    result = with_frames(
+        [(0, bed("LearnEnable", 0)), (after_injection(clean.result, 1), bed("LearnEnable", on))]
+    )
     assert [report.mass_ci95 is None for report in result.reports] == [True, False, False]
     assert result.core.counters.adoptions == 2
 
 
-def test_damaged_frames_are_counted_and_change_nothing(clean: Traffic, told: Callable[..., Result]) -> None:
+def test_damaged_frames_are_counted_and_change_nothing(
+    clean: Traffic, with_frames: Callable[..., Result]
+) -> None:
     good = safe_bed(7, enable=0)
-    result = told([(0, damaged(good, 40)), (1, good._replace(payload=good.payload[:-1]))], SAFE_ENABLE)
+    result = with_frames([(0, damaged(good, 40)), (1, good._replace(payload=good.payload[:-1]))], SAFE_ENABLE)
     assert result.frames == clean.result.frames
     assert (result.core.counters.crc_errors, result.core.counters.length_errors) == (1, 1)
-    assert set(flags(told([(0, good)], SAFE_ENABLE))) == {0}
+    assert set(flags(with_frames([(0, good)], SAFE_ENABLE))) == {0}
 
 
 def test_a_recording_does_not_switch_learning_off(tmp_path: Path) -> None:

@@ -14,15 +14,7 @@ from observer_rt.files.replay.framing import TimedFrame
 from tests import device
 from tests.benches import ONE_MESSAGE, THREE_MESSAGES, sample_bench
 from tests.daemon.pulses import PILOT_AND_MAIN, SOURCES, injected, misfired, pulse_bench, samples
-from tests.device import (
-    Device,
-    Result,
-    damaged,
-    inserted,
-    merged,
-    run,
-    simulated,
-)
+from tests.device import Device, Result, damaged, inserted, merged, run, simulated
 
 
 class ManyAtOnce(Core):
@@ -50,8 +42,8 @@ class ManyAtOnce(Core):
 def facts(result: Result) -> tuple[object, ...]:
     """All that a core made of frames."""
     fuel = [report.fuel_temperature for report in result.reports]
-    known = result.core.knowledge.state.events
-    return result.frames, result.core.counters, known, fuel, result.commands, result.notes.mismatches
+    events = result.core.knowledge.state.events
+    return result.frames, result.core.counters, events, fuel, result.commands, result.notes.mismatches
 
 
 @pytest.fixture

@@ -35,14 +35,14 @@ class Scale:
         """Number of a frame so many after the end of an injection (1, 2, 3)."""
         return self.usual.reports[injection - 1].end_index // BLOCK + frames
 
-    def tells(self, *told: tuple[int, TimedFrame]) -> Result:
+    def tells(self, *measured_masses: tuple[int, TimedFrame]) -> Result:
         """What a core makes of frames before those of the numbers given."""
-        return run(self.path, inserted(self.frames, told))
+        return run(self.path, inserted(self.frames, measured_masses))
 
-    def masses(self, *told: tuple[int, TimedFrame]) -> list[tuple[int, float]]:
+    def masses(self, *measured_masses: tuple[int, TimedFrame]) -> list[tuple[int, float]]:
         """Injection and mass [mg]."""
-        found = self.tells(*told).notes.measured
-        return [(one.report.number, round(one.mass * 1e6, 6)) for one in found]
+        result = self.tells(*measured_masses).notes.measured
+        return [(one.report.number, round(one.mass * 1e6, 6)) for one in result]
 
 
 @pytest.fixture
@@ -59,9 +59,9 @@ def path(scale: Scale) -> Path:
 def test_a_value_belongs_to_the_injection_before_it(scale: Scale, delay: int) -> None:
     sent = [(scale.after(n, delay), bed("Mass", mass)) for n, mass in ((1, 10.0), (2, 8.0), (3, 9.0))]
     assert scale.masses(*sent) == [(1, 10.0), (2, 8.0), (3, 9.0)]
-    for one, report in zip(scale.tells(*sent).notes.measured, scale.usual.reports, strict=True):
-        assert one.error == pytest.approx((report.mass - one.mass) / one.mass)
-        assert f"injection {report.number}: measured {one.mass * 1e6:.2f} mg" in one.as_text()
+    for error_note, report in zip(scale.tells(*sent).notes.measured, scale.usual.reports, strict=True):
+        assert error_note.error == pytest.approx((report.mass - error_note.mass) / error_note.mass)
+        assert f"injection {report.number}: measured {error_note.mass * 1e6:.2f} mg" in error_note.as_text()
 
 
 def test_it_changes_no_result(scale: Scale) -> None:

@@ -57,10 +57,10 @@ def test_a_late_rail_pressure_is_brought_to_its_time(delay: float) -> None:
     stream = Stream(stated=(sized("rail_pressure_skew", d=1e-6 * delay),))
     stream.feed(true - 1e4 * delay / 10.0, np.zeros(400), true).finish()
     rows, c = stream.rows, stream.observer.constants.coefficients
-    found = rows["rail_pressure"] * c.pressure_scale + c.chamber_pressure
+    result = rows["rail_pressure"] * c.pressure_scale + c.chamber_pressure
     assert np.array_equal(rows["index"], index)
-    assert found[6:-6] == pytest.approx(true[6:-6], rel=1e-12)
-    assert np.abs(np.diff(found)).max() <= 1.001e4
+    assert result[6:-6] == pytest.approx(true[6:-6], rel=1e-12)
+    assert np.abs(np.diff(result)).max() <= 1.001e4
     assert rows["line_pressure"] * c.pressure_scale + c.chamber_pressure == pytest.approx(true)
 
 
@@ -103,8 +103,8 @@ def test_nothing_is_taken_from_beyond_a_break() -> None:
     stream.feed(rail[:50], lift[:50], rail[:50])
     stream.feed(rail[50:], lift[50:], rail[50:], index=5000, broken=Break.LOSS).finish()
     rows, c = stream.rows, stream.observer.constants.coefficients
-    found = rows["rail_pressure"] * c.pressure_scale + c.chamber_pressure
-    assert found == pytest.approx(rail)
+    result = rows["rail_pressure"] * c.pressure_scale + c.chamber_pressure
+    assert result == pytest.approx(rail)
     assert rows["needle_lift"] == pytest.approx(lift)
 
 

@@ -14,21 +14,21 @@ CONSTANTS = bench_constants(load_bench().injector)
 
 def follower(nozzle_wear: float = 0.0) -> Follower:
     """At rest at the rail pressure with which the inputs begin."""
-    found, state = Follower(CONSTANTS, constant_network(nozzle_wear, 0.0)), np.zeros(3)
+    result, state = Follower(CONSTANTS, constant_network(nozzle_wear, 0.0)), np.zeros(3)
     rest_state(state, event_inputs()[0, 0], CONSTANTS.coefficients)
-    found.begin(state)
-    return found
+    result.begin(state)
+    return result
 
 
 def test_blocks_are_followed_as_the_whole_is() -> None:
     inputs, resting = event_inputs(), np.zeros(len(event_inputs()), np.bool_)
-    whole = follower().run(inputs, resting)
-    assert whole.max() > 40e-6  # m3/s
+    complete = follower().run(inputs, resting)
+    assert complete.max() > 40e-6  # m3/s
     blocks = follower()
     for first, end in ((0, 130), (130, 131), (131, len(inputs))):
         from_row = max(first - 1, 0)  # the sample that the state belongs to
         rate = blocks.run(inputs[from_row:end], resting[from_row:end])
-        np.testing.assert_array_equal(rate[first - from_row :], whole[first:end])
+        np.testing.assert_array_equal(rate[first - from_row :], complete[first:end])
 
 
 def test_a_worn_model_says_how_it_differs() -> None:

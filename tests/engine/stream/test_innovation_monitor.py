@@ -50,9 +50,9 @@ def test_three_spikes_contradict_nothing() -> None:
 def test_a_line_that_swings_otherwise_contradicts_soon(period: int) -> None:
     """Innovations of both signs do not make up for each other."""
     swing = 4.0 * np.cos(2.0 * np.pi * np.arange(40) / period)
-    found = contradicted_at(swing, running())
-    assert found is not None
-    assert found < 16
+    result = contradicted_at(swing, running())
+    assert result is not None
+    assert result < 16
 
 
 def test_it_lasts_until_an_event_that_can_tell() -> None:

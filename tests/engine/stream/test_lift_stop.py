@@ -17,21 +17,21 @@ def figures(peaks: list[float], open_for: int = 110, drift: float = 0.0) -> tupl
     for k, peak in enumerate(peaks):
         lift[1000 + 2000 * k :][:open_for] += stroke(open_for, peak)
     pressure = np.full(length, RAIL)
-    found = lift_figures(Stream().feed(pressure, lift, pressure).observer, STOP)
-    return found.at_stop, found.is_to_scale
+    result = lift_figures(Stream().feed(pressure, lift, pressure).observer, STOP)
+    return result.at_stop, result.is_to_scale
 
 
 @pytest.mark.parametrize(("factor", "is_to_scale"), [(1.0, True), (1.02, True), (1.05, False), (0.95, False)])
 def test_scale_at_the_stop(factor: float, is_to_scale: bool) -> None:
-    at_stop, told = figures([factor * STOP] * 8, drift=10e-6)
+    at_stop, is_reported_to_scale = figures([factor * STOP] * 8, drift=10e-6)
     assert at_stop == pytest.approx(factor * STOP, rel=0.003)
-    assert told is is_to_scale
+    assert is_reported_to_scale is is_to_scale
 
 
 def test_ballistic_openings_tell_nothing_of_the_stop() -> None:
-    at_stop, told = figures([0.1e-3] * 8, open_for=40)  # up and down, nowhere still
+    at_stop, is_reported_to_scale = figures([0.1e-3] * 8, open_for=40)  # up and down, nowhere still
     assert np.isnan(at_stop)
-    assert told
+    assert is_reported_to_scale
 
 
 def test_openings_that_stay_lower_do_not_count() -> None:

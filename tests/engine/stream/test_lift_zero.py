@@ -49,22 +49,22 @@ def test_zero_is_followed(drift: NDArray[np.float64]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("known", "zero"),
+    ("first_zero", "zero"),
     [(35, 35), (35, 30), (-35, -35), (35, 0), (-35, 0), (-20, -10), (35, -5)],
     ids=lambda um: f"{um} um",
 )
-def test_zero_of_before_is_a_start(known: float, zero: float) -> None:
+def test_zero_of_before_is_a_start(first_zero: float, zero: float) -> None:
     """Where the needle rests elsewhere after a restart, it is found there, as without it; the line rings."""
     lift = lift_of(OPENINGS, TIME.size) + zero * UM
     random = np.random.default_rng(9)
     rail = RAIL + random.normal(0.0, NOISE.rail_pressure, lift.size)
     line = rail + 3e6 * np.sin(2 * np.pi * 1e3 * TIME)
-    stream = Stream(events_required=0, lift=RestingLift(zero=known * UM)).feed(rail, lift, line)
-    found = [i["opening_index"] for i in stream.injections]
-    assert found[-len(OPENINGS) + 1 :] == pytest.approx(list(OPENINGS)[1:], abs=3)
-    if known == zero:
-        assert found[0] == pytest.approx(OPENINGS[0], abs=3)
-        assert len(found) == len(OPENINGS)
+    stream = Stream(events_required=0, lift=RestingLift(zero=first_zero * UM)).feed(rail, lift, line)
+    result = [i["opening_index"] for i in stream.injections]
+    assert result[-len(OPENINGS) + 1 :] == pytest.approx(list(OPENINGS)[1:], abs=3)
+    if first_zero == zero:
+        assert result[0] == pytest.approx(OPENINGS[0], abs=3)
+        assert len(result) == len(OPENINGS)
 
 
 def test_zero_does_not_follow_an_open_needle() -> None:
@@ -169,20 +169,20 @@ def ringing() -> Simulation:
     return simulate(NOMINAL, schedule, 100e3, noise=SimulatedNoise(), seed=4)
 
 
-def observed(crosstalk: float, loud: slice = slice(0), known: float = 0.0) -> Stream:
-    """With so much of the line pressure [m/Pa] in the lift; loud: of a lift in another unit; known: before."""
+def observed(crosstalk: float, loud: slice = slice(0), first_crosstalk: float = 0.0) -> Stream:
+    """With crosstalk of the line pressure into the lift [m/Pa]; loud: in another unit; first_crosstalk: initial."""
     made = ringing().recording
     lift = made.needle_lift + crosstalk * (made.line_pressure - made.rail_pressure)
     lift[loud] *= 1000.0
-    before = RestingLift(crosstalk=known)
+    before = RestingLift(crosstalk=first_crosstalk)
     return Stream(events_required=0, lift=before).feed(made.rail_pressure, lift, made.line_pressure)
 
 
 @pytest.mark.parametrize("crosstalk", [0.15e-12, -0.15e-12, 0.05e-12])
 def test_crosstalk_of_the_line_pressure_is_found_and_taken_out(crosstalk: float) -> None:
     stream, plain = observed(crosstalk), observed(0.0)
-    found = float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) / 100e6
-    assert found == pytest.approx(crosstalk, rel=0.1)
+    result = float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) / 100e6
+    assert result == pytest.approx(crosstalk, rel=0.1)
     late = slice(30_000, None)
     difference = stream.rows["lift"][late] - plain.rows["lift"][late]
     assert np.sqrt(np.mean(difference**2)) < 0.1 * UM
@@ -191,15 +191,15 @@ def test_crosstalk_of_the_line_pressure_is_found_and_taken_out(crosstalk: float)
 
 
 def test_crosstalk_of_before_is_taken_out_at_once() -> None:
-    stream, plain = observed(0.3e-12, known=0.3e-12), observed(0.0)
-    found = float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) / 100e6
-    assert found == pytest.approx(0.3e-12, rel=0.1)
+    stream, plain = observed(0.3e-12, first_crosstalk=0.3e-12), observed(0.0)
+    result = float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) / 100e6
+    assert result == pytest.approx(0.3e-12, rel=0.1)
     assert stream.count("counts", "injections_begun") == plain.count("counts", "injections_begun")
     assert observed(0.3e-12).count("counts", "injections_begun") > plain.count("counts", "injections_begun")
 
 
 def test_crosstalk_of_before_that_no_opening_shows_is_forgotten() -> None:
-    stream = observed(0.0, known=0.3e-12)
+    stream = observed(0.0, first_crosstalk=0.3e-12)
     assert float(stream.observer.memory[0]["resting_lift"]["crosstalk"]) == 0.0
     late = stream.rows["lift"][30_000:] - observed(0.0).rows["lift"][30_000:]
     assert np.abs(late).max() < 0.5 * UM

@@ -41,16 +41,16 @@ def means(signal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of a signal (n,) at FINE over the periods that end at the samples at RATE."""
     every = round(FINE / RATE)
     between = 0.5 * (signal[1:] + signal[:-1])
-    whole = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
-    return np.append(signal[:1], whole)
+    complete = between[: between.size // every * every].reshape(-1, every).mean(axis=1)
+    return np.append(signal[:1], complete)
 
 
 @cache
 def recorded(worn: bool) -> Recording:
     """Means with the noise that the nominal noise at 100 kHz leaves."""
-    found = truth(worn)
+    result = truth(worn)
     random = np.random.default_rng(3)
-    rail, lift, line = (means(s) for s in (found.rail_pressure, found.needle_lift, found.line_pressure))
+    rail, lift, line = (means(s) for s in (result.rail_pressure, result.needle_lift, result.line_pressure))
     less = np.sqrt(RATE / 100e3)
     return Recording(
         np.arange(rail.size) / RATE,
@@ -84,12 +84,12 @@ def rmse(evaluation: Evaluation, worn: bool, first: int) -> float:
 
 def masses(evaluation: Evaluation, worn: bool, first: int) -> NDArray[np.float64]:
     """Relative errors of the masses of the injections from the `first` on."""
-    found = truth(worn)
+    result = truth(worn)
     density = NOMINAL.fluid.density_nozzle
     errors = []
     for report in evaluation.reports[first:]:
-        inside = (found.time >= report.start_index / RATE) & (found.time <= report.end_index / RATE)
-        true = density * float(np.trapezoid(found.injection_rate[inside])) / FINE
+        inside = (result.time >= report.start_index / RATE) & (result.time <= report.end_index / RATE)
+        true = density * float(np.trapezoid(result.injection_rate[inside])) / FINE
         errors.append(report.mass / true - 1.0)
     return np.array(errors)
 
@@ -130,5 +130,5 @@ def test_slope_of_a_ramp_by_means(share: float, slope: float, is_long: bool) -> 
     partial, full = 0.5 * slope * share**2, slope * (share + 0.5)
     after = slope if is_long else 0.3 * slope  # the needle turns back in the second whole period
     tolerance = 0.0 if share > 0.1 else 1e-9
-    found = slope_of_means(partial, full, after, tolerance + 1e-12)
-    assert found == pytest.approx(slope, rel=1e-6)
+    result = slope_of_means(partial, full, after, tolerance + 1e-12)
+    assert result == pytest.approx(slope, rel=1e-6)

@@ -79,7 +79,7 @@ def test_what_is_replaced_is_what_the_plain_reference_finds() -> None:
         height = rng.normal() * 14 * NOISE.line_pressure
         channels[LINE][at : at + rng.integers(1, 5)] += height
     _, rows = observed(channels)
-    values, found, change = channels[LINE].copy(), [], 0.0
+    values, result, change = channels[LINE].copy(), [], 0.0
     for k in range(1, COUNT):
         step = abs(channels[LINE][k] - channels[LINE][k - 1])
         limit = max(STEP * NOISE.line_pressure, RESTLESS * change)
@@ -88,9 +88,9 @@ def test_what_is_replaced_is_what_the_plain_reference_finds() -> None:
         width = spike_before(values, k, limit) if k > 7 else 0
         for j in range(width):
             values[k - 1 - j] = values[k] + (values[k - width - 1] - values[k]) * (j + 1) / (width + 1)
-            found.append(k - 1 - j)
-    assert len(found) > 40
-    assert bridged(rows, LINE) == sorted(found)
+            result.append(k - 1 - j)
+    assert len(result) > 40
+    assert bridged(rows, LINE) == sorted(result)
 
 
 def test_a_channel_that_rings_has_no_spikes() -> None:

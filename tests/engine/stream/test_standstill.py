@@ -132,6 +132,6 @@ def test_noise_that_changes_is_followed_from_event_to_event(factor: float) -> No
             RAIL + random.normal(0.0, NOISE.line_pressure, 6000),
         )
     levels = [event_standstill(stream.observer, k).noise for k in range(10)]
-    found = [level.rail_pressure / NOISE.rail_pressure for level in levels if level is not None]
-    assert found[:5] == pytest.approx([1.0] * 5, rel=0.02)
-    assert found[6:] == pytest.approx([factor] * 4, rel=0.08)
+    result = [level.rail_pressure / NOISE.rail_pressure for level in levels if level is not None]
+    assert result[:5] == pytest.approx([1.0] * 5, rel=0.02)
+    assert result[6:] == pytest.approx([factor] * 4, rel=0.08)

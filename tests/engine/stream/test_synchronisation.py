@@ -72,8 +72,7 @@ def test_start_in_the_middle_of_an_injection() -> None:
 
 
 @pytest.mark.parametrize(
-    ("broken", "reason"),
-    [(Break.LOSS, Reason.SAMPLES_LOST), (Break.RESTART, Reason.DEVICE_RESTARTED)],
+    ("broken", "reason"), [(Break.LOSS, Reason.SAMPLES_LOST), (Break.RESTART, Reason.DEVICE_RESTARTED)]
 )
 def test_after_a_gap_outputs_come_back_after_three_milliseconds_shut(broken: Break, reason: Reason) -> None:
     """The needle may have moved meanwhile: nothing is known of the sac."""

@@ -61,8 +61,8 @@ def test_of_several_reasons_the_first_in_order(chosen: list[int]) -> None:
 
 @pytest.mark.parametrize("reason", SETTLES)
 def test_until_it_has_settled_nothing_is_valid(reason: Reason) -> None:
-    found, state = of_sample(is_synchronised=False, unsynchronised_by=reason)
-    assert found is reason
+    result, state = of_sample(is_synchronised=False, unsynchronised_by=reason)
+    assert result is reason
     expected = {Reason.STARTING: State.STARTING, Reason.JUMPED: State.ADAPTED}
     assert state is expected.get(reason, State.DEGRADED)
 
@@ -110,8 +110,8 @@ def test_links_go_before_inputs_and_inputs_before_samples() -> None:
 
 @given(st.sampled_from(State), st.sampled_from(Reason))
 def test_beside_a_second_sender_nothing_is_valid(state: State, reason: Reason) -> None:
-    found, reasons = contested(state, reason)
-    assert found in (State.DEGRADED, State.WAITING_FOR_DATA)
+    result, reasons = contested(state, reason)
+    assert result in (State.DEGRADED, State.WAITING_FOR_DATA)
     assert Reason.SECOND_SENDER in reasons
     assert reason is NONE or reason in reasons
     assert NONE not in reasons

@@ -46,8 +46,8 @@ def test_classic_frames_with_what_follows_them(tmp_path: Path) -> None:
 
 
 def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
-    (found,) = read(tmp_path, " 13.258671 1  3FF             Tx   d D 55 AA 01 02 03 04 05 06  Length = 2")
-    assert found.frame.payload == bytes.fromhex("55AA010203040506")
+    (entry,) = read(tmp_path, " 13.258671 1  3FF             Tx   d D 55 AA 01 02 03 04 05 06  Length = 2")
+    assert entry.frame.payload == bytes.fromhex("55AA010203040506")
 
 
 def test_fd_frames_with_and_without_a_name(tmp_path: Path) -> None:
@@ -65,13 +65,13 @@ def test_fd_frames_with_and_without_a_name(tmp_path: Path) -> None:
 
 def test_a_classic_frame_of_an_fd_channel_is_classic(tmp_path: Path) -> None:
     tail = "  102187  133   200000 e000fb6c 46500250 4b140250 20011736 2001040d"
-    (found,) = read(tmp_path, f"   0.045522 CANFD   1 Rx         7d      0 0 8  8 {'00 ' * 8}{tail}")
-    assert not found.frame.is_fd
+    (entry,) = read(tmp_path, f"   0.045522 CANFD   1 Rx         7d      0 0 8  8 {'00 ' * 8}{tail}")
+    assert not entry.frame.is_fd
 
 
 def test_decimal_numbers(tmp_path: Path) -> None:
-    (found,) = read(tmp_path, "   0.5 1  256x       Rx d 3 255 16 7", base="dec")
-    assert (found.frame.frame_id, found.frame.payload) == (256, bytes((255, 16, 7)))
+    (entry,) = read(tmp_path, "   0.5 1  256x       Rx d 3 255 16 7", base="dec")
+    assert (entry.frame.frame_id, entry.frame.payload) == (256, bytes((255, 16, 7)))
 
 
 def test_a_decimal_fd_line_is_refused(tmp_path: Path) -> None:
@@ -80,15 +80,15 @@ def test_a_decimal_fd_line_is_refused(tmp_path: Path) -> None:
 
 
 def test_comments_begin_with_slashes_or_a_semicolon(tmp_path: Path) -> None:
-    (found,) = read(tmp_path, ";  time  can ident", "// 1.0 1 7 Rx d 0", "   1.0 1  123  Rx   d 1 AA")
-    assert found.frame.frame_id == 0x123
+    (entry,) = read(tmp_path, ";  time  can ident", "// 1.0 1 7 Rx d 0", "   1.0 1  123  Rx   d 1 AA")
+    assert entry.frame.frame_id == 0x123
 
 
 def test_the_kind_of_times_may_stand_on_its_own_line(tmp_path: Path) -> None:
-    whole = log(tmp_path, *["   0.5 1  123             Rx   d 1 AA"] * 3, times="relative")
-    text = whole.path.read_text()
-    whole.path.write_text(text.replace("hex  timestamps", "hex\ntimestamps"))
-    assert [entry.frame.stamp_ns - START for entry in whole] == [500_000_000, 10**9, 1_500_000_000]
+    complete = log(tmp_path, *["   0.5 1  123             Rx   d 1 AA"] * 3, times="relative")
+    text = complete.path.read_text()
+    complete.path.write_text(text.replace("hex  timestamps", "hex\ntimestamps"))
+    assert [entry.frame.stamp_ns - START for entry in complete] == [500_000_000, 10**9, 1_500_000_000]
 
 
 def test_times_from_the_start_that_are_called_relative_are_refused(tmp_path: Path) -> None:
@@ -113,8 +113,8 @@ def test_times_from_the_start_are_refused_although_frames_are_swapped(tmp_path: 
 def test_distances_are_no_times_from_the_start(steps: list[int]) -> None:
     with TemporaryDirectory() as folder:
         lines = [f"   {step / 1e6:.6f} 1  123             Rx   d 1 AA" for step in steps]
-        found = read(Path(folder), *lines, times="relative")
-    assert found[-1].frame.stamp_ns - START == sum(steps) * 1000
+        entries = read(Path(folder), *lines, times="relative")
+    assert entries[-1].frame.stamp_ns - START == sum(steps) * 1000
 
 
 def test_times_from_line_to_line_count_every_line(tmp_path: Path) -> None:
@@ -137,21 +137,21 @@ def test_times_from_line_to_line_count_every_line(tmp_path: Path) -> None:
     ],
 )
 def test_dates_of_twelve_hours(tmp_path: Path, date: str, hour: int) -> None:
-    (found,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=date)
+    (entry,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=date)
     expected = int(datetime(2022, 4, 28, hour, 44, 52).timestamp()) * 10**9 + 480_000_000
-    assert found.frame.stamp_ns == expected
+    assert entry.frame.stamp_ns == expected
 
 
 @pytest.mark.parametrize(("name", "month"), [("Mär", 3), ("Mai", 5), ("Okt", 10), ("Dez", 12)])
 def test_german_dates(tmp_path: Path, name: str, month: int) -> None:
-    (found,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=f"Mit {name} 2 13:00:00.000 2019")
-    assert found.frame.stamp_ns == int(datetime(2019, month, 2, 13).timestamp()) * 10**9
+    (entry,) = log(tmp_path, " 0.0 1  1   Rx d 0", date=f"Mit {name} 2 13:00:00.000 2019")
+    assert entry.frame.stamp_ns == int(datetime(2019, month, 2, 13).timestamp()) * 10**9
 
 
 def test_a_date_not_understood_is_told_and_times_count_from_0(tmp_path: Path) -> None:
-    found = log(tmp_path, " 1.5 1  1   Rx d 0", date="mer. août 2 13:00:00.000 2019")
-    assert [entry.frame.stamp_ns for entry in found] == [1_500_000_000]
-    assert any("not understood, times count from 0" in note for note in found.notes())
+    entries = log(tmp_path, " 1.5 1  1   Rx d 0", date="mer. août 2 13:00:00.000 2019")
+    assert [entry.frame.stamp_ns for entry in entries] == [1_500_000_000]
+    assert any("not understood, times count from 0" in note for note in entries.notes())
 
 
 def test_a_date_stands_unless_the_trigger_block_has_another(tmp_path: Path) -> None:
@@ -166,15 +166,12 @@ def test_a_date_stands_unless_the_trigger_block_has_another(tmp_path: Path) -> N
 
 def test_a_frame_longer_than_a_classic_one_is_fd_whatever_the_flags(tmp_path: Path) -> None:
     data = " ".join(["11"] * 12)
-    (found,) = read(
-        tmp_path,
-        f"  0.1 CANFD   4 Rx        123              1 0 9 12 {data} 200000 11 0 0 0 0",
-    )
-    assert (found.frame.is_fd, found.frame.bit_rate_switch, found.frame.payload) == (True, True, b"\x11" * 12)
+    (entry,) = read(tmp_path, f"  0.1 CANFD   4 Rx        123              1 0 9 12 {data} 200000 11 0 0 0 0")
+    assert (entry.frame.is_fd, entry.frame.bit_rate_switch, entry.frame.payload) == (True, True, b"\x11" * 12)
 
 
 def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
-    found = log(
+    result = log(
         tmp_path,
         "   0.015991 CAN 1 Status:chip status error passive - TxErr: 132 RxErr: 0",
         "   1.015991 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%",
@@ -187,10 +184,10 @@ def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
         "   3.3 1  100   TxRq d 1 00",
         "   3.4 1  100   Tx d 1 00",
     )
-    assert len(list(found)) == 1
-    assert (found.error_frames, found.remote_frames, found.other_entries) == (3, 2, 4)
-    assert found.notes() == [
-        f"{found.path}: left out: 3 error frames, 2 remote frames, 4 entries that are no frames"
+    assert len(list(result)) == 1
+    assert (result.error_frames, result.remote_frames, result.other_entries) == (3, 2, 4)
+    assert result.notes() == [
+        f"{result.path}: left out: 3 error frames, 2 remote frames, 4 entries that are no frames"
     ]
 
 
@@ -227,15 +224,15 @@ def test_malformed_lines_are_refused_with_their_number(tmp_path: Path, line: str
 
 
 def test_a_decimal_line_without_its_end_is_left_out(tmp_path: Path) -> None:
-    found = log(tmp_path, "   0.5 1  256       Rx d 1 255", base="dec")
-    found.path.write_text(found.path.read_text().removesuffix("5\nEnd TriggerBlock\n"))
-    assert list(found) == []
-    assert any("line 7 is cut short" in note for note in found.notes())
+    entries = log(tmp_path, "   0.5 1  256       Rx d 1 255", base="dec")
+    entries.path.write_text(entries.path.read_text().removesuffix("5\nEnd TriggerBlock\n"))
+    assert list(entries) == []
+    assert any("line 7 is cut short" in note for note in entries.notes())
 
 
 def test_times_before_the_trigger(tmp_path: Path) -> None:
-    found = read(tmp_path, "  -0.500000 1  123   Rx d 1 AA", "   0.250000 1  123   Rx d 1 AA")
-    assert [entry.frame.stamp_ns - START for entry in found] == [-500_000_000, 250_000_000]
+    entries = read(tmp_path, "  -0.500000 1  123   Rx d 1 AA", "   0.250000 1  123   Rx d 1 AA")
+    assert [entry.frame.stamp_ns - START for entry in entries] == [-500_000_000, 250_000_000]
 
 
 def test_an_empty_frame_and_a_remote_one_on_a_channel_of_can_fd(tmp_path: Path) -> None:
@@ -244,6 +241,6 @@ def test_an_empty_frame_and_a_remote_one_on_a_channel_of_can_fd(tmp_path: Path) 
         f"   0.1 CANFD   1 Rx   7d   0 0 {flags[1]} 0 {tail.format(flags[0])}"
         for flags in (("1000", 0), ("10", 8))
     ]
-    found = log(tmp_path, *lines)
-    assert [(entry.frame.payload, entry.frame.is_fd) for entry in found] == [(b"", True)]
-    assert found.remote_frames == 1
+    entries = log(tmp_path, *lines)
+    assert [(entry.frame.payload, entry.frame.is_fd) for entry in entries] == [(b"", True)]
+    assert entries.remote_frames == 1

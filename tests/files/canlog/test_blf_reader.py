@@ -60,8 +60,8 @@ def test_units_and_versions_of_stamps(tmp_path: Path) -> None:
         obj(86, classic(), 7, TEN_MICROSECONDS),
         obj(1, classic(), 80_000, version=2),
     )
-    found = [entry.frame.stamp_ns for entry in log(tmp_path, container(b"".join(objects)))]
-    assert found == [DAY_NS + 5, DAY_NS + 70_000, DAY_NS + 80_000]
+    stamps = [entry.frame.stamp_ns for entry in log(tmp_path, container(b"".join(objects)))]
+    assert stamps == [DAY_NS + 5, DAY_NS + 70_000, DAY_NS + 80_000]
 
 
 @pytest.mark.parametrize("packed", [True, False])
@@ -79,28 +79,28 @@ def test_objects_outside_containers(tmp_path: Path) -> None:
 def test_padding_after_a_marker(tmp_path: Path, padding: int) -> None:
     marker = obj(96, struct.pack("<LLL3xBLLL12x", 0, 0, 0, 0, 3, 3, 0) + b"abcdef")
     objects = marker + bytes(padding) + obj(1, classic())
-    found = log(
+    result = log(
         tmp_path, container(objects), container(marker + bytes(padding)), container(obj(1, classic()))
     )
-    assert len(list(found)) == 2
-    assert found.notes() == [f"{found.path}: left out: 2 entries that are no frames"]
+    assert len(list(result)) == 2
+    assert result.notes() == [f"{result.path}: left out: 2 entries that are no frames"]
     outside = log(tmp_path, marker, bytes(padding % 9), container(obj(1, classic())))
     assert len(list(outside)) == 1
 
 
 def test_a_start_that_is_no_date_is_told(tmp_path: Path) -> None:
-    found = log(tmp_path, container(obj(1, classic(), 5)))
-    data = found.path.read_bytes()
+    entries = log(tmp_path, container(obj(1, classic(), 5)))
+    data = entries.path.read_bytes()
     for date, notes in (
         (
             (2017, 13, 6, 30, 15, 6, 13, 0),
-            [f"{found.path}: its start, 2017-13-30 15:06:13, is no date: times count from 1970"],
+            [f"{entries.path}: its start, 2017-13-30 15:06:13, is no date: times count from 1970"],
         ),
         ((0,) * 8, []),
     ):
-        found.path.write_bytes(data.replace(struct.pack("<8H", *DAY), struct.pack("<8H", *date)))
-        assert [entry.frame.stamp_ns for entry in found] == [5]
-        assert found.notes() == notes
+        entries.path.write_bytes(data.replace(struct.pack("<8H", *DAY), struct.pack("<8H", *date)))
+        assert [entry.frame.stamp_ns for entry in entries] == [5]
+        assert entries.notes() == notes
 
 
 def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
@@ -111,8 +111,8 @@ def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
         obj(101, fd_64(9, 12, 0x1000, data + b"\xff" * 8, more=32 + 40 + 12)),
         obj(101, fd_64(8, 8, 0x0000, data[:8])),
     )
-    whole, short, followed, classic_one = log(tmp_path, container(b"".join(objects)))
-    assert whole == LogFrame(Frame(0x1234, data, DAY_NS, True, True, True, True), "3", True)
+    complete, short, followed, classic_one = log(tmp_path, container(b"".join(objects)))
+    assert complete == LogFrame(Frame(0x1234, data, DAY_NS, True, True, True, True), "3", True)
     assert short.frame.payload == data[:5] + bytes(7)
     assert followed.frame.payload == data
     assert (classic_one.frame.is_fd, classic_one.frame.payload) == (False, data[:8])
@@ -127,47 +127,47 @@ def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
         obj(31, bytes(20)),
         obj(1, classic()),
     )
-    found = log(tmp_path, container(b"".join(objects)))
-    assert len(list(found)) == 1
-    assert (found.remote_frames, found.error_frames, found.other_entries) == (2, 2, 1)
+    entries = log(tmp_path, container(b"".join(objects)))
+    assert len(list(entries)) == 1
+    assert (entries.remote_frames, entries.error_frames, entries.other_entries) == (2, 2, 1)
 
 
 def test_requests_to_send_are_no_frames(tmp_path: Path) -> None:
     fd = struct.pack("<HBBLLBBB5x64s", 1, 2, 8, 1, 0, 0, 1, 8, b"")
     objects = [obj(kind, classic(flags=2)) for kind in (1, 86)] + [obj(100, fd), obj(1, classic(flags=1))]
-    found = log(tmp_path, container(b"".join(objects)))
-    assert [entry.is_sent for entry in found] == [True]
-    assert found.other_entries == 3
+    entries = log(tmp_path, container(b"".join(objects)))
+    assert [entry.is_sent for entry in entries] == [True]
+    assert entries.other_entries == 3
 
 
 def test_stamps_before_the_start(tmp_path: Path) -> None:
-    found = log(tmp_path, container(obj(1, classic(), 2**64 - 60 * 10**9) + obj(1, classic(), 5)))
-    assert [entry.frame.stamp_ns for entry in found] == [DAY_NS - 60 * 10**9, DAY_NS + 5]
-    assert found.notes() == []
+    entries = log(tmp_path, container(obj(1, classic(), 2**64 - 60 * 10**9) + obj(1, classic(), 5)))
+    assert [entry.frame.stamp_ns for entry in entries] == [DAY_NS - 60 * 10**9, DAY_NS + 5]
+    assert entries.notes() == []
 
 
 def test_what_the_recorder_says_it_lost_is_told(tmp_path: Path) -> None:
     lost = obj(125, bytes(8)) + obj(126, struct.pack("<LLQLL", 1, 0, 6, 37, 0)) + obj(91, bytes(8))
-    found = log(tmp_path, container(obj(1, classic()) + lost))
-    assert len(list(found)) == 1
-    assert found.notes() == [
-        f"{found.path}: 37 frames were lost while it was recorded",
-        f"{found.path}: its recorder had no room for all frames: some were lost",
+    entries = log(tmp_path, container(obj(1, classic()) + lost))
+    assert len(list(entries)) == 1
+    assert entries.notes() == [
+        f"{entries.path}: 37 frames were lost while it was recorded",
+        f"{entries.path}: its recorder had no room for all frames: some were lost",
     ]
 
 
 def test_objects_that_the_heading_counts_and_that_are_not_there_are_told(tmp_path: Path) -> None:
-    found = log(tmp_path, container(obj(1, classic())))
-    data = bytearray(found.path.read_bytes())
+    entries = log(tmp_path, container(obj(1, classic())))
+    data = bytearray(entries.path.read_bytes())
     struct.pack_into("<L", data, 32, 3)
-    found.path.write_bytes(data)
-    assert len(list(found)) == 1
-    assert found.notes() == [f"{found.path}: its heading counts 3 objects, 1 are in it"]
+    entries.path.write_bytes(data)
+    assert len(list(entries)) == 1
+    assert entries.notes() == [f"{entries.path}: its heading counts 3 objects, 1 are in it"]
 
 
 def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
-    (found,) = log(tmp_path, container(obj(1, classic(dlc=15))))
-    assert found.frame.payload == bytes(range(8))
+    (entry,) = log(tmp_path, container(obj(1, classic(dlc=15))))
+    assert entry.frame.payload == bytes(range(8))
 
 
 @pytest.mark.parametrize(
@@ -194,9 +194,9 @@ def test_damaged_files_are_refused(tmp_path: Path, parts: tuple[bytes, ...], sai
 
 
 def test_an_unfinished_last_container_is_told(tmp_path: Path) -> None:
-    found = log(tmp_path, container(obj(1, classic())), container(obj(1, classic()) * 50)[:-3])
-    assert len(list(found)) == 1
-    assert found.notes() == [f"{found.path}: it ends within container 2, whose frames are lost"]
+    entries = log(tmp_path, container(obj(1, classic())), container(obj(1, classic()) * 50)[:-3])
+    assert len(list(entries)) == 1
+    assert entries.notes() == [f"{entries.path}: it ends within container 2, whose frames are lost"]
 
 
 def test_what_was_flushed_is_read_though_the_writer_never_ended(tmp_path: Path) -> None:
@@ -208,10 +208,10 @@ def test_what_was_flushed_is_read_though_the_writer_never_ended(tmp_path: Path) 
     writer.flush()
     for frame in frames[20:]:
         writer.write(frame)
-    found = BlfLog(path)
-    assert moved(found, frames[:20]) < 2000
+    log_reader = BlfLog(path)
+    assert moved(log_reader, frames[:20]) < 2000
     writer.close()
-    assert moved(found, frames) < 2000
+    assert moved(log_reader, frames) < 2000
 
 
 def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
@@ -221,10 +221,10 @@ def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
         for lost in (3, 9):
             writer.write(frame)
             writer.write_lost(lost)
-    found = BlfLog(path)
-    assert moved(found, [frame, frame]) < 2000
-    assert found.lost_frames == 12
-    assert found.other_entries == 0
+    log_reader = BlfLog(path)
+    assert moved(log_reader, [frame, frame]) < 2000
+    assert log_reader.lost_frames == 12
+    assert log_reader.other_entries == 0
 
 
 def test_what_is_packed_is_unpacked_to_its_end_and_no_further(

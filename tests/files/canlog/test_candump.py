@@ -77,7 +77,7 @@ def test_screen_output_without_times_is_refused(tmp_path: Path, line: str) -> No
 
 
 def test_screen_output_with_times(tmp_path: Path) -> None:
-    found = log(
+    result = log(
         tmp_path,
         " (1700000000.000123)  vcan0  100   [8]  11 22 33 44 55 66 77 88   '..3DUfw.'\n"
         " (1700000000.000124)  can1  TX B E  18DAF110  [12]  00 01 02 03 04 05 06 07 08 09 0A 0B\n"
@@ -86,12 +86,12 @@ def test_screen_output_with_times(tmp_path: Path) -> None:
         " (1700000000.000127)  can1  7FF  [00]\n",
     )
     stamp = 1_700_000_000_000_123_000
-    assert list(found) == [
+    assert list(result) == [
         LogFrame(Frame(0x100, bytes.fromhex("1122334455667788"), stamp, False, False), "vcan0"),
         LogFrame(Frame(0x18DAF110, bytes(range(12)), stamp + 1000, True, True, True, True), "can1", True),
         LogFrame(Frame(0x7FF, b"", stamp + 4000, False, True), "can1"),
     ]
-    assert (found.remote_frames, found.error_frames) == (1, 1)
+    assert (result.remote_frames, result.error_frames) == (1, 1)
 
 
 def test_screen_output_with_dates_or_times_from_its_start(tmp_path: Path) -> None:
@@ -99,9 +99,9 @@ def test_screen_output_with_dates_or_times_from_its_start(tmp_path: Path) -> Non
     local = datetime(2023, 11, 14, 22, 13, 20).timestamp()
     assert dated.frame.stamp_ns == int(local) * 10**9 + 123_456_000
     times = [0.001 * n - 0.0015 * (n % 10 == 9) for n in range(200)]  # a driver swaps frames
-    found = log(tmp_path, "".join(f" ({time:010.6f})  can0  100   [1]  00\n" for time in times))
-    assert [entry.frame.stamp_ns for entry in found] == [round(time * 1e6) * 1000 for time in times]
-    assert any("are taken to count from its start" in note for note in found.notes())
+    entries = log(tmp_path, "".join(f" ({time:010.6f})  can0  100   [1]  00\n" for time in times))
+    assert [entry.frame.stamp_ns for entry in entries] == [round(time * 1e6) * 1000 for time in times]
+    assert any("are taken to count from its start" in note for note in entries.notes())
 
 
 @given(st.lists(st.integers(80, 120), min_size=40, max_size=80))
@@ -149,34 +149,34 @@ def test_impossible_lengths(tmp_path: Path, line: str) -> None:
 def test_time_that_steps_back_names_the_line(tmp_path: Path) -> None:
     lines = [f"({1 + i * 1e-3:.6f}) vcan0 100#00\n" for i in range(300)]
     lines[250] = "(1.200000) vcan0 100#00\n"
-    found = log(tmp_path, "".join(lines))
-    stamps = [entry.frame.stamp_ns for entry in found]
+    entries = log(tmp_path, "".join(lines))
+    stamps = [entry.frame.stamp_ns for entry in entries]
     assert stamps[249:252] == [1_249_000_000, 2_249_000_000, 2_300_000_000]
-    assert found.notes() == [
-        f"{found.path}: line 251: time on vcan0 steps back by 0.049 s: split there, the next part follows after 1 s"
+    assert entries.notes() == [
+        f"{entries.path}: line 251: time on vcan0 steps back by 0.049 s: split there, the next part follows after 1 s"
     ]
 
 
 def test_words_below_an_error_frame_belong_to_it(tmp_path: Path) -> None:
-    found = log(
+    result = log(
         tmp_path,
         " (1700000000.100000)  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME\n"
         "\tcontroller-problem{rx-error-warning}\n\tprotocol-violation{{}{acknowledge-slot}}\n\tbus-error\n"
         " (1700000000.300000)  can0  124   [2]  0A 0B\n",
     )
-    assert [entry.frame.frame_id for entry in found] == [0x124]
-    assert found.notes() == [f"{found.path}: left out: 1 error frame"]
+    assert [entry.frame.frame_id for entry in result] == [0x124]
+    assert result.notes() == [f"{result.path}: left out: 1 error frame"]
     assert "line 2: not a line" in message(tmp_path, " (1.500000)  can0  124   [2]  0A 0B\n\tbus-error\n")
 
 
 def test_frames_of_can_xl_and_colours(tmp_path: Path) -> None:
-    found = log(
+    result = log(
         tmp_path,
         "(1.1) can0 45123#81:00:12345678#11223344.556677\n (1.2)  can0  45123  [0002] (81|00:12345678) 11 22\n"
         "\x1b[31m (1.300000)  can0  124   [2]  0A 0B\x1b[0m\n",
     )
-    assert [entry.frame.payload for entry in found] == [b"\x0a\x0b"]
-    assert found.other_entries == 2
+    assert [entry.frame.payload for entry in result] == [b"\x0a\x0b"]
+    assert result.other_entries == 2
 
 
 def test_channels_may_overtake_each_other(tmp_path: Path) -> None:

@@ -51,8 +51,8 @@ def damages(draw: st.DrawFn) -> Damage:
     )
 
     def damage(data: bytes) -> bytes:
-        place = chance.randrange(len(data))
-        return data[:place] + added + data[place + removed :]
+        position = chance.randrange(len(data))
+        return data[:position] + added + data[position + removed :]
 
     return damage
 
@@ -81,20 +81,20 @@ def often(suffix: str) -> settings:
 
 @pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))
 def test_a_damaged_log(tmp_path: Path, suffix: str) -> None:
-    whole = undamaged(suffix, tmp_path)
+    complete = undamaged(suffix, tmp_path)
 
     @often(suffix)
     @given(damages())
     def check(damage: Damage) -> None:
-        data = damage(whole)
+        data = damage(complete)
         path = tmp_path / f"damaged{suffix}"
         path.write_bytes(data)
         log = open_log(path)
-        found = unless_refused(path, lambda: list(log))
+        entries = unless_refused(path, lambda: list(log))
         if (
-            found  # every command refuses a log without frames
-            and len(found) < FRAMES
-            and not _comments(suffix, data) - _comments(suffix, whole)
+            entries  # every command refuses a log without frames
+            and len(entries) < FRAMES
+            and not _comments(suffix, data) - _comments(suffix, complete)
         ):
             assert log.notes() != []
 
@@ -112,12 +112,12 @@ def test_a_damaged_recording(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"recording{suffix}"
     values = np.arange(20.0)
     write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
-    whole = path.read_bytes()
+    complete = path.read_bytes()
 
     @often(suffix)
     @given(damages())
     def check(damage: Damage) -> None:
-        path.write_bytes(damage(whole))
+        path.write_bytes(damage(complete))
         stream = unless_refused(path, lambda: open_recording(path))
         assert stream is None or stream.samples == values.size or stream.notes
 

@@ -40,8 +40,8 @@ def test_the_first_stamp_is_kept(tmp_path: Path, suffix: str, start: int) -> Non
     frames = [LogFrame(Frame(1, b"\1", start + 10_000 * n, False, False), "1") for n in range(3)]
     write_log(path, frames)
     step = FORMATS[suffix].stamp_step
-    for found, frame in zip(open_log(path), frames, strict=True):
-        assert abs(found.frame.stamp_ns - frame.frame.stamp_ns) <= step
+    for entries, frame in zip(open_log(path), frames, strict=True):
+        assert abs(entries.frame.stamp_ns - frame.frame.stamp_ns) <= step
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -81,12 +81,12 @@ def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
                 channel=int(channel) - 1,
             )
             logger(message)
-    found = list(open_log(path))
-    assert [(f.frame.frame_id, f.frame.payload) for f in found] == [
+    entries = list(open_log(path))
+    assert [(f.frame.frame_id, f.frame.payload) for f in entries] == [
         (f.frame.frame_id, f.frame.payload) for f in frames
     ]
-    assert [(*f.frame[3:], f.is_sent) for f in found] == [(*f.frame[3:], f.is_sent) for f in frames]
-    steps = [later.frame.stamp_ns - earlier.frame.stamp_ns for earlier, later in pairwise(found)]
+    assert [(*f.frame[3:], f.is_sent) for f in entries] == [(*f.frame[3:], f.is_sent) for f in frames]
+    steps = [later.frame.stamp_ns - earlier.frame.stamp_ns for earlier, later in pairwise(entries)]
     expected = [later.frame.stamp_ns - earlier.frame.stamp_ns for earlier, later in pairwise(frames)]
     assert steps == pytest.approx(expected, abs=2000)
 
@@ -99,18 +99,18 @@ def test_a_file_cut_anywhere_gives_the_frames_before_and_says_so(
     path, cut = tmp_path / f"bus{suffix}", tmp_path / f"cut{suffix}"
     write_log(path, mixture(suffix, 30))
     data = path.read_bytes()
-    whole = list(open_log(path))
+    complete = list(open_log(path))
     for size in range(0, len(data), 3):
         cut.unlink(missing_ok=True)  # a file rewritten would wait for the disk on some file systems
         cut.write_bytes(data[:size])
         log = open_log(cut)
         try:
-            found = list(log)
+            entries = list(log)
         except UserError:
             assert size < 200  # within the heading
             continue
-        assert found == whole[: len(found)]
-        if 0 < len(found) < len(whole) and not log.notes():
+        assert entries == complete[: len(entries)]
+        if 0 < len(entries) < len(complete) and not log.notes():
             # a text that ends where a line does, does not show that more lines followed
             assert suffix in (".log", ".trc")
             assert data[len(data[:size].rstrip()) :].lstrip(b" ").startswith((b"\n", b"\r\n"))
@@ -176,9 +176,9 @@ def test_time_that_steps_back_begins_a_part_and_a_swap_is_told(tmp_path: Path, s
     assert suffix == ".mf4" or "1 frames stand up to 1000 us before" in log.notes()[0]
     write_log(path, [*frames, frames[0], frames[1]])
     log = open_log(path)
-    found = [entry.frame.stamp_ns for entry in log]
-    assert found[-2] - max(found[:3]) == pytest.approx(1_000_000_000, abs=1000)
-    assert found[-1] - found[-2] == pytest.approx(5_000_000, abs=1000)
+    result = [entry.frame.stamp_ns for entry in log]
+    assert result[-2] - max(result[:3]) == pytest.approx(1_000_000_000, abs=1000)
+    assert result[-1] - result[-2] == pytest.approx(5_000_000, abs=1000)
     assert sum("steps back by 0.00" in note and "split there" in note for note in log.notes()) == 1
 
 

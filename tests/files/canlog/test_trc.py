@@ -51,16 +51,16 @@ def log(folder: Path, text: str) -> TrcLog:
 
 @pytest.mark.parametrize("version", HEADS)
 def test_versions(tmp_path: Path, version: str) -> None:
-    found = log(tmp_path, HEADS[version] + ROWS[version])
-    first, last = found
+    entries = log(tmp_path, HEADS[version] + ROWS[version])
+    first, last = entries
     assert (first.frame.frame_id, first.frame.is_extended) == (0x100, True)
     assert first.frame.payload == bytes(range(8))
     assert (last.frame.frame_id, last.frame.is_extended, last.frame.payload) == (0x705, False, b"")
     assert last.is_sent is (version != "1.0")
-    assert (found.remote_frames, found.other_entries) == (1, 1)
+    assert (entries.remote_frames, entries.other_entries) == (1, 1)
     step = last.frame.stamp_ns - first.frame.stamp_ns
     assert step == (3_562_000_000 if version == "1.0" else 3_561_700_000)
-    assert any("whole milliseconds" in note for note in found.notes()) is (version == "1.0")
+    assert any("whole milliseconds" in note for note in entries.notes()) is (version == "1.0")
 
 
 def test_the_start_time_counts_in_days(tmp_path: Path) -> None:
@@ -79,9 +79,9 @@ def test_fd_frames_by_length_code_and_by_length(
     data = "00 " * 12
     (coded,) = log(tmp_path, HEADS["2.1"] + f"  1  1.000 {kind} 2 0100 Rx -  9 {data}\n")
     (plain,) = log(tmp_path, HEADS["2.0"] + f"  1  1.000 {kind}  0100 Rx 12 {data}\n")
-    for found in (coded, plain):
-        assert (found.frame.payload, found.frame.is_fd) == (bytes(12), True)
-        assert (found.frame.bit_rate_switch, found.frame.error_state_indicator) == (switched, state)
+    for item in (coded, plain):
+        assert (item.frame.payload, item.frame.is_fd) == (bytes(12), True)
+        assert (item.frame.bit_rate_switch, item.frame.error_state_indicator) == (switched, state)
     assert (coded.channel, plain.channel) == ("2", "1")
 
 
@@ -96,9 +96,9 @@ ERRORS = {
 
 @pytest.mark.parametrize("version", HEADS)
 def test_error_frames_are_counted(tmp_path: Path, version: str) -> None:
-    found = log(tmp_path, HEADS[version] + ROWS[version] + ERRORS[version])
-    assert len(list(found)) == 2
-    assert (found.error_frames, found.remote_frames) == (1, 1)
+    entries = log(tmp_path, HEADS[version] + ROWS[version] + ERRORS[version])
+    assert len(list(entries)) == 2
+    assert (entries.error_frames, entries.remote_frames) == (1, 1)
 
 
 def test_messages_of_a_transport_protocol_are_left_out_and_told(tmp_path: Path) -> None:
@@ -106,9 +106,9 @@ def test_messages_of_a_transport_protocol_are_left_out_and_told(tmp_path: Path) 
         "     5)     21098.000 1  Rx    18ECFF00 -  9    01 02 03 04 05 06 07 08 09\n"
         "     6)     21099.000 1  Rx    18ECFF00 -  2    AA BB\n"
     )
-    found = log(tmp_path, HEADS["1.3"] + rows)
-    assert [entry.frame.payload for entry in found] == [b"\xaa\xbb"]
-    assert any("left out: 1 entry that is no frame" in note for note in found.notes())
+    entries = log(tmp_path, HEADS["1.3"] + rows)
+    assert [entry.frame.payload for entry in entries] == [b"\xaa\xbb"]
+    assert any("left out: 1 entry that is no frame" in note for note in entries.notes())
 
 
 @pytest.mark.parametrize(
@@ -133,17 +133,17 @@ def test_malformed_logs_are_refused(tmp_path: Path, text: str, said: str) -> Non
 
 def test_what_is_left_of_a_frame_is_not_a_shorter_one(tmp_path: Path) -> None:
     """A length cut in its second digit, and all its data with it: an empty CAN FD frame, if it were a line."""
-    found = log(tmp_path, HEADS["2.1"] + ROWS["2.1"] + "      5     21098.100 FD 1      0705 Rx -  0")
-    assert len(list(found)) == 2
-    assert any("line 9 is cut short" in note for note in found.notes())
+    entries = log(tmp_path, HEADS["2.1"] + ROWS["2.1"] + "      5     21098.100 FD 1      0705 Rx -  0")
+    assert len(list(entries)) == 2
+    assert any("line 9 is cut short" in note for note in entries.notes())
 
 
 @pytest.mark.parametrize("start", ["0", "0.0;"])
 def test_a_start_of_0_is_none(tmp_path: Path, start: str) -> None:
     head = HEADS["1.1"].replace("44548.6028595139", start)
-    found = log(tmp_path, head + ROWS["1.1"])
-    assert [entry.frame.stamp_ns for entry in found] == [17_535_400_000, 21_097_100_000]
-    assert f"{found.path}: its times are taken to count from its start" in found.notes()
+    entries = log(tmp_path, head + ROWS["1.1"])
+    assert [entry.frame.stamp_ns for entry in entries] == [17_535_400_000, 21_097_100_000]
+    assert f"{entries.path}: its times are taken to count from its start" in entries.notes()
 
 
 def test_a_start_may_end_with_a_semicolon(tmp_path: Path) -> None:

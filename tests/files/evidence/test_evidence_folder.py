@@ -32,8 +32,8 @@ def fill(folder: Path, events: list[EventEvidence], most_mib: float = 100.0, per
     """Keep events, one a second, by a writer that is started anew in the middle."""
     for part in (events[: len(events) // 2], events[len(events) // 2 :]):
         keeper = EvidenceFolder(folder, FolderLimits(most_mib, per_point))
-        for one in part:
-            keeper.take(one, BEGIN + timedelta(seconds=one.event))
+        for event in part:
+            keeper.take(event, BEGIN + timedelta(seconds=event.event))
 
 
 @pytest.mark.parametrize("per_point", [3, 8])
@@ -76,8 +76,8 @@ def test_another_model_has_a_sample_of_its_own(tmp_path: Path) -> None:
 
 def test_the_folder_is_bounded_and_keeps_what_there_is_least_of(tmp_path: Path) -> None:
     many = [event(EvidenceKind.REFUSED, n, 60e6) for n in range(30)]
-    one = event(EvidenceKind.REFUSED, 99, 140e6)
-    fill(tmp_path, [one, *many], most_mib=1.0, per_point=1000)
+    refused_event = event(EvidenceKind.REFUSED, 99, 140e6)
+    fill(tmp_path, [refused_event, *many], most_mib=1.0, per_point=1000)
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert 0.8 * 2**20 < size <= 2**20
     assert {29, 99} <= set(numbers(tmp_path))

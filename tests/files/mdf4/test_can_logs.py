@@ -50,16 +50,18 @@ def read_by_asammdf(path: Path) -> dict[str, NDArray[np.generic]]:
         )
         names = [channel.name for channel in file.groups[group].channels]
         signals = {name: file.get(name, group) for name in names if name.startswith("CAN_DataFrame.")}
-        found = {name.removeprefix("CAN_DataFrame."): signal.samples for name, signal in signals.items()}
-        return found | {"stamp": file.header.abs_time + np.rint(signals["CAN_DataFrame.ID"].timestamps * 1e9)}
+        result = {name.removeprefix("CAN_DataFrame."): signal.samples for name, signal in signals.items()}
+        return result | {
+            "stamp": file.header.abs_time + np.rint(signals["CAN_DataFrame.ID"].timestamps * 1e9)
+        }
 
 
 def assert_as_asammdf_reads(path: Path, frames: list[LogFrame]) -> None:
-    found = read_by_asammdf(path)
+    result = read_by_asammdf(path)
     for name in STORED:
-        assert found[name].tolist() == [value_of(frame, name) for frame in frames]
-    assert found["stamp"].tolist() == [float(frame.frame.stamp_ns) for frame in frames]
-    data = [bytes(row.view(np.uint8)) for row in found["DataBytes"]]
+        assert result[name].tolist() == [value_of(frame, name) for frame in frames]
+    assert result["stamp"].tolist() == [float(frame.frame.stamp_ns) for frame in frames]
+    data = [bytes(row.view(np.uint8)) for row in result["DataBytes"]]
     assert [row[: len(f.frame.payload)] for row, f in zip(data, frames, strict=True)] == [
         frame.frame.payload for frame in frames
     ]
@@ -79,9 +81,9 @@ def test_every_field_of_a_logger_is_as_asammdf_reads_it(
         write_logger_file(path, frames, fields, MIDNIGHT, is_finalised, 2, data_width)
         content = path.read_bytes()
         log = open_log(path)
-        found = list(log)
-        assert_as_asammdf_reads(path, found)
-        assert found == frames
+        entries = list(log)
+        assert_as_asammdf_reads(path, entries)
+        assert entries == frames
         assert log.error_frames == 2
         assert path.read_bytes() == content
 
@@ -126,11 +128,11 @@ def test_signals_that_asammdf_stores_as_virtual(tmp_path: Path) -> None:
         file.append(signals, common_timebase=True)
         file.groups[0].channel_group.flags |= 0x6  # bus events
         file.save(path)
-    found = list(open_log(path))
-    assert [(f.frame.frame_id, f.frame.is_extended, f.channel, f.is_sent) for f in found] == [
+    entries = list(open_log(path))
+    assert [(f.frame.frame_id, f.frame.is_extended, f.channel, f.is_sent) for f in entries] == [
         (n, False, "7", True) for n in range(5)
     ]
-    assert {f.frame.payload for f in found} == {b"\1\1"}
+    assert {f.frame.payload for f in entries} == {b"\1\1"}
 
 
 def test_frames_of_several_groups_in_order_of_time(tmp_path: Path) -> None:
@@ -178,13 +180,13 @@ def test_text_for_a_direction_and_a_length_without_its_field(tmp_path: Path) -> 
         file.append(signals, common_timebase=True)
         file.groups[0].channel_group.flags |= 0x6
         file.save(path)
-    found = list(open_log(path))
-    assert [(f.frame.frame_id, f.frame.is_extended, len(f.frame.payload)) for f in found] == [
+    entries = list(open_log(path))
+    assert [(f.frame.frame_id, f.frame.is_extended, len(f.frame.payload)) for f in entries] == [
         (1, False, 0),
         (2, False, 8),
         (3, True, 12),
     ]
-    assert [(f.is_sent, f.frame.is_fd, f.channel) for f in found] == [
+    assert [(f.is_sent, f.frame.is_fd, f.channel) for f in entries] == [
         (False, False, "1"),
         (True, False, "1"),
         (False, True, "1"),
@@ -241,15 +243,15 @@ def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
         struct.pack("<I", length) + frame.frame.payload for length, frame in zip(lengths, frames, strict=True)
     )
     assert list(open_log(path)) == frames
-    place = data.index(stored)
+    position = data.index(stored)
     for length in lengths:
         for change in (1, 4, 1 << 20):
             damaged = bytearray(data)
-            struct.pack_into("<I", damaged, place, length ^ change)
+            struct.pack_into("<I", damaged, position, length ^ change)
             path.write_bytes(damaged)
-            found = unless_refused(path, lambda: list(open_log(path)))
-            assert found is None or sum(map(ne, found, frames)) <= 1
-        place += 4 + length
+            entries = unless_refused(path, lambda: list(open_log(path)))
+            assert entries is None or sum(map(ne, entries, frames)) <= 1
+        position += 4 + length
 
 
 def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None:

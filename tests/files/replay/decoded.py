@@ -15,7 +15,7 @@ TO_SI = np.array([1e6, 1e-6, 1e6])
 
 def decoded(frames: Sequence[TimedFrame]) -> dict[int, dict[int, float]]:
     """By column (rail, lift, line) and sample index: the values [SI] in the frames, nan where not available."""
-    found: dict[int, dict[int, float]] = {0: {}, 1: {}, 2: {}}
+    result: dict[int, dict[int, float]] = {0: {}, 1: {}, 2: {}}
     for frame in frames:
         message = DATABASE.get_message_by_frame_id(frame.frame_id)
         raw = message.decode(frame.payload, scaling=False, decode_choices=False)
@@ -24,6 +24,6 @@ def decoded(frames: Sequence[TimedFrame]) -> dict[int, dict[int, float]]:
             kind, _, number = name.partition("_")
             if kind in SIGNALS:
                 column, index = SIGNALS.index(kind), int(values["SampleIndex"]) + int(number)
-                assert index not in found[column]
-                found[column][index] = np.nan if raw[name] == 0xFFFF else float(value) * TO_SI[column]
-    return found
+                assert index not in result[column]
+                result[column][index] = np.nan if raw[name] == 0xFFFF else float(value) * TO_SI[column]
+    return result

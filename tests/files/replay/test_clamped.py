@@ -8,7 +8,7 @@ from observer_rt.engine.signal_survey import Survey
 from observer_rt.files.replay.framing import clamped_in
 
 
-def told(**changed: float) -> list[str]:
+def warnings_of(**changed: float) -> list[str]:
     """What is said of signals within the range of the bus but for one value each."""
     survey = Survey()
     for name, inside in (("rail_pressure", 100e6), ("needle_lift", 100e-6), ("line_pressure", 100e6)):
@@ -17,10 +17,10 @@ def told(**changed: float) -> list[str]:
 
 
 def test_values_out_of_range_are_told_by_role() -> None:
-    assert told(needle_lift=605.334e-6) == []  # rounds to the largest value
-    (lift,) = told(needle_lift=605.336e-6)
+    assert warnings_of(needle_lift=605.334e-6) == []  # rounds to the largest value
+    (lift,) = warnings_of(needle_lift=605.336e-6)
     assert lift.startswith("needle_lift: reaches 0.605336 mm, beyond 0.60533 mm")
-    (above,) = told(line_pressure=400e6)
+    (above,) = warnings_of(line_pressure=400e6)
     assert above.startswith("line_pressure: reaches 400 MPa, beyond 317.665 MPa, the limit of ")
-    (below,) = told(line_pressure=-10.1e6)
+    (below,) = warnings_of(line_pressure=-10.1e6)
     assert below.startswith("line_pressure: reaches -10.1 MPa, beyond -10 MPa")

@@ -88,8 +88,8 @@ def test_messages_of_their_own_come_in_order_of_time(three_messages: BusMap) -> 
     assert times == sorted(times)
     values = decoded(frames)
     for column in range(3):
-        known = np.array(list(values[column].values()))[: recording.samples]
-        assert np.abs(known - columns(recording)[:, column]).max() <= HALF_STEP[column]
+        decoded_column = np.array(list(values[column].values()))[: recording.samples]
+        assert np.abs(decoded_column - columns(recording)[:, column]).max() <= HALF_STEP[column]
 
 
 def test_spans_send_their_samples_only(bus: BusMap) -> None:

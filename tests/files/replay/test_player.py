@@ -105,20 +105,20 @@ def test_stop_ends_an_endless_replay() -> None:
 
 
 def test_progress_rises_with_the_time_of_the_recording() -> None:
-    told: list[float] = []
-    play(at(0.0, 3.0), Sink(), 10.0, told.append)
-    assert len(told) >= 3  # also while it waits
-    assert told == sorted(told)
-    assert 0.0 <= told[0] <= told[-1] <= 3.0
+    progress: list[float] = []
+    play(at(0.0, 3.0), Sink(), 10.0, progress.append)
+    assert len(progress) >= 3  # also while it waits
+    assert progress == sorted(progress)
+    assert 0.0 <= progress[0] <= progress[-1] <= 3.0
 
 
 def test_a_failing_link_ends_the_replay() -> None:
-    class Broken(Sink):
+    class BrokenSink(Sink):
         def on_sent(self, frame: Frame) -> None:
             raise RunError("the interface went away")
 
     with pytest.raises(RunError, match="went away"):
-        play(at(0.0), Broken(), 1.0)
+        play(at(0.0), BrokenSink(), 1.0)
 
 
 @given(st.lists(st.integers(0, 10**10), min_size=1, max_size=200))
@@ -127,8 +127,8 @@ def test_lateness_in_little_memory_is_right_to_half_a_percent(delays: list[int])
     for delay in delays:
         counter.add(delay)
     result, in_order = counter.result(), sorted(delays)
-    for share, found in ((0.5, result.median), (0.99, result.p99)):
-        assert found == pytest.approx(in_order[math.ceil(share * len(delays)) - 1] * 1e-9, rel=0.005)
+    for share, item in ((0.5, result.median), (0.99, result.p99)):
+        assert item == pytest.approx(in_order[math.ceil(share * len(delays)) - 1] * 1e-9, rel=0.005)
     assert result.median <= result.p99 <= result.maximum == pytest.approx(max(delays) * 1e-9)
     assert result.late_share == pytest.approx(sum(delay > 1_000_000 for delay in delays) / len(delays))
 
@@ -152,10 +152,10 @@ class LooseSink(Sink):
 
 
 def test_an_interface_that_drops_is_waited_for_and_no_frame_is_left_out() -> None:
-    sink, told = LooseSink(), list[str]()
-    statistics = play(at(0.0, 0.01, 0.02, 0.32), sink, 1.0, tell=told.append)
+    sink, messages = LooseSink(), list[str]()
+    statistics = play(at(0.0, 0.01, 0.02, 0.32), sink, 1.0, tell=messages.append)
     assert [frame.frame_id for frame in sink.sent] == [0, 1, 2, 3]
-    assert told == [
+    assert messages == [
         "waiting for the interface: vcan9 is down\n  remedy: up",
         "the interface is back, going on",
     ]

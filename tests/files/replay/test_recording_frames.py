@@ -164,9 +164,9 @@ def test_a_recording_split_into_stretches_is_sent_as_on_one_grid(bus: BusMap) ->
     split = Repeated(recording_of(5003, open_at=(200, 4950)), 4, 2)
     for windowed in (False, True):
         for start, stop in ((None, None), (0.03, 1.25)):
-            found = RecordingPart(split, bus, windowed, start, stop).frames(loop=2)
+            result = RecordingPart(split, bus, windowed, start, stop).frames(loop=2)
             expected = part_of(split.collected(), bus, windowed, start, stop).frames(loop=2)
-            assert list(found) == list(expected)
+            assert list(result) == list(expected)
 
 
 @pytest.mark.parametrize("windowed", [False, True])

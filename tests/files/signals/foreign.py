@@ -82,16 +82,16 @@ def damaged(draw: Callable[[st.SearchStrategy[Any]], Any], text: str) -> bytes:
     """A text with some bytes changed, left out, inserted, or cut off."""
     content = bytearray(text.encode())
     for _ in range(draw(st.integers(1, 4))):
-        place = draw(st.integers(0, len(content) - 1))
+        position = draw(st.integers(0, len(content) - 1))
         match draw(st.sampled_from(["change", "delete", "insert", "cut"])):
             case "change":
-                content[place] = draw(st.integers(0, 255))
+                content[position] = draw(st.integers(0, 255))
             case "delete":
-                del content[place : place + draw(st.integers(1, 60))]
+                del content[position : position + draw(st.integers(1, 60))]
             case "insert":
-                content[place:place] = draw(st.binary(min_size=1, max_size=8))
+                content[position:position] = draw(st.binary(min_size=1, max_size=8))
             case "cut":
-                del content[place:]
+                del content[position:]
         content = content or bytearray(b" ")
     return bytes(content)
 

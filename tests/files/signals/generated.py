@@ -26,13 +26,18 @@ class Repeated(SignalStream):
 
     def chunks(self) -> Iterator[Chunk]:
         """Made anew."""
-        one = self._recording
+        recording = self._recording
         for number, (times, stretch) in enumerate(zip(self._times, self.stretches, strict=True)):
             for again in range(times):
-                first = again * one.samples
-                time = stretch.start + (first + np.arange(one.samples)) / self.rate
-                signals = one.rail_pressure, one.needle_lift, one.line_pressure, one.injection_rate
-                whole = Chunk(time, *signals, self.path, self.rate, number)
-                for place in range(0, one.samples, SAMPLES_AT_ONCE):
-                    part = cut(whole, place, min(one.samples, place + SAMPLES_AT_ONCE))
-                    yield replace(part, first=first + place)
+                first = again * recording.samples
+                time = stretch.start + (first + np.arange(recording.samples)) / self.rate
+                signals = (
+                    recording.rail_pressure,
+                    recording.needle_lift,
+                    recording.line_pressure,
+                    recording.injection_rate,
+                )
+                complete = Chunk(time, *signals, self.path, self.rate, number)
+                for position in range(0, recording.samples, SAMPLES_AT_ONCE):
+                    part = cut(complete, position, min(recording.samples, position + SAMPLES_AT_ONCE))
+                    yield replace(part, first=first + position)

@@ -17,14 +17,14 @@ from tests.files.signals.generated import Repeated
 SAMPLES = 200
 
 
-def whole(samples: int = SAMPLES) -> Chunk:
+def whole_chunk(samples: int = SAMPLES) -> Chunk:
     values = np.arange(float(samples))
     return Chunk(values / 1e5, values, values + 0.25, values + 0.5, values + 0.75, None, 1e5)
 
 
 def chunked(bounds: set[int]) -> list[Chunk]:
     edges = [0, *sorted(bounds - {0, SAMPLES}), SAMPLES]
-    return [cut(whole(), start, end) for start, end in pairwise(edges)]
+    return [cut(whole_chunk(), start, end) for start, end in pairwise(edges)]
 
 
 places = st.sets(st.integers(0, SAMPLES))
@@ -34,29 +34,29 @@ places = st.sets(st.integers(0, SAMPLES))
 def test_pieces_are_those_of_the_whole_however_it_is_chunked(bounds: set[int], edges: set[int]) -> None:
     ordered = sorted(edges)
     spans = [Span(*pair) for pair in pairwise(ordered)][:: 1 + len(ordered) % 2]  # some touch, some do not
-    found = list(pieces(chunked(bounds), spans))
-    assert [(piece.first, piece.samples) for piece in found] == [(s.start, s.end - s.start) for s in spans]
-    for piece, span in zip(found, spans, strict=True):
-        for name, values in whole().signals.items():
+    result = list(pieces(chunked(bounds), spans))
+    assert [(piece.first, piece.samples) for piece in result] == [(s.start, s.end - s.start) for s in spans]
+    for piece, span in zip(result, spans, strict=True):
+        for name, values in whole_chunk().signals.items():
             np.testing.assert_array_equal(piece.signals[name], values[span.start : span.end])
 
 
 def test_a_file_that_became_shorter_is_told() -> None:
     with pytest.raises(RunError, match="became shorter"):
-        list(pieces([whole(50)], [Span(0, 20), Span(40, 60)]))
+        list(pieces([whole_chunk(50)], [Span(0, 20), Span(40, 60)]))
 
 
 def test_a_copy_does_not_hold_what_it_was_cut_from() -> None:
-    part = copied(cut(whole(), 3, 7))
+    part = copied(cut(whole_chunk(), 3, 7))
     assert part.first == 3
     assert [values.base for values in (part.time, *part.signals.values())] == [None] * 5
 
 
 def test_stretches_on_one_grid_are_a_hole_apart() -> None:
-    stream = Repeated(whole(), 3, 1)
+    stream = Repeated(whole_chunk(), 3, 1)
     recording = stream.collected()
     assert recording.samples == stream.grid_samples == 4 * SAMPLES + 100_000
-    there = np.flatnonzero(~np.isnan(recording.rail_pressure))
-    np.testing.assert_array_equal(there, [*range(600), *range(100_600, 100_800)])
-    np.testing.assert_array_equal(recording.rail_pressure[there], np.tile(np.arange(200.0), 4))
+    available = np.flatnonzero(~np.isnan(recording.rail_pressure))
+    np.testing.assert_array_equal(available, [*range(600), *range(100_600, 100_800)])
+    np.testing.assert_array_equal(recording.rail_pressure[available], np.tile(np.arange(200.0), 4))
     assert [chunk.first for chunk in stream.on_one_grid()][-1] == 100_600

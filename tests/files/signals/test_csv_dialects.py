@@ -11,17 +11,7 @@ from hypothesis import strategies as st
 
 from observer_rt.files.formats import open_recording, read_recording, write_recording
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import (
-    COLUMNS,
-    PLACES,
-    RATE,
-    bench,
-    damaged,
-    read,
-    signals,
-    tells,
-    write,
-)
+from tests.files.signals.foreign import COLUMNS, PLACES, RATE, bench, damaged, read, signals, tells, write
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 NAMES = ("t", "p_Rail", "lift", "p_Line")
@@ -30,12 +20,12 @@ NAMES = ("t", "p_Rail", "lift", "p_Line")
 def lines(
     samples: int = 40, separator: str = ";", decimal: str = ",", extra: Sequence[str] = ()
 ) -> list[str]:
-    found = signals(samples)
+    columns = signals(samples)
     return [
         separator.join(
             [
                 *(
-                    f"{found[name][k] * (1e3 if name == 't' else 1):.6g}".replace(".", decimal)
+                    f"{columns[name][k] * (1e3 if name == 't' else 1):.6g}".replace(".", decimal)
                     for name in NAMES
                 ),
                 *extra,
@@ -83,20 +73,20 @@ def test_every_dialect_gives_the_same_signals(
     quote = '"' if is_quoted and separator != " " else ""
     if separator == "," and decimal == "," and not quote:
         decimal = "."
-    found = signals(30)
+    result = signals(30)
     columns = [NAMES[i] for i in order]
     units = {"t": "ms", "p_Rail": "bar", "lift": "µm", "p_Line": "MPa"}
     rows = [columns, *([[units[name] for name in columns]] * has_units)]
     for k in range(30):
-        numbers = (found[name][k] * (1e3 if name == "t" else 1.0) for name in columns)
+        numbers = (result[name][k] * (1e3 if name == "t" else 1.0) for name in columns)
         rows.append([f"{quote}{number:.6g}{quote}".replace(".", decimal) for number in numbers])
     path = write(tmp_path, ending.join([*preamble, *map(separator.join, rows), ""]), encoding)
     recording = read(path, bench(tmp_path))
     assert recording.samples == 30
     assert recording.sample_rate == RATE
-    np.testing.assert_allclose(recording.rail_pressure, found["p_Rail"] * 1e5, rtol=1e-12)
-    np.testing.assert_allclose(recording.needle_lift, found["lift"] * 1e-6, rtol=1e-12)
-    np.testing.assert_allclose(recording.line_pressure, found["p_Line"] * 1e6, rtol=1e-12)
+    np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5, rtol=1e-12)
+    np.testing.assert_allclose(recording.needle_lift, result["lift"] * 1e-6, rtol=1e-12)
+    np.testing.assert_allclose(recording.line_pressure, result["p_Line"] * 1e6, rtol=1e-12)
 
 
 def test_further_columns_trailing_separators_and_comments_are_passed_over(tmp_path: Path) -> None:
@@ -146,8 +136,7 @@ def test_cells_without_a_value_are_not_available(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell", "decimal"),
-    [("1.000,153", ","), ("1'000.5", "."), ("1\u00a0000,5", ","), ("1,001.5", ".")],
+    ("cell", "decimal"), [("1.000,153", ","), ("1'000.5", "."), ("1\u00a0000,5", ","), ("1,001.5", ".")]
 )
 @pytest.mark.parametrize("row", [0, 5, 300])  # the first, among the lines that tell the dialect, and beyond
 def test_separators_of_thousands_are_refused(tmp_path: Path, cell: str, decimal: str, row: int) -> None:
@@ -168,11 +157,11 @@ def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(
     text = named(*lines())
     mark = codecs.BOM_UTF16_BE if encoding == "utf-16-be" else b""
     path.write_bytes(mark + text.encode(encoding))
-    whole = read(path, fitted)
+    complete = read(path, fitted)
     path.write_bytes(mark + text[:-cut].encode(encoding))
     stream = open_recording(path, fitted.injector)
     ended = text[:-cut].count("\n") + 40 - text.count("\n")
-    np.testing.assert_array_equal(stream.collected().line_pressure, whole.line_pressure[:ended])
+    np.testing.assert_array_equal(stream.collected().line_pressure, complete.line_pressure[:ended])
     assert [note.endswith("is left out: it may be cut short") for note in stream.notes] == [True] * (
         not text[:-cut].endswith("\n")
     )

@@ -27,12 +27,12 @@ FORMATS = {
 
 def rows(separator: str, decimal: str, form: str | None = None, samples: int = 40) -> list[str]:
     """Time [ms], or a stamp, and the three signals."""
-    found = signals(samples)
+    columns = signals(samples)
     lines = []
     for k in range(samples):
         at = START + timedelta(microseconds=10 * k)
-        number = f"{found['t'][k] * 1e3:.6g}".replace(".", decimal)
-        numbers = (f"{found[name][k]:.6g}".replace(".", decimal) for name in ("p_Rail", "lift", "p_Line"))
+        number = f"{columns['t'][k] * 1e3:.6g}".replace(".", decimal)
+        numbers = (f"{columns[name][k]:.6g}".replace(".", decimal) for name in ("p_Rail", "lift", "p_Line"))
         lines.append(separator.join((number if form is None else at.strftime(FORMATS[form]), *numbers)))
     return lines
 
@@ -60,11 +60,11 @@ def test_columns_by_their_places(
         body = [f"{line}{separator}on" for line in body]
     time = 'unit = "ms"' if form is None else form
     recording = read(write(tmp_path, [*preamble, *body]), bench(tmp_path, text=PLACES, time=time))
-    found = signals(40)
+    columns = signals(40)
     assert (recording.samples, recording.sample_rate) == (40, RATE)
-    np.testing.assert_allclose(recording.rail_pressure, found["p_Rail"] * 1e5, rtol=1e-12)
-    np.testing.assert_allclose(recording.needle_lift, found["lift"] * 1e-6, rtol=1e-12)
-    np.testing.assert_allclose(recording.line_pressure, found["p_Line"] * 1e6, rtol=1e-12)
+    np.testing.assert_allclose(recording.rail_pressure, columns["p_Rail"] * 1e5, rtol=1e-12)
+    np.testing.assert_allclose(recording.needle_lift, columns["lift"] * 1e-6, rtol=1e-12)
+    np.testing.assert_allclose(recording.line_pressure, columns["p_Line"] * 1e6, rtol=1e-12)
 
 
 def test_the_calendar_is_told_and_loses_no_digit(tmp_path: Path) -> None:

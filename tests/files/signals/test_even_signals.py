@@ -68,7 +68,7 @@ def test_parts_of_any_length(sizes: list[int]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stated", "told"),
+    ("stated", "heading"),
     [
         (20 + 3 * SAMPLES_AT_ONCE, "counts 49152 samples that are not in it: its end may be missing"),
         (12, "leaves out 8 samples that are in it: it may be damaged"),
@@ -76,7 +76,7 @@ def test_parts_of_any_length(sizes: list[int]) -> None:
 )
 @pytest.mark.parametrize("layout", ["its own", "mapped"])
 def test_a_heading_that_counts_other_samples_than_there_are(
-    tmp_path: Path, stated: int, told: str, layout: str
+    tmp_path: Path, stated: int, heading: str, layout: str
 ) -> None:
     """As damage of its bytes leaves it: later parts are empty."""
     path = tmp_path / "counted.mf4"
@@ -91,4 +91,4 @@ def test_a_heading_that_counts_other_samples_than_there_are(
     bench.write_text(EXAMPLE_BENCH.read_text() + (MAPPED if layout == "mapped" else ""))
     stream = open_recording(path, load_bench(bench).injector)
     assert stream.samples == min(20, stated)
-    assert stream.notes == (f"{path}: its heading {told}",)
+    assert stream.notes == (f"{path}: its heading {heading}",)

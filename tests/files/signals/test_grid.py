@@ -21,9 +21,9 @@ Times = NDArray[np.float64]
 
 
 def write(folder: Path, time: Times, **changes: Times) -> Path:
-    found = {**signals(time.size), **changes}
+    columns = {**signals(time.size), **changes}
     path = folder / "foreign.csv"
-    rows = zip(time * 1e3, found["p_Rail"], found["lift"], found["p_Line"], strict=True)
+    rows = zip(time * 1e3, columns["p_Rail"], columns["lift"], columns["p_Line"], strict=True)
     path.write_text("t,p_Rail,lift,p_Line\n" + "".join(f"{t:.7f},{p},{x},{y}\n" for t, p, x, y in rows))
     return path
 
@@ -34,30 +34,30 @@ def opened(path: Path, folder: Path, options: str = "") -> SignalStream:
 
 def test_jittered_stamps_are_taken_for_the_grid(tmp_path: Path) -> None:
     jitter = np.random.default_rng(1).uniform(-1e-6, 1e-6, 500)
-    found = opened(write(tmp_path, np.arange(500) / RATE + jitter), tmp_path)
-    recording = found.collected()
+    stream = opened(write(tmp_path, np.arange(500) / RATE + jitter), tmp_path)
+    recording = stream.collected()
     np.testing.assert_array_equal(recording.needle_lift, np.arange(500) % 100 * 1e-6)
     assert recording.sample_rate == RATE
-    assert any("are taken for it" in note for note in found.notes)
+    assert any("are taken for it" in note for note in stream.notes)
 
 
 def test_a_short_gap_is_bridged_and_told(tmp_path: Path) -> None:
     kept = np.delete(np.arange(500), [200, 201, 202])
     ramp = kept.astype(np.float64)
-    found = opened(write(tmp_path, kept / RATE, lift=ramp), tmp_path)
-    assert any("1 gaps are bridged" in note for note in found.notes)
-    np.testing.assert_allclose(found.collected().needle_lift, np.arange(500) * 1e-6, rtol=1e-9)
+    stream = opened(write(tmp_path, kept / RATE, lift=ramp), tmp_path)
+    assert any("1 gaps are bridged" in note for note in stream.notes)
+    np.testing.assert_allclose(stream.collected().needle_lift, np.arange(500) * 1e-6, rtol=1e-9)
 
 
 def test_a_long_gap_splits(tmp_path: Path) -> None:
     kept = np.delete(np.arange(500), range(200, 230))
-    found = opened(write(tmp_path, kept / RATE), tmp_path)
-    assert [part.samples for part in found.stretches] == [200, 270]
-    assert found.stretches[1].start == pytest.approx(230 / RATE)
+    stream = opened(write(tmp_path, kept / RATE), tmp_path)
+    assert [part.samples for part in stream.stretches] == [200, 270]
+    assert stream.stretches[1].start == pytest.approx(230 / RATE)
     assert any(
-        "split into 2 stretches: after 0.00199 s 0.00031 s are missing" in note for note in found.notes
+        "split into 2 stretches: after 0.00199 s 0.00031 s are missing" in note for note in stream.notes
     )
-    joined = found.collected()
+    joined = stream.collected()
     assert joined.samples == 500
     assert np.flatnonzero(np.isnan(joined.rail_pressure)).tolist() == list(range(200, 230))
     wider = opened(write(tmp_path, kept / RATE), tmp_path, "bridge_ms = 1.0")
@@ -66,10 +66,10 @@ def test_a_long_gap_splits(tmp_path: Path) -> None:
 
 def test_a_restart_splits(tmp_path: Path) -> None:
     time = np.concatenate((np.arange(300) / RATE, np.arange(200) / RATE))
-    found = opened(write(tmp_path, time), tmp_path)
-    assert [part.samples for part in found.stretches] == [300, 200]
-    assert any("the time begins anew" in note for note in found.notes)
-    lifts = [chunk.needle_lift for chunk in found.chunks()]
+    stream = opened(write(tmp_path, time), tmp_path)
+    assert [part.samples for part in stream.stretches] == [300, 200]
+    assert any("the time begins anew" in note for note in stream.notes)
+    lifts = [chunk.needle_lift for chunk in stream.chunks()]
     np.testing.assert_array_equal(np.concatenate(lifts), np.arange(500) % 100 * 1e-6)
 
 
@@ -88,11 +88,11 @@ def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
 @pytest.mark.parametrize("rate", [48e3, 50e3, 100.003e3, 250e3])
 def test_another_rate_is_resampled(tmp_path: Path, rate: float) -> None:
     time = np.arange(20_000) / rate
-    found = opened(write(tmp_path, time, lift=time * 1e4), tmp_path)
-    recording = found.collected()
+    stream = opened(write(tmp_path, time, lift=time * 1e4), tmp_path)
+    recording = stream.collected()
     assert recording.sample_rate == RATE
     np.testing.assert_allclose(recording.needle_lift, recording.time * 1e-2, atol=1e-9)
-    assert any("resampled" in note for note in found.notes)
+    assert any("resampled" in note for note in stream.notes)
 
 
 def test_time_in_another_unit_falls_apart_with_a_remedy(tmp_path: Path) -> None:
@@ -114,24 +114,24 @@ def test_in_parts_as_in_one_piece(
     """However small the parts are that are read: the same samples, none lost, none twice."""
     random = np.random.default_rng(seed)
     time: Times = np.arange(500) / RATE
-    for place, lost in gaps:
-        time[place:] += lost / RATE
-    for place in restarts:
-        time[place:] -= time[place]
+    for position, lost in gaps:
+        time[position:] += lost / RATE
+    for position in restarts:
+        time[position:] -= time[position]
     jitter: Times = random.uniform(-2e-6, 2e-6, 500)
     path = write(tmp_path, (time + jitter).astype(np.float64))
-    whole = list(opened(path, tmp_path).chunks())
+    complete = list(opened(path, tmp_path).chunks())
     with pytest.MonkeyPatch.context() as patch:
         for module in (stream, csv_table, mapped_signals):
             patch.setattr(module, "SAMPLES_AT_ONCE", at_once)
-        found = opened(path, tmp_path)
-        parts = list(found.chunks())
+        result = opened(path, tmp_path)
+        parts = list(result.chunks())
     for name in ("time", "rail_pressure", "needle_lift", "line_pressure"):
         np.testing.assert_array_equal(
             np.concatenate([getattr(part, name) for part in parts]),
-            np.concatenate([getattr(part, name) for part in whole]),
+            np.concatenate([getattr(part, name) for part in complete]),
         )
-    for number, stretch in enumerate(found.stretches):
+    for number, stretch in enumerate(result.stretches):
         mine = [part for part in parts if part.stretch == number]
         assert sum(part.samples for part in mine) == stretch.samples
         assert [part.first for part in mine] == np.cumsum([0, *(part.samples for part in mine)])[:-1].tolist()
@@ -175,8 +175,8 @@ def test_mdf4_channels_of_several_rasters(
     )
     recording = read(path, bench(tmp_path, text=RASTERS))
     assert recording.samples == 10_000
-    known = slow[-1]
-    inside = recording.time <= known
+    last_time = slow[-1]
+    inside = recording.time <= last_time
     np.testing.assert_allclose(
         recording.rail_pressure[inside], 100e6 + recording.time[inside] * 10e6, rtol=1e-9
     )
@@ -211,20 +211,20 @@ def test_parquet_with_units_in_its_metadata(tmp_path: Path) -> None:
     import pyarrow
     import pyarrow.parquet
 
-    found = signals(300)
+    result = signals(300)
     columns = {
-        "t": found["t"] * 1e3,
-        "p_Rail": found["p_Rail"].astype(np.float32),
-        "lift": found["lift"].astype(int),
+        "t": result["t"] * 1e3,
+        "p_Rail": result["p_Rail"].astype(np.float32),
+        "lift": result["lift"].astype(int),
     }
-    table = pyarrow.table({**columns, "p_Line": found["p_Line"], "word": ["a"] * 300})
+    table = pyarrow.table({**columns, "p_Line": result["p_Line"], "word": ["a"] * 300})
     fields = [
         field.with_metadata({"unit": "bar"}) if field.name == "p_Rail" else field for field in table.schema
     ]
     pyarrow.parquet.write_table(table.cast(pyarrow.schema(fields)), tmp_path / "x.parquet")
     recording = read(tmp_path / "x.parquet", bench(tmp_path, rail=""))
-    np.testing.assert_allclose(recording.rail_pressure, found["p_Rail"] * 1e5)
-    np.testing.assert_allclose(recording.needle_lift, found["lift"] * 1e-6)
+    np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5)
+    np.testing.assert_allclose(recording.needle_lift, result["lift"] * 1e-6)
 
 
 @given(share=st.floats(0.0, 0.999), flips=st.lists(st.floats(0.0, 0.999), max_size=3))
@@ -233,9 +233,9 @@ def test_a_damaged_parquet_file_is_told(tmp_path: Path, share: float, flips: lis
     import pyarrow
     import pyarrow.parquet
 
-    found = signals(300)
+    columns = signals(300)
     path = tmp_path / "x.parquet"
-    pyarrow.parquet.write_table(pyarrow.table({**found, "t": found["t"] * 1e3}), path)
+    pyarrow.parquet.write_table(pyarrow.table({**columns, "t": columns["t"] * 1e3}), path)
     content = bytearray(path.read_bytes())
     for flip in flips:
         content[int(flip * len(content))] ^= 0x55
@@ -267,8 +267,8 @@ def test_parquet_without_checksums_of_its_pages_is_noted(tmp_path: Path, has_che
     import pyarrow
     import pyarrow.parquet
 
-    found = signals(50)
-    table = pyarrow.table({**found, "t": found["t"] * 1e3})
+    columns = signals(50)
+    table = pyarrow.table({**columns, "t": columns["t"] * 1e3})
     pyarrow.parquet.write_table(table, tmp_path / "x.parquet", write_page_checksum=has_checksums)
     notes = open_recording(tmp_path / "x.parquet", bench(tmp_path).injector).notes
     assert any("no checksums" in note for note in notes) is not has_checksums

@@ -64,9 +64,9 @@ def test_columns_in_any_order(tmp_path: Path, order: list[int]) -> None:
     assert recording.line_pressure.tolist() == [90e6, 91e6]
 
 
-@pytest.mark.parametrize("rest", ["0.00005,1", "0.00005,100.005,0.01,99.7", "0.0000"])
-def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, rest: str) -> None:
-    path = write(tmp_path, "\n".join([HEADER, *rows()[:5], rest]))
+@pytest.mark.parametrize("remaining", ["0.00005,1", "0.00005,100.005,0.01,99.7", "0.0000"])
+def test_a_last_line_without_its_end_is_left_out(tmp_path: Path, remaining: str) -> None:
+    path = write(tmp_path, "\n".join([HEADER, *rows()[:5], remaining]))
     stream = open_recording(path)
     assert stream.samples == 5
     assert stream.notes == (f"{path}: its last line has no line end and is left out: it may be cut short",)

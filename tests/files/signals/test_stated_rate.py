@@ -17,8 +17,8 @@ WITHOUT_TIME = COLUMNS.replace('[recording.time]\ncolumn = "t"\n{time}\n', "")
 
 def write(folder: Path, time: np.ndarray, rows: int = SAMPLES) -> Path:
     """Stamps [ms] with two digits behind the point, beside other signals."""
-    found = signals(rows)
-    lines = zip(time * 1e3, found["p_Rail"], found["lift"], found["p_Line"], strict=True)
+    columns = signals(rows)
+    lines = zip(time * 1e3, columns["p_Rail"], columns["lift"], columns["p_Line"], strict=True)
     path = folder / "foreign.csv"
     path.write_text("t,p_Rail,lift,p_Line\n" + "".join(f"{t:.2f},{p},{x},{y}\n" for t, p, x, y in lines))
     return path
@@ -36,19 +36,19 @@ def test_rounded_stamps_are_placed_by_the_rate(tmp_path: Path, rounding: float, 
         path = write(tmp_path, time, time.size)
     else:
         path = write(tmp_path, np.floor(np.arange(SAMPLES) / RATE / rounding) * rounding)
-    found = opened(path, tmp_path, options)
-    recording = found.collected()
-    assert len(found.stretches) == 1
+    stream = opened(path, tmp_path, options)
+    recording = stream.collected()
+    assert len(stream.stretches) == 1
     np.testing.assert_allclose(np.diff(recording.time), 1.0 / RATE, rtol=1e-6)
     np.testing.assert_array_equal(recording.needle_lift, np.arange(recording.samples) % 100 * 1e-6)
-    assert any("rows are placed by the rate stated, 100000 Hz" in note for note in found.notes)
+    assert any("rows are placed by the rate stated, 100000 Hz" in note for note in stream.notes)
 
 
 def test_a_gap_beyond_the_rounding_still_splits(tmp_path: Path) -> None:
     kept = np.delete(np.arange(SAMPLES + 3000), range(8000, 11000))
-    found = opened(write(tmp_path, np.floor(kept / RATE / 1e-3) * 1e-3), tmp_path)
-    assert [stretch.samples for stretch in found.stretches] == [8000, SAMPLES - 8000]
-    assert found.stretches[1].start == pytest.approx(11000 / RATE, abs=1e-3)
+    stream = opened(write(tmp_path, np.floor(kept / RATE / 1e-3) * 1e-3), tmp_path)
+    assert [stretch.samples for stretch in stream.stretches] == [8000, SAMPLES - 8000]
+    assert stream.stretches[1].start == pytest.approx(11000 / RATE, abs=1e-3)
 
 
 @pytest.mark.parametrize("options", ["", "rate_hz = 100e3"])
@@ -61,21 +61,21 @@ def test_a_rate_that_the_stamps_contradict_is_not_trusted(tmp_path: Path, option
 
 def test_good_stamps_are_kept_whatever_is_stated(tmp_path: Path) -> None:
     kept = np.delete(np.arange(SAMPLES), range(8000, 8100))
-    found = opened(write(tmp_path, kept / RATE, kept.size), tmp_path, "rate_hz = 100e3")
-    assert [stretch.samples for stretch in found.stretches] == [8000, SAMPLES - 8100]
+    stream = opened(write(tmp_path, kept / RATE, kept.size), tmp_path, "rate_hz = 100e3")
+    assert [stretch.samples for stretch in stream.stretches] == [8000, SAMPLES - 8100]
 
 
 @pytest.mark.parametrize("rate", [50e3, 100e3])
 def test_without_a_time_rows_follow_at_the_rate(tmp_path: Path, rate: float) -> None:
     """Which is the grid's then, too."""
     path = write(tmp_path, np.arange(SAMPLES) / RATE)
-    found = opened(path, tmp_path, f"rate_hz = {rate}", WITHOUT_TIME)
-    assert found.sample_rate == rate
-    recording = found.collected()
+    stream = opened(path, tmp_path, f"rate_hz = {rate}", WITHOUT_TIME)
+    assert stream.sample_rate == rate
+    recording = stream.collected()
     assert recording.samples == SAMPLES
     np.testing.assert_allclose(recording.time, np.arange(SAMPLES) / rate, atol=1e-9)
     np.testing.assert_array_equal(recording.needle_lift, np.arange(SAMPLES) % 100 * 1e-6)
-    assert any("no column of the time" in note for note in found.notes)
+    assert any("no column of the time" in note for note in stream.notes)
 
 
 def test_without_time_and_rate_the_line_to_write_is_named(tmp_path: Path) -> None:
@@ -85,10 +85,10 @@ def test_without_time_and_rate_the_line_to_write_is_named(tmp_path: Path) -> Non
 
 def test_a_pace_is_the_same_however_it_is_cut() -> None:
     stamps = np.floor(np.delete(np.arange(5000), range(2000, 2400)) / RATE / 1e-3) * 1e-3
-    whole = StampPace(RATE, 1e-3).take(stamps)
+    complete = StampPace(RATE, 1e-3).take(stamps)
     cut = StampPace(RATE, 1e-3)
     parts = [cut.take(part) for part in np.split(stamps, [1, 2, 700, 2000, 2001])]
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    np.testing.assert_array_equal(np.concatenate(parts), complete)
     assert cut.agrees
 
 
@@ -96,7 +96,7 @@ def test_a_pace_is_the_same_however_it_is_cut() -> None:
     ("rate", "digits"), [(100e3, 5), (48e3, 6), (30e3, 7), (50e3, 3), (1e6 / 3.0, 7), (12_345.0, 9)]
 )
 def test_the_rate_of_stamps_is_a_round_one(rate: float, digits: int) -> None:
-    found = stamps_of(np.round(np.arange(20_000) / rate, digits))
-    assert found is not None
-    assert found.rate(1.0) == pytest.approx(rate, rel=1e-9)
-    assert (found.rounding > 0.0) == (digits == 3)
+    result = stamps_of(np.round(np.arange(20_000) / rate, digits))
+    assert result is not None
+    assert result.rate(1.0) == pytest.approx(rate, rel=1e-9)
+    assert (result.rounding > 0.0) == (digits == 3)

@@ -21,9 +21,9 @@ def taken(time: NDArray[np.float64], at_once: int = 1 << 30) -> tuple[TimeGrid, 
 
 
 def uneven(time: NDArray[np.float64], at_once: int = 1 << 30) -> UnevenTime:
-    found = taken(time, at_once)[1]
-    assert found is not None
-    return found
+    result = taken(time, at_once)[1]
+    assert result is not None
+    return result
 
 
 def rate_of(time: NDArray[np.float64]) -> float:
@@ -62,33 +62,33 @@ def test_unrounded_stamps_give_their_rate(rate: float, start: float, samples: in
 def test_a_gap_is_found_where_it_is(row: int, lost: int, at_once: int) -> None:
     time = np.arange(100) / 1e5
     time[row:] += lost / 1e5
-    found = uneven(time, at_once)
-    assert found.row == row
-    assert "gap" in found.problem
+    result = uneven(time, at_once)
+    assert result.row == row
+    assert "gap" in result.problem
 
 
 @given(row=st.integers(1, 99), back=st.floats(2e-5, 10.0))
 def test_a_step_back_is_found_where_it_is(row: int, back: float) -> None:
     time = np.arange(100) / 1e5
     time[row:] -= back
-    found = uneven(time)
-    assert found.row == row
-    assert "steps back" in found.problem
+    result = uneven(time)
+    assert result.row == row
+    assert "steps back" in result.problem
 
 
 def test_a_repeated_stamp_is_found() -> None:
     time = np.arange(100) / 1e5
     time[40] = time[39]
-    found = uneven(time)
-    assert (found.row, "repeats" in found.problem) == (40, True)
+    result = uneven(time)
+    assert (result.row, "repeats" in result.problem) == (40, True)
 
 
 @IN_PARTS
 def test_a_clock_that_changes_its_pace_slowly_is_found(at_once: int) -> None:
     time = np.cumsum(np.where(np.arange(10_000) < 5_000, 1.0e-5, 1.001e-5))
-    found = uneven(time, at_once)
-    assert "samples off an even grid" in found.problem
-    assert found.row == pytest.approx(5_000, abs=1024)
+    result = uneven(time, at_once)
+    assert "samples off an even grid" in result.problem
+    assert result.row == pytest.approx(5_000, abs=1024)
 
 
 @IN_PARTS

@@ -120,9 +120,9 @@ def test_an_effect_found_on_top_of_one_in_force_becomes_one_total() -> None:
     before = NOMINAL.model_copy(update={"effects": (LEAK, WORN)})
     hidden = (sized("guide_leakage", c=1.5e-14), sized("orifice_area", v_H=0.3))
     measured = measurements(recordings(hidden))
-    found = name_effects(effective_model(before), measured, SearchOptions(workers=2))
-    assert [effect.id for effect in found.effects] == ["orifice_area"]
-    kept, total = amended_effects(before, found, measured, {})
+    discovery = name_effects(effective_model(before), measured, SearchOptions(workers=2))
+    assert [effect.id for effect in discovery.effects] == ["orifice_area"]
+    kept, total = amended_effects(before, discovery, measured, {})
     assert kept == LEAK
     assert total.parameters["v_H"].ci95 is not None
     low, high = total.parameters["v_H"].ci95

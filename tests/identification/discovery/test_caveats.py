@@ -58,10 +58,12 @@ def _slow_lift_sensor(findings: Findings) -> Findings:
 def test_a_reservation_is_in_headline_and_document(worn: Worn, caveat: str, changed: object) -> None:
     assert callable(changed)
     findings = changed(worn.findings)
-    (one,) = findings.caveats
-    assert one.id == caveat
-    assert f"but: {one.words}" in as_text(findings).splitlines()[0]
-    assert {"id": caveat, "words": one.words, "sentence": one.sentence} in findings.as_json()["caveats"]
+    (only_caveat,) = findings.caveats
+    assert only_caveat.id == caveat
+    assert f"but: {only_caveat.words}" in as_text(findings).splitlines()[0]
+    assert {"id": caveat, "words": only_caveat.words, "sentence": only_caveat.sentence} in findings.as_json()[
+        "caveats"
+    ]
 
 
 def test_a_measured_rate_settles_the_inertance(worn: Worn) -> None:

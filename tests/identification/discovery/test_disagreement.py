@@ -32,8 +32,8 @@ def test_each_of_two_effects_has_its_places() -> None:
     hidden = (sized("orifice_area", v_H=0.15), sized("line_pressure_sensor_offset", o=0.1e6))
     measured = measurements(recordings(hidden))
     nominal = effective_model(NOMINAL)
-    found = name_effects(nominal, measured, SearchOptions(workers=2))
-    where = disagreements(found, found.named, joint_likelihood(measured, nominal), nominal)
+    discovery = name_effects(nominal, measured, SearchOptions(workers=2))
+    where = disagreements(discovery, discovery.named, joint_likelihood(measured, nominal), nominal)
     shut = {item.equation for item in where if item.before.phase is Phase.STANDSTILL}
     opened = {item.equation for item in where if item.before.phase is Phase.OPEN}
     assert shut <= {Equation.OUTPUT, Equation.INPUT}
@@ -43,8 +43,8 @@ def test_each_of_two_effects_has_its_places() -> None:
 def test_a_healthy_map_is_empty() -> None:
     measured = measurements(recordings())
     nominal = effective_model(NOMINAL)
-    found = name_effects(nominal, measured, SearchOptions(workers=2))
-    assert found.verdict is Verdict.NONE
-    where = disagreements(found, found.named, joint_likelihood(measured, nominal), nominal)
+    discovery = name_effects(nominal, measured, SearchOptions(workers=2))
+    assert discovery.verdict is Verdict.NONE
+    where = disagreements(discovery, discovery.named, joint_likelihood(measured, nominal), nominal)
     assert {item.equation for item in where} == {None}
     assert all(item.before == item.after for item in where)

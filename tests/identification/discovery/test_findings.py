@@ -57,11 +57,7 @@ def test_the_gap_is_in_printed_units(document: dict[str, Any]) -> None:
     gap = document["gap"]
     pressure = gap["line_pressure"]
     assert 0.1 < pressure["noise_floor_MPa"] < pressure["before_MPa"] < 5.0
-    assert set(gap["injection_rate"]) == {
-        "before_mm3_per_ms",
-        "after_mm3_per_ms",
-        "noise_floor_mm3_per_ms",
-    }
+    assert set(gap["injection_rate"]) == {"before_mm3_per_ms", "after_mm3_per_ms", "noise_floor_mm3_per_ms"}
     assert 1.0 < gap["injection_rate"]["before_mm3_per_ms"] < 20.0
     assert gap["injected_mass"]["measured"] is True
     assert 1.0 < gap["injected_mass"]["before_mg"] < 30.0

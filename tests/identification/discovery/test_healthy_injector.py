@@ -18,8 +18,8 @@ OWN = sized("orifice_area", v_H=0.02)
 
 
 def _discover(*effects: SizedEffect, options: SearchOptions | None = None, seed: int = 2) -> Discovery:
-    found = measurements(recordings(effects, points=POINTS, seed=seed))
-    return name_effects(MODEL, found, options or SearchOptions(workers=2))
+    measured_recordings = measurements(recordings(effects, points=POINTS, seed=seed))
+    return name_effects(MODEL, measured_recordings, options or SearchOptions(workers=2))
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +32,14 @@ def options() -> SearchOptions:
 @pytest.mark.slow
 def test_what_the_healthy_injector_has_is_not_named(options: SearchOptions) -> None:
     assert [one.id for one in _discover(OWN).effects] == ["orifice_area"]  # it is there to be seen
-    found = _discover(OWN, options=options)
-    assert found.verdict is Verdict.NONE
-    assert found.effects == ()
+    result = _discover(OWN, options=options)
+    assert result.verdict is Verdict.NONE
+    assert result.effects == ()
 
 
 def test_what_is_new_is_named_by_its_difference(options: SearchOptions) -> None:
-    found = _discover(sized("orifice_area", v_H=0.10), options=options)
-    (named,) = found.effects
+    result = _discover(sized("orifice_area", v_H=0.10), options=options)
+    (named,) = result.effects
     assert named.id == "orifice_area"
     low, high = named.parameters["v_H"].ci95
     assert low - 0.01 < 0.08 < high + 0.01
@@ -71,15 +71,17 @@ def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) ->
 @pytest.mark.slow
 def test_more_injections_show_smaller_effects() -> None:
     few = _discover()
-    found = measurements([one for seed in range(3, 7) for one in recordings(points=POINTS, seed=seed)])
-    many = name_effects(MODEL, found, SearchOptions(workers=2))
-    for one, other in zip(few.smallest_visible, many.smallest_visible, strict=True):
-        assert one.id == other.id
-        assert other.size <= one.size
+    measured_recordings = measurements(
+        [first for seed in range(3, 7) for first in recordings(points=POINTS, seed=seed)]
+    )
+    many = name_effects(MODEL, measured_recordings, SearchOptions(workers=2))
+    for first, second in zip(few.smallest_visible, many.smallest_visible, strict=True):
+        assert first.id == second.id
+        assert second.size <= first.size
     by_noise = [
-        other.size / one.size
-        for one, other in zip(few.smallest_visible, many.smallest_visible, strict=True)
-        if one.id == "guide_leakage"
+        second.size / first.size
+        for first, second in zip(few.smallest_visible, many.smallest_visible, strict=True)
+        if first.id == "guide_leakage"
     ]
     assert by_noise == pytest.approx([0.5], rel=0.2)  # four times as many
 
@@ -90,14 +92,14 @@ def test_what_shows_where_it_was_fitted_only_is_not_named() -> None:
     worn = recordings((sized("orifice_area", v_H=0.03),), points=POINTS)
     new = recordings(points=POINTS)
     mixed = [worn[0], new[1], worn[2], new[3]]
-    found = name_effects(MODEL, measurements(mixed), SearchOptions(workers=2))
-    assert "orifice_area" not in [one.id for one in found.effects]
+    discovery = name_effects(MODEL, measurements(mixed), SearchOptions(workers=2))
+    assert "orifice_area" not in [one.id for one in discovery.effects]
 
 
 def test_recordings_of_one_point_hold_nothing_out() -> None:
-    found = name_effects(
+    discovery = name_effects(
         MODEL,
         measurements(recordings((sized("orifice_area", v_H=0.05),), points=POINTS[:1])),
         replace(SearchOptions(workers=2)),
     )
-    assert "orifice_area" in [one.id for one in found.effects]
+    assert "orifice_area" in [one.id for one in discovery.effects]

@@ -46,43 +46,43 @@ def likelihood() -> JointLikelihood:
 def _proposal(likelihood: JointLikelihood, left: float = 0.25 * GAP, mass: float = -LOST) -> Proposal:
     """A nozzle that loses flow while it is open, fitted; left: of the gap [Pa]."""
     hypothesis = Hypothesis((NOZZLE,))
-    found = fit(Sizing(likelihood, MODEL, hypothesis), np.array([-0.1]), hypothesis.ranges())
-    assert found is not None
-    candidate = Candidate(hypothesis, tuple(found.theta.tolist()), found.statistic, half=(0.002,))
+    minimum = fit(Sizing(likelihood, MODEL, hypothesis), np.array([-0.1]), hypothesis.ranges())
+    assert minimum is not None
+    candidate = Candidate(hypothesis, tuple(minimum.theta.tolist()), minimum.statistic, half=(0.002,))
     return Proposal(
         replace(candidate, moves=Consequence(1e6, mass)), 1e4, Phase.OPEN, False, None, (GAP, left)
     )
 
 
 def test_what_closes_most_of_the_gap_may_enter_in_part(likelihood: JointLikelihood) -> None:
-    (one,) = with_parts([_proposal(likelihood)], likelihood, MODEL)
+    (proposal,) = with_parts([_proposal(likelihood)], likelihood, MODEL)
 
-    assert one.part is not None
-    assert one.part.refusal is None
-    assert one.may_enter
-    assert LEAST_CLOSED < one.part.closed < 1.0
+    assert proposal.part is not None
+    assert proposal.part.refusal is None
+    assert proposal.may_enter
+    assert LEAST_CLOSED < proposal.part.closed < 1.0
 
 
 def test_the_interval_is_that_of_a_nozzle_that_leaves_as_much(likelihood: JointLikelihood) -> None:
-    (one,) = with_parts([_proposal(likelihood)], likelihood, MODEL)
-    assert one.part is not None
+    (proposal,) = with_parts([_proposal(likelihood)], likelihood, MODEL)
+    assert proposal.part is not None
     measured = [recorded.measurement for recorded in likelihood.recordings]
     wider = MODEL.with_term(Term(TermEquation.NOZZLE_FLOW, parse("0.05")))
     moved = consequence(measured, MODEL, wider)
-    share = one.part.mass_half * moved.line_pressure / one.part.left
+    share = proposal.part.mass_half * moved.line_pressure / proposal.part.left
     assert share == pytest.approx(0.05, rel=0.2)  # of a mass, by a nozzle of 5 % more
 
 
 def test_what_closes_less_than_two_thirds_is_refused(likelihood: JointLikelihood) -> None:
-    (one,) = with_parts([_proposal(likelihood, left=0.6 * GAP)], likelihood, MODEL)
-    assert one.part is not None
-    assert one.part.refusal is not None
-    assert "not two thirds" in one.part.refusal.reason
+    (proposal,) = with_parts([_proposal(likelihood, left=0.6 * GAP)], likelihood, MODEL)
+    assert proposal.part is not None
+    assert proposal.part.refusal is not None
+    assert "not two thirds" in proposal.part.refusal.reason
 
 
 def test_a_rival_with_another_mass_is_a_reason_to_refuse(likelihood: JointLikelihood) -> None:
-    one, other = _proposal(likelihood), _proposal(likelihood, mass=-12.0 * LOST)
-    judged, _ = with_parts([one, other], likelihood, MODEL)
+    first, second = _proposal(likelihood), _proposal(likelihood, mass=-12.0 * LOST)
+    judged, _ = with_parts([first, second], likelihood, MODEL)
     assert judged.part is not None
     assert judged.part.refusal is not None
     assert "would inject -11 mg" in judged.part.refusal.reason
@@ -92,5 +92,5 @@ def test_a_rival_with_another_mass_is_a_reason_to_refuse(likelihood: JointLikeli
 def test_nothing_is_accepted_in_part_that_explains_all_or_was_not_held_out(
     likelihood: JointLikelihood, changes: dict[str, object]
 ) -> None:
-    (one,) = with_parts([replace(_proposal(likelihood), **changes)], likelihood, MODEL)  # type: ignore[arg-type]
-    assert one.part is None
+    (proposal,) = with_parts([replace(_proposal(likelihood), **changes)], likelihood, MODEL)  # type: ignore[arg-type]
+    assert proposal.part is None

@@ -99,12 +99,7 @@ def test_a_proposal_is_in_document_screen_and_page(accepted: Findings) -> None:
         )
         assert "injection_number starts anew" in text
     assert "injection_number starts anew" in accepted.terms[0].evidence
-    for words in (
-        "With proposal 1",
-        "(nozzle_flow)",
-        "--model found/amended.toml",
-        "any curve there",
-    ):
+    for words in ("With proposal 1", "(nozzle_flow)", "--model found/amended.toml", "any curve there"):
         assert words in page
 
 
@@ -113,9 +108,9 @@ def test_the_gap_shrinks_with_the_law(accepted: Findings) -> None:
     assert accepted.gaps.line_pressure.after < 0.5 * accepted.gaps.line_pressure.before
     assert all(overlay.amended_pressure is not None for overlay in accepted.overlays)
     assert max(item.after.excess for item in accepted.where) < 5.0
-    assert [one.number for one in accepted.injections] == [1, 2] * len(WORN_POINTS)
-    for one in accepted.injections:
-        assert (one.before > 2.0 * one.after) == (one.number == 2)
+    assert [injection.number for injection in accepted.injections] == [1, 2] * len(WORN_POINTS)
+    for injection in accepted.injections:
+        assert (injection.before > 2.0 * injection.after) == (injection.number == 2)
     for change in accepted.masses:  # a mean of two injections, which seat and line share
         low, high = change.ci95_pct
         assert low < change.change_pct < high < low + 0.5
@@ -125,12 +120,12 @@ def test_the_gap_shrinks_with_the_law(accepted: Findings) -> None:
 @pytest.fixture(scope="module")
 def less(accepted: Findings, plugged: DiscoveryTask) -> Discovery:
     """The same, had the law left something."""
-    found = Discovery(**{field.name: getattr(accepted, field.name) for field in fields(Discovery)})
-    left = replace(found.proposals[0], adequate=False, held_out=(2e6, 0.5e6))
+    discovery = Discovery(**{field.name: getattr(accepted, field.name) for field in fields(Discovery)})
+    left = replace(discovery.proposals[0], adequate=False, held_out=(2e6, 0.5e6))
     parts = with_parts(
         [left], joint_likelihood(plugged.measured, effective_model(NOMINAL)), effective_model(NOMINAL)
     )
-    return replace(found, accepted=0, proposals=parts)
+    return replace(discovery, accepted=0, proposals=parts)
 
 
 def test_what_leaves_something_is_accepted_in_part(
@@ -138,19 +133,24 @@ def test_what_leaves_something_is_accepted_in_part(
 ) -> None:
     """What it leaves widens the intervals then."""
     monkeypatch.setattr(discover, "name_effects", lambda *_: less)
-    found = answered(replace(plugged, accepted=1, observed=observer_remainder))
+    remainder = answered(replace(plugged, accepted=1, observed=observer_remainder))
     path = tmp_path / "amended.toml"
     write_amended(
-        path, InjectorFile.read(NOMINAL_INJECTOR), found.in_force, None, found.terms, found.remainder
+        path,
+        InjectorFile.read(NOMINAL_INJECTOR),
+        remainder.in_force,
+        None,
+        remainder.terms,
+        remainder.remainder,
     )
-    stated, part = load_injector(path), found.proposals[0].part
+    stated, part = load_injector(path), remainder.proposals[0].part
     assert part is not None
     assert stated.remainder is not None
-    assert stated.remainder == found.remainder
+    assert stated.remainder == remainder.remainder
     assert stated.remainder.mass_share == pytest.approx(part.mass_half / 1.96, rel=0.01)
     assert "in part: closes" in stated.terms[0].evidence
-    assert found.as_json()["in_part"] is True
-    for text in (as_text(found), report(found)):
+    assert remainder.as_json()["in_part"] is True
+    for text in (as_text(remainder), report(remainder)):
         assert "ccepted in part: it closes" in text
     widths = [
         _mass_halves(plugged, model) for model in (stated, stated.model_copy(update={"remainder": None}))

@@ -16,8 +16,8 @@ from tests.identification.discovery.hidden import NOMINAL, recordings
 MODEL = effective_model(NOMINAL)
 
 
-def _checks(found: tuple[Measurement, ...]) -> list[StandstillFigure]:
-    return list(standstill_checks(found, joint_likelihood(found, MODEL), MODEL, MODEL))
+def _checks(results: tuple[Measurement, ...]) -> list[StandstillFigure]:
+    return list(standstill_checks(results, joint_likelihood(results, MODEL), MODEL, MODEL))
 
 
 def _named(checks: list[StandstillFigure], name: str) -> list[StandstillFigure]:
@@ -75,27 +75,31 @@ def test_an_open_needle_at_the_cut_end_is_no_standstill() -> None:
     lift[-2000:] = 0.2e-3
     line = first.line_pressure.copy()
     line[-2000:] += np.linspace(0, -40e6, 2000)
-    (whole,) = _named(_checks(measurements([first])), "rail_line_offset")
+    (complete,) = _named(_checks(measurements([first])), "rail_line_offset")
     cut = measurements([replace(first, needle_lift=lift, line_pressure=line)])
     (check,) = _named(_checks(cut), "rail_line_offset")
-    assert check.value == pytest.approx(whole.value, abs=5 * whole.sigma)
+    assert check.value == pytest.approx(complete.value, abs=5 * complete.sigma)
 
 
 def test_what_was_found_explains_what_looks_like_a_leak() -> None:
     """Red in a report is what nobody has named."""
     hidden = sized("line_pressure_sensor_offset", o=0.4e6)
-    found = measurements(recordings((hidden,)))
-    likelihood, amended = joint_likelihood(found, MODEL), effective_model(NOMINAL, (hidden,))
+    measured_recordings = measurements(recordings((hidden,)))
+    likelihood, amended = joint_likelihood(measured_recordings, MODEL), effective_model(NOMINAL, (hidden,))
     as_given = _named(
-        list(standstill_checks(found, likelihood, MODEL, MODEL)), "apparent_line_pressure_sensor_offset"
+        list(standstill_checks(measured_recordings, likelihood, MODEL, MODEL)),
+        "apparent_line_pressure_sensor_offset",
     )
     with_it = _named(
-        list(standstill_checks(found, likelihood, MODEL, amended)), "apparent_line_pressure_sensor_offset"
+        list(standstill_checks(measured_recordings, likelihood, MODEL, amended)),
+        "apparent_line_pressure_sensor_offset",
     )
     assert [(one.passed, one.explained) for one in as_given + with_it] == [(False, False), (False, True)]
     assert with_it[0].value == as_given[0].value
     leaks = [
-        _named(list(standstill_checks(found, likelihood, MODEL, model)), "apparent_guide_leakage")[0]
+        _named(
+            list(standstill_checks(measured_recordings, likelihood, MODEL, model)), "apparent_guide_leakage"
+        )[0]
         for model in (MODEL, amended)
     ]
     assert [leak.passed or leak.explained for leak in leaks] == [False, True]

@@ -117,9 +117,9 @@ def test_slow_instants_are_warned_of_and_make_masses_less_sure() -> None:
 
 @pytest.mark.parametrize("recording", [RECORDING, _every_fifth(Meaning.MEAN)], ids=["100 kHz", "means"])
 def test_fast_instants_and_means_are_not(recording: Recording) -> None:
-    (one,) = measurements([recording])
-    assert share_between_samples(one) == pytest.approx(0.0, abs=1e-6)
-    assert not any("instants" in words for words in warnings([one]))
+    (measurement,) = measurements([recording])
+    assert share_between_samples(measurement) == pytest.approx(0.0, abs=1e-6)
+    assert not any("instants" in words for words in warnings([measurement]))
 
 
 def test_one_pressure_and_one_duration_are_warned_of() -> None:

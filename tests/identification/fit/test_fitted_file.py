@@ -47,8 +47,8 @@ def test_the_file_is_taken_back_as_it_was_fitted(done: CalibrationResult, tmp_pa
     assert back.line_outflow is done.fitted.structure.outflow
     assert back.line.model == done.fitted.structure.line
     assert back.line.cells == done.injector.line.cells
-    for one in done.fitted.calibration.free:
-        assert one.of(back) == pytest.approx(one.of(done.injector), rel=1e-6)
+    for parameter in done.fitted.calibration.free:
+        assert parameter.of(back) == pytest.approx(parameter.of(done.injector), rel=1e-6)
     assert back.baseline == baseline_of(done, HASHES)
 
 

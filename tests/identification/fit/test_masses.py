@@ -36,10 +36,10 @@ def test_masses_are_read_back(tmp_path: Path, mean: float, single: dict[int, flo
     assert read[1].mean == pytest.approx((mean * 1e-6, 0.005 * mean * 1e-6))
     firsts = [event.openings[0].first for event in FOUND[0].events]
     expected = {firsts[n - 1]: (mass * 1e-6, 0.5e-6) for n, mass in single.items() if mass > 0.5}
-    found = read[0].single if 0 in read else {}
-    assert found.keys() == expected.keys()
+    result = read[0].single if 0 in read else {}
+    assert result.keys() == expected.keys()
     for first, pair in expected.items():
-        assert found[first] == pytest.approx(pair)
+        assert result[first] == pytest.approx(pair)
 
 
 @SAME_FILE

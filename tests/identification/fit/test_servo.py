@@ -26,8 +26,8 @@ def fitted(laws: Laws) -> CalibrationResult:
         event = Event(rail, (Shot(0.0, energizing + 0.3e-3),), Faults())
         return recording_of(record(Bench(Injector(), Needle(), (event,) * 3, seed=number, laws=laws)))
 
-    found = measurements([recording(number, *point) for number, point in enumerate(POINTS)])
-    return calibrate(off_by_ten_percent(), found, {}, lambda _: None, LUMPS)
+    measured_recordings = measurements([recording(number, *point) for number, point in enumerate(POINTS)])
+    return calibrate(off_by_ten_percent(), measured_recordings, {}, lambda _: None, LUMPS)
 
 
 @pytest.mark.parametrize("flow", [1.5, 8.0])

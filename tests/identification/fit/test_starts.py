@@ -64,12 +64,12 @@ def test_instants_from_a_file_with_wrong_stiffness_and_nozzle() -> None:
     assert fitted.seat.flow_coefficient == pytest.approx(part.seat_coefficient, rel=0.0075)
 
 
-def check_found(found: Sequence[Measurement], shares: Sequence[float]) -> InjectorParameters:
+def check_found(recordings: Sequence[Measurement], shares: Sequence[float]) -> InjectorParameters:
     """The fit explains the recordings, and has the hidden numbers, which are returned as found."""
     file = with_values(NOMINAL, WRONG, values_of(NOMINAL, WRONG) * shares)
     small = file.model_copy(update={"nozzle": file.nozzle.model_copy(update={"sac_volume": 3e-9})})
     by_seat = [one for one in STRUCTURES if one.line == "wave" and one.outflow == "seat"]
-    done = calibrate(small, found, {}, lambda _: None, by_seat)
+    done = calibrate(small, recordings, {}, lambda _: None, by_seat)
     assert done.inadequate == ()
     part, fitted = real_part(PART_SEED), done.injector
     assert fitted.fluid.bulk_modulus_line == pytest.approx(part.bulk_modulus_line, rel=0.02)

@@ -37,8 +37,10 @@ def _interpolated(recording: Recording) -> Recording:
 )
 def test_what_is_wrong_with_the_signals_is_said(spoilt: object, words: str) -> None:
     assert callable(spoilt)
-    found = measurements([spoilt(one.recording) for one in simulations(((60e6, 0.6e-3), (100e6, 1.9e-3)))])
-    done = calibrate(NOMINAL, found, {}, lambda _: None, STRUCTURES[:1])
+    measured_recordings = measurements(
+        [spoilt(one.recording) for one in simulations(((60e6, 0.6e-3), (100e6, 1.9e-3)))]
+    )
+    done = calibrate(NOMINAL, measured_recordings, {}, lambda _: None, STRUCTURES[:1])
     assert words in verdict_words(done)
 
 
@@ -50,8 +52,8 @@ def test_what_a_better_sensor_shows_is_weighed_by_what_it_does_to_masses(
     size: float, is_adequate: bool
 ) -> None:
     """The line rings a little at each opening, beyond every model: far above noise, whether it matters or not."""
-    found = measurements([_rung(one.recording, size) for one in simulations(noise=QUIET)])
-    done = calibrate(NOMINAL, found, {}, lambda _: None, STRUCTURES[:1])
+    measured_recordings = measurements([_rung(one.recording, size) for one in simulations(noise=QUIET)])
+    done = calibrate(NOMINAL, measured_recordings, {}, lambda _: None, STRUCTURES[:1])
     assert done.above_gate
     assert (not done.inadequate) is is_adequate
     words = verdict_words(done)
@@ -74,8 +76,8 @@ def test_an_entry_far_from_the_truth_is_named() -> None:
     free = (STIFFNESS, LOSS, SEAT, NOZZLE, SAC)
     scaled = np.array([3.0, 9.0, 1 / 3, 1 / 3, 1 / 3]) * [one.of(NOMINAL) for one in free]
     file = with_values(NOMINAL.model_copy(update={"line": line}), free, scaled)
-    found = measurements([one.recording for one in simulations()])
-    done = calibrate(file, found, {}, lambda _: None, STRUCTURES[:1])
+    measured_recordings = measurements([one.recording for one in simulations()])
+    done = calibrate(file, measured_recordings, {}, lambda _: None, STRUCTURES[:1])
     assert verdict_words(done).startswith("adequate")
     assert "IMPLAUSIBLE: fluid.bulk_modulus_line" in verdict_words(done)
     assert any("line.length is probably too long" in line for line in oddities(done))

@@ -36,25 +36,25 @@ def _line(theta: NDArray[np.float64]) -> Residuals:
 WIDE = (Range(-50.0, 50.0, 1e-4), Range(-50.0, 50.0, 1e-4))
 
 
-def _found(result: Minimum | None) -> Minimum:
+def _minimum(result: Minimum | None) -> Minimum:
     assert result is not None
     return result
 
 
 def test_a_linear_problem_is_solved_as_by_least_squares() -> None:
     expected = np.linalg.lstsq(REGRESSORS, REGRESSORS @ [2.0, -1.0] - NOISE, rcond=None)[0]
-    found = _found(fit(Problem(_line), np.zeros(2), WIDE))
-    assert found.converged
-    assert found.at.theta == pytest.approx(expected, abs=2e-3)
+    minimum = _minimum(fit(Problem(_line), np.zeros(2), WIDE))
+    assert minimum.converged
+    assert minimum.at.theta == pytest.approx(expected, abs=2e-3)
     covariance = np.linalg.inv(REGRESSORS.T @ REGRESSORS)
-    assert found.sigmas() == pytest.approx(np.sqrt(np.diag(covariance)), rel=0.01)
+    assert minimum.sigmas() == pytest.approx(np.sqrt(np.diag(covariance)), rel=0.01)
 
 
 def test_a_bound_holds_and_the_other_parameter_is_fitted_beside_it() -> None:
-    found = _found(fit(Problem(_line), np.zeros(2), (Range(-50.0, 1.0, 1e-4), WIDE[1])))
-    rest = REGRESSORS @ [2.0, -1.0] - NOISE - REGRESSORS[:, 0]
-    (expected,) = np.linalg.lstsq(REGRESSORS[:, 1:], rest, rcond=None)[0]
-    assert found.at.theta == pytest.approx([1.0, expected], abs=2e-3)
+    minimum = _minimum(fit(Problem(_line), np.zeros(2), (Range(-50.0, 1.0, 1e-4), WIDE[1])))
+    remaining = REGRESSORS @ [2.0, -1.0] - NOISE - REGRESSORS[:, 0]
+    (expected,) = np.linalg.lstsq(REGRESSORS[:, 1:], remaining, rcond=None)[0]
+    assert minimum.at.theta == pytest.approx([1.0, expected], abs=2e-3)
 
 
 def test_a_spread_is_a_parameter_as_any_other() -> None:
@@ -63,9 +63,9 @@ def test_a_spread_is_a_parameter_as_any_other() -> None:
     def spread(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(data / np.exp(theta[0]), float(theta[0]))
 
-    found = _found(fit(Problem(spread), np.zeros(1), (Range(-5.0, 5.0, 1e-5),)))
-    assert np.exp(found.at.theta[0]) == pytest.approx(np.sqrt(np.mean(data**2)), rel=2e-3)
-    assert found.sigmas()[0] == pytest.approx(1.0 / np.sqrt(2.0 * N), rel=0.03)
+    minimum = _minimum(fit(Problem(spread), np.zeros(1), (Range(-5.0, 5.0, 1e-5),)))
+    assert np.exp(minimum.at.theta[0]) == pytest.approx(np.sqrt(np.mean(data**2)), rel=2e-3)
+    assert minimum.sigmas()[0] == pytest.approx(1.0 / np.sqrt(2.0 * N), rel=0.03)
 
 
 def test_outliers_move_the_result_little() -> None:
@@ -75,8 +75,8 @@ def test_outliers_move_the_result_little() -> None:
     def level(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(spiked - theta[0])
 
-    found = _found(fit(Problem(level), np.array([5.0]), (Range(-9.0, 9.0, 1e-4),)))
-    assert abs(found.at.theta[0] - NOISE.mean()) < 0.06  # the mean moves by 0.6
+    minimum = _minimum(fit(Problem(level), np.array([5.0]), (Range(-9.0, 9.0, 1e-4),)))
+    assert abs(minimum.at.theta[0] - NOISE.mean()) < 0.06  # the mean moves by 0.6
 
 
 def test_a_curved_problem_is_solved_from_afar() -> None:
@@ -85,25 +85,25 @@ def test_a_curved_problem_is_solved_from_afar() -> None:
     def decay(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(NOISE + 50.0 * (np.exp(-3.0 * time) - np.exp(-theta[0] * time)))
 
-    found = _found(fit(Problem(decay), np.array([30.0]), (Range(0.0, 100.0, 1e-5),)))
-    assert found.at.theta[0] == pytest.approx(3.0, abs=4 * found.sigmas()[0])
+    minimum = _minimum(fit(Problem(decay), np.array([30.0]), (Range(0.0, 100.0, 1e-5),)))
+    assert minimum.at.theta[0] == pytest.approx(3.0, abs=4 * minimum.sigmas()[0])
 
 
 def test_what_the_data_do_not_see_has_no_limit() -> None:
     def blind(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(NOISE - theta[0])
 
-    found = _found(fit(Problem(blind), np.array([1.0, 7.0]), WIDE))
-    assert found.at.theta[1] == 7.0
-    assert np.isinf(found.sigmas()[1])
+    minimum = _minimum(fit(Problem(blind), np.array([1.0, 7.0]), WIDE))
+    assert minimum.at.theta[1] == 7.0
+    assert np.isinf(minimum.sigmas()[1])
 
 
 def test_steps_into_the_insoluble_are_shortened() -> None:
     def fragile(theta: NDArray[np.float64]) -> Residuals | None:
         return None if theta[0] > 2.5 else _residuals(NOISE + 0.01 * (theta[0] - 2.0) ** 3 + theta[0] - 2.0)
 
-    found = _found(fit(Problem(fragile), np.array([-20.0]), (Range(-50.0, 50.0, 1e-5),)))
-    assert found.at.theta[0] == pytest.approx(2.0, abs=0.1)
+    minimum = _minimum(fit(Problem(fragile), np.array([-20.0]), (Range(-50.0, 50.0, 1e-5),)))
+    assert minimum.at.theta[0] == pytest.approx(2.0, abs=0.1)
     assert fit(Problem(fragile), np.array([3.0]), (Range(-50.0, 50.0, 1e-5),)) is None
 
 
@@ -114,10 +114,10 @@ def test_a_bound_on_the_way_does_not_end_the_search() -> None:
     def slanted(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(NOISE + nearly @ (theta - np.array([4.0, 1.0])))
 
-    found = _found(
+    minimum = _minimum(
         fit(Problem(slanted), np.array([1.2, 1.5]), (Range(-50.0, 50.0, 1e-4), Range(0.9, 2.0, 1e-4)))
     )
-    assert found.statistic < _residuals(NOISE).statistic + 0.1
+    assert minimum.statistic < _residuals(NOISE).statistic + 0.1
 
 
 def test_slopes_at_the_minimum_are_not_had_before_they_are_wanted() -> None:
@@ -128,15 +128,15 @@ def test_slopes_at_the_minimum_are_not_had_before_they_are_wanted() -> None:
         return _line(theta)
 
     start = np.zeros(2)
-    found = _found(fit(Problem(noted), start, WIDE, 1, _line(start)))
+    minimum = _minimum(fit(Problem(noted), start, WIDE, 1, _line(start)))
     assert len(asked) == 3  # two slopes at the start, where the residuals are known, and the step
-    assert np.array_equal(asked[-1], found.theta)
-    assert np.isfinite(found.sigmas()).all()
+    assert np.array_equal(asked[-1], minimum.theta)
+    assert np.isfinite(minimum.sigmas()).all()
     assert len(asked) == 5
 
 
 def test_residuals_known_at_a_start_out_of_bounds_are_not_those_within() -> None:
     bounds = (Range(0.0, 5.0, 1e-4), Range(-5.0, 5.0, 1e-4))
     start = np.array([-9.0, 0.0])
-    found = _found(fit(Problem(_line), start, bounds, 0, _line(start)))
-    assert np.array_equal(found.residuals.z, _line(np.zeros(2)).z)
+    minimum = _minimum(fit(Problem(_line), start, bounds, 0, _line(start)))
+    assert np.array_equal(minimum.residuals.z, _line(np.zeros(2)).z)

@@ -23,8 +23,8 @@ PERIOD = 12_000  # samples of two injections
 @cache
 def pair(rail_pressure: float = 100e6) -> Recording:
     """Two injections, which may be repeated without a leap."""
-    (one,) = recordings(points=((rail_pressure, 1e-3),), measured_rate=True)
-    return part(one, 13_000, 13_000 + PERIOD)
+    (recording,) = recordings(points=((rail_pressure, 1e-3),), measured_rate=True)
+    return part(recording, 13_000, 13_000 + PERIOD)
 
 
 def part(recording: Recording, start: int, end: int) -> Recording:
@@ -50,26 +50,31 @@ def lengths(event: JudgedEvent) -> tuple[int, ...]:
 
 
 def test_a_recording_that_is_not_too_long_is_taken_whole() -> None:
-    found, (expected,) = measured(HeldSignals(pair())), measurements([pair()])
-    assert found.recording is pair()
-    assert found.events == expected.events
-    assert (found.noise, found.rate_noise) == (expected.noise, expected.rate_noise)
-    assert coverage(found) == coverage(expected)
+    measured_recordings, (expected,) = measured(HeldSignals(pair())), measurements([pair()])
+    assert measured_recordings.recording is pair()
+    assert measured_recordings.events == expected.events
+    assert (measured_recordings.noise, measured_recordings.rate_noise) == (
+        expected.noise,
+        expected.rate_noise,
+    )
+    assert coverage(measured_recordings) == coverage(expected)
 
 
 def test_every_injection_of_a_long_one_is_found_whole() -> None:
     times = 2 * BLOCK // PERIOD + 5
-    found = measured(Repeated(pair(), times), most=MOST)
+    measured_recordings = measured(Repeated(pair(), times), most=MOST)
     (expected,) = measurements([Repeated(pair(), times).collected()])
-    assert found.found.complete == len(expected.events) == 2 * times
-    assert found.found.left_out == ()
-    assert found.recording.samples <= MOST
-    assert len(found.events) > MOST // PERIOD
-    assert set(windows(found)) <= set(windows(expected))
-    assert {lengths(event) for event in found.events} == {lengths(event) for event in expected.events}
-    assert found.noise.line_pressure == pytest.approx(expected.noise.line_pressure, rel=0.02)
-    assert found.noise.needle_lift == pytest.approx(expected.noise.needle_lift, rel=0.15)
-    assert (found.rail_pressure, found.duration) == pytest.approx(
+    assert measured_recordings.found.complete == len(expected.events) == 2 * times
+    assert measured_recordings.found.left_out == ()
+    assert measured_recordings.recording.samples <= MOST
+    assert len(measured_recordings.events) > MOST // PERIOD
+    assert set(windows(measured_recordings)) <= set(windows(expected))
+    assert {lengths(event) for event in measured_recordings.events} == {
+        lengths(event) for event in expected.events
+    }
+    assert measured_recordings.noise.line_pressure == pytest.approx(expected.noise.line_pressure, rel=0.02)
+    assert measured_recordings.noise.needle_lift == pytest.approx(expected.noise.needle_lift, rel=0.15)
+    assert (measured_recordings.rail_pressure, measured_recordings.duration) == pytest.approx(
         (expected.rail_pressure, expected.duration), rel=1e-3
     )
 
@@ -77,9 +82,10 @@ def test_every_injection_of_a_long_one_is_found_whole() -> None:
 def test_a_rare_operating_point_keeps_all_of_its_injections() -> None:
     rare = pair(60e6)
     often = Repeated(pair(), 20).collected()
-    found = measured(HeldSignals(joined(often, rare, often, often)), most=MOST)
+    measured_recordings = measured(HeldSignals(joined(often, rare, often, often)), most=MOST)
     pressures = [
-        float(found.recording.rail_pressure[event.openings[0].first - 100]) for event in found.events
+        float(measured_recordings.recording.rail_pressure[event.openings[0].first - 100])
+        for event in measured_recordings.events
     ]
     assert sum(pressure < 80e6 for pressure in pressures) == 2
     assert len(pressures) > 10
@@ -89,9 +95,9 @@ def test_what_is_kept_is_spread_over_the_whole() -> None:
     """The lift tells when: every injection is a little higher than the one before."""
     long = Repeated(pair(), 40).collected()
     long = replace(long, needle_lift=long.needle_lift * np.linspace(1.0, 1.5, long.samples))
-    found = measured(HeldSignals(long), most=MOST)
-    lift = found.recording.needle_lift
-    heights = [float(np.max(lift[event.start : event.end])) for event in found.events]
+    measured_recordings = measured(HeldSignals(long), most=MOST)
+    lift = measured_recordings.recording.needle_lift
+    heights = [float(np.max(lift[event.start : event.end])) for event in measured_recordings.events]
     steps = np.diff(heights) / (heights[-1] - heights[0]) * (len(heights) - 1)
     assert np.all((steps > 0.5) & (steps < 1.5))
     assert heights[-1] / heights[0] > 1.4
@@ -100,16 +106,16 @@ def test_what_is_kept_is_spread_over_the_whole() -> None:
 def test_what_is_missing_is_counted_and_left_out_as_of_the_whole() -> None:
     long = Repeated(pair(), 60).collected()
     rail = long.rail_pressure.copy()
-    (whole,) = measurements([long])
+    (complete,) = measurements([long])
     for number in (7, 50, 51):
-        first = whole.events[number].openings[0].first
+        first = complete.events[number].openings[0].first
         rail[first + 20 : first + 29] = np.nan
     long = replace(long, rail_pressure=rail)
-    found, (expected,) = measured(HeldSignals(long), most=MOST), measurements([long])
-    assert [event.lack for event in found.found.left_out] == [Lack.GAP] * 3
-    assert found.found.left_out == expected.found.left_out
-    summary, chosen, left_out = coverage(found).splitlines()
-    judged = len(found.events)
+    measured_recordings, (expected,) = measured(HeldSignals(long), most=MOST), measurements([long])
+    assert [event.lack for event in measured_recordings.found.left_out] == [Lack.GAP] * 3
+    assert measured_recordings.found.left_out == expected.found.left_out
+    summary, chosen, left_out = coverage(measured_recordings).splitlines()
+    judged = len(measured_recordings.events)
     assert summary.endswith(
         f"3 gaps of 27 samples in all, the longest 0.09 ms, {judged} of 120 injections judged"
     )

@@ -41,8 +41,8 @@ def test_a_lift_is_restored_and_opens_when_it_did(lag: float) -> None:
     (straight,) = find_openings(true + noise, NOISE)
     louder = NOISE * np.hypot(1.0, lag * RATE)
     assert np.abs(restored - true).max() < 4.5 * louder
-    for found, wanted in ((opening.rising, straight.rising), (opening.falling, straight.falling)):
-        assert found.slope == pytest.approx(wanted.slope, rel=0.08)
+    for item, wanted in ((opening.rising, straight.rising), (opening.falling, straight.falling)):
+        assert item.slope == pytest.approx(wanted.slope, rel=0.08)
     opens = opening.first - opening.rising.lift / opening.rising.slope
     shuts = opening.last + opening.falling.lift / opening.falling.slope
     assert (opens, shuts) == pytest.approx((200.4, 390.7), abs=0.4)
@@ -65,8 +65,8 @@ SLOW: Measurement = measurements(
 def test_the_opened_area_follows_the_lag_smoothly(lag: float) -> None:
     """What a fit takes for a slope is one, and no size is sticky."""
     step = 1e-8
-    here, there = (TrueInputs(SLOW, InputTerms(lift_lag=one), C).area for one in (lag, lag + step))
-    change = np.abs(np.maximum(there, 0.0) - np.maximum(here, 0.0)).max()
+    here, ahead = (TrueInputs(SLOW, InputTerms(lift_lag=one), C).area for one in (lag, lag + step))
+    change = np.abs(np.maximum(ahead, 0.0) - np.maximum(here, 0.0)).max()
     # A_S/A_0 is 5e3 a metre; the lift changes by 2 m/s, noise included; a foot that moves by a sample within the grid
     # adds or takes what the needle travels in it: a jump would be a hundred times as much
     assert change < (2.0 + 2.0 / RATE / GRID) * step * 5e3
@@ -75,5 +75,5 @@ def test_the_opened_area_follows_the_lag_smoothly(lag: float) -> None:
 def test_an_event_that_was_recorded_keeps_its_area() -> None:
     true = measurements(recordings(points=((100e6, 1.0e-3),)))[0]
     expected = np.maximum(TrueInputs(true, InputTerms(), C).area, 0.0).sum()
-    found = np.maximum(TrueInputs(SLOW, InputTerms(lift_lag=25e-6), C).area, 0.0).sum()
-    assert found == pytest.approx(expected, rel=2e-3)
+    result = np.maximum(TrueInputs(SLOW, InputTerms(lift_lag=25e-6), C).area, 0.0).sum()
+    assert result == pytest.approx(expected, rel=2e-3)

@@ -23,10 +23,10 @@ def test_what_is_found_is_the_variance_beyond_that_without_a_lag() -> None:
     def innovations(measurement: Measurement, lag: float) -> NDArray[np.float64]:
         return (1.0 + lag / GRID) * measurement.recording.needle_lift / noise
 
-    found = LiftNoise(measurement, innovations)
-    assert np.mean(found.variance(2 * GRID)) == pytest.approx(9.0 - 1.0, rel=0.05)
-    assert np.mean(found.variance(2.5 * GRID)) == pytest.approx(0.5 * (9.0 + 16.0) - 1.0, rel=0.05)
-    assert not found.variance(0.0).any()
+    result = LiftNoise(measurement, innovations)
+    assert np.mean(result.variance(2 * GRID)) == pytest.approx(9.0 - 1.0, rel=0.05)
+    assert np.mean(result.variance(2.5 * GRID)) == pytest.approx(0.5 * (9.0 + 16.0) - 1.0, rel=0.05)
+    assert not result.variance(0.0).any()
 
 
 def test_the_noise_of_a_restored_lift_speaks_less_against_the_model() -> None:
@@ -34,7 +34,9 @@ def test_the_noise_of_a_restored_lift_speaks_less_against_the_model() -> None:
     likelihood = joint_likelihood(measurements(recordings((lag,), True, noise=LOUD)), MODEL)
     judged = likelihood.judge(lag.effect.apply(MODEL, lag.values))
     assert judged is not None
-    for recorded, one in zip(likelihood.recordings, judged, strict=True):
+    for recorded, judged_model in zip(likelihood.recordings, judged, strict=True):
         moving = (recorded.phases == Phase.OPENING) | (recorded.phases == Phase.CLOSING)
-        assert np.mean(one.z[moving] ** 2) < 2.0  # 3.0 were the lift taken to be as quiet as it was recorded
-        assert np.mean(one.rate_z**2) < 0.95  # 1.0 and 1.1, likewise
+        assert (
+            np.mean(judged_model.z[moving] ** 2) < 2.0
+        )  # 3.0 were the lift taken to be as quiet as it was recorded
+        assert np.mean(judged_model.rate_z**2) < 0.95  # 1.0 and 1.1, likewise

@@ -98,16 +98,16 @@ def test_what_is_stated_of_the_channels_is_known() -> None:
         sized("needle_lift_sensor_lag", tau=16e-6),
         sized("line_pressure_sensor_lag", tau=9e-6),
     )
-    found = [replace(one, stated=channels) for one in measurements(recordings(channels))]
+    result = [replace(one, stated=channels) for one in measurements(recordings(channels))]
     by_effects = joint_likelihood(
-        [replace(one, stated=()) for one in found], effective_model(NOMINAL, channels)
+        [replace(one, stated=()) for one in result], effective_model(NOMINAL, channels)
     )
-    known, alike = joint_likelihood(found, NOMINAL_MODEL), effective_model(NOMINAL, channels)
-    assert _statistic(known) == pytest.approx(_statistic(by_effects, alike), rel=1e-12)
-    assert _statistic(known) < _statistic(by_effects, NOMINAL_MODEL) - 1e3
-    judged = known.judge(NOMINAL_MODEL)
+    stated, alike = joint_likelihood(result, NOMINAL_MODEL), effective_model(NOMINAL, channels)
+    assert _statistic(stated) == pytest.approx(_statistic(by_effects, alike), rel=1e-12)
+    assert _statistic(stated) < _statistic(by_effects, NOMINAL_MODEL) - 1e3
+    judged = stated.judge(NOMINAL_MODEL)
     assert judged is not None
     assert np.mean(np.concatenate([one.z for one in judged]) ** 2) == pytest.approx(1.0, abs=0.1)
-    shown = [one.line_pressure for m in found for one in simulated(m, NOMINAL_MODEL)]
-    alone = [one.line_pressure for m in found for one in simulated(replace(m, stated=()), alike)]
+    shown = [one.line_pressure for m in result for one in simulated(m, NOMINAL_MODEL)]
+    alone = [one.line_pressure for m in result for one in simulated(replace(m, stated=()), alike)]
     assert all(np.array_equal(a, b) for a, b in zip(shown, alone, strict=True))

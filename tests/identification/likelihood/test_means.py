@@ -30,8 +30,8 @@ def means(recording: Recording, meaning: Meaning | None) -> Recording:
 
     def averaged(signal: NDArray[np.float64]) -> NDArray[np.float64]:
         between = 0.5 * (signal[1:] + signal[:-1])
-        whole = between[: between.size // EVERY * EVERY].reshape(-1, EVERY).mean(axis=1)
-        return np.append(signal[:1], whole)
+        complete = between[: between.size // EVERY * EVERY].reshape(-1, EVERY).mean(axis=1)
+        return np.append(signal[:1], complete)
 
     rail, rate = averaged(recording.rail_pressure), recording.injection_rate
     return Recording(
@@ -52,9 +52,9 @@ def measured(
 
 
 def judged(meaning: Meaning | None, rate: bool = False) -> list[JudgedModel]:
-    found = joint_likelihood(measured(meaning, rate=rate), MODEL).judge(MODEL)
-    assert found is not None
-    return found
+    measured_recordings = joint_likelihood(measured(meaning, rate=rate), MODEL).judge(MODEL)
+    assert measured_recordings is not None
+    return measured_recordings
 
 
 def test_the_true_model_leaves_noise_alone() -> None:
@@ -88,24 +88,27 @@ def test_the_area_is_that_of_the_needle() -> None:
     expected = TrueInputs(fine, InputTerms(), C).area
     inputs = TrueInputs(slow, InputTerms(), C)
     knots = np.arange(inputs.area.size) + inputs.knots[:, 0]
-    place = np.asarray(np.sort(np.append(np.arange(inputs.area.size), knots)), np.float64)
+    position = np.asarray(np.sort(np.append(np.arange(inputs.area.size), knots)), np.float64)
     area = np.column_stack([inputs.area, inputs.knots[:, 1]]).ravel().astype(np.float64)
-    found = np.interp(np.arange(expected.size) / EVERY, place, area)
-    assert np.abs(np.maximum(found, 0.0) - np.maximum(expected, 0.0)).max() < 0.06
+    result = np.interp(np.arange(expected.size) / EVERY, position, area)
+    assert np.abs(np.maximum(result, 0.0) - np.maximum(expected, 0.0)).max() < 0.06
     total = np.maximum(expected, 0.0).sum()
-    assert np.maximum(found, 0.0).sum() == pytest.approx(total, rel=2e-3)
+    assert np.maximum(result, 0.0).sum() == pytest.approx(total, rel=2e-3)
 
 
 def test_a_mass_is_that_at_100_khz() -> None:
     for fine, slow in zip(measurements(recordings()), measured(Meaning.MEAN), strict=True):
         density = C.density
-        for one, other in zip(simulated(fine, MODEL), simulated(slow, MODEL), strict=True):
-            assert mass(slow, other, density) == pytest.approx(mass(fine, one, density), rel=5e-3)
+        for first, second in zip(simulated(fine, MODEL), simulated(slow, MODEL), strict=True):
+            assert mass(slow, second, density) == pytest.approx(mass(fine, first, density), rel=5e-3)
 
 
 def test_noise_is_added_to_what_keeps_its_meaning() -> None:
-    (found, *_) = measured(Meaning.MEAN)
-    assert found.means
+    (measured_recordings, *_) = measured(Meaning.MEAN)
+    assert measured_recordings.means
     assert replace(
-        found, recording=replace(found.recording, rail_pressure=found.recording.rail_pressure)
+        measured_recordings,
+        recording=replace(
+            measured_recordings.recording, rail_pressure=measured_recordings.recording.rail_pressure
+        ),
     ).means

@@ -20,87 +20,87 @@ POINT = ((100e6, 1.0e-3),)
 
 
 def test_noise_events_and_operating_point_are_found() -> None:
-    (found,) = measurements(recordings(points=POINT, measured_rate=True))
+    (measurement,) = measurements(recordings(points=POINT, measured_rate=True))
     expected = SimulatedNoise()
-    assert found.noise.rail_pressure == pytest.approx(expected.rail_pressure, rel=0.03)
-    assert found.noise.line_pressure == pytest.approx(expected.line_pressure, rel=0.03)
-    assert found.noise.needle_lift == pytest.approx(expected.needle_lift, rel=0.15)
-    assert found.rate_noise == pytest.approx(expected.injection_rate, rel=0.03)
-    assert found.rail_pressure == pytest.approx(100e6, rel=1e-3)
-    assert found.duration == pytest.approx(1.283e-3, rel=0.03)  # delays and flanks of the needle
-    assert len(found.events) == 2
-    for event in found.events:
+    assert measurement.noise.rail_pressure == pytest.approx(expected.rail_pressure, rel=0.03)
+    assert measurement.noise.line_pressure == pytest.approx(expected.line_pressure, rel=0.03)
+    assert measurement.noise.needle_lift == pytest.approx(expected.needle_lift, rel=0.15)
+    assert measurement.rate_noise == pytest.approx(expected.injection_rate, rel=0.03)
+    assert measurement.rail_pressure == pytest.approx(100e6, rel=1e-3)
+    assert measurement.duration == pytest.approx(1.283e-3, rel=0.03)  # delays and flanks of the needle
+    assert len(measurement.events) == 2
+    for event in measurement.events:
         opening = event.openings[0]
         assert opening.first - event.counted == round(COUNTED_LEAD * 100e3)
         assert event.end - opening.last == round(RING_DOWN * 100e3)
 
 
 def test_pilot_and_main_are_one_event() -> None:
-    (one,) = recordings(points=POINT)
-    lift = one.needle_lift.copy()
+    (recording,) = recordings(points=POINT)
+    lift = recording.needle_lift.copy()
     pilot = np.flatnonzero(lift > 10e-6)[0] - 400  # 4 ms before the first injection
     lift[pilot : pilot + 30] = 40e-6
-    (found,) = measurements([replace(one, needle_lift=lift)])
-    assert [len(event.openings) for event in found.events] == [2, 1]
+    (measurement,) = measurements([replace(recording, needle_lift=lift)])
+    assert [len(event.openings) for event in measurement.events] == [2, 1]
 
 
 def test_an_event_with_missing_samples_is_left_out() -> None:
-    (one,) = recordings(points=POINT)
-    line = one.line_pressure.copy()
-    line[np.flatnonzero(one.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
-    (found,) = measurements([replace(one, line_pressure=line)])
-    assert len(found.events) == 1
-    (left_out,) = found.found.left_out
+    (recording,) = recordings(points=POINT)
+    line = recording.line_pressure.copy()
+    line[np.flatnonzero(recording.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
+    (measurement,) = measurements([replace(recording, line_pressure=line)])
+    assert len(measurement.events) == 1
+    (left_out,) = measurement.found.left_out
     assert left_out.lack is Lack.GAP
-    (whole,) = measurements([one])
-    assert left_out.time == one.time[whole.events[1].openings[0].first]
-    assert whole.found.left_out == ()
+    (complete,) = measurements([recording])
+    assert left_out.time == recording.time[complete.events[1].openings[0].first]
+    assert complete.found.left_out == ()
 
 
-@pytest.mark.parametrize("place", [0, 1, 4, -1])
-def test_a_sample_of_the_lift_missing_in_a_ramp_costs_that_event_only(place: int) -> None:
-    (one,) = recordings(points=POINT)
-    lift = one.needle_lift.copy()
-    (whole,) = measurements([one])
-    opening = whole.events[0].openings[0]
-    lift[(opening.first if place >= 0 else opening.last + 1) + place] = np.nan
-    (found,) = measurements([replace(one, needle_lift=lift)])
-    assert found.events == whole.events[1:]
-    assert [event.lack for event in found.found.left_out] == [Lack.GAP]
+@pytest.mark.parametrize("position", [0, 1, 4, -1])
+def test_a_sample_of_the_lift_missing_in_a_ramp_costs_that_event_only(position: int) -> None:
+    (recording,) = recordings(points=POINT)
+    lift = recording.needle_lift.copy()
+    (complete,) = measurements([recording])
+    opening = complete.events[0].openings[0]
+    lift[(opening.first if position >= 0 else opening.last + 1) + position] = np.nan
+    (measurement,) = measurements([replace(recording, needle_lift=lift)])
+    assert measurement.events == complete.events[1:]
+    assert [event.lack for event in measurement.found.left_out] == [Lack.GAP]
 
 
 def test_an_event_cut_off_at_either_end_is_left_out() -> None:
-    (one,) = recordings(points=POINT)
-    (whole,) = measurements([one])
-    first, second = (event.openings[0] for event in whole.events)
+    (recording,) = recordings(points=POINT)
+    (complete,) = measurements([recording])
+    first, second = (event.openings[0] for event in complete.events)
 
     def between(start: int, end: int) -> list[Lack]:
         part = replace(
-            one,
-            time=one.time[: end - start],
-            rail_pressure=one.rail_pressure[start:end],
-            needle_lift=one.needle_lift[start:end],
-            line_pressure=one.line_pressure[start:end],
+            recording,
+            time=recording.time[: end - start],
+            rail_pressure=recording.rail_pressure[start:end],
+            needle_lift=recording.needle_lift[start:end],
+            line_pressure=recording.line_pressure[start:end],
         )
-        (found,) = measurements([part])
-        assert len(found.events) == 1
-        return [event.lack for event in found.found.left_out]
+        (measurement,) = measurements([part])
+        assert len(measurement.events) == 1
+        return [event.lack for event in measurement.found.left_out]
 
-    assert between(first.first - 100, one.samples) == [Lack.BEFORE]
+    assert between(first.first - 100, recording.samples) == [Lack.BEFORE]
     assert between(0, second.last + 100) == [Lack.AFTER]
 
 
 def test_a_recording_without_injection_is_refused() -> None:
-    (one,) = recordings(points=POINT)
+    (recording,) = recordings(points=POINT)
     with pytest.raises(UserError, match="no complete injection"):
-        measurements([replace(one, needle_lift=np.zeros(one.samples))])
+        measurements([replace(recording, needle_lift=np.zeros(recording.samples))])
 
 
 def test_a_slow_recording_is_refused() -> None:
-    (one,) = recordings(points=POINT)
-    slow = {name: getattr(one, name)[::20] for name in ("time", *one.signals)}
+    (recording,) = recordings(points=POINT)
+    slow = {name: getattr(recording, name)[::20] for name in ("time", *recording.signals)}
     with pytest.raises(UserError, match="ringing"):
-        measurements([replace(one, **slow)])
+        measurements([replace(recording, **slow)])
 
 
 def test_no_recording_is_refused() -> None:

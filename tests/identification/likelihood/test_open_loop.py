@@ -17,8 +17,8 @@ NOISE = Levels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 
 def _noise_free(*effects: SizedEffect) -> list[Measurement]:
     """Noise-free recordings, weighed as if they had the usual noise."""
-    found = measurements(recordings(effects, measured_rate=False, noise=None))
-    return [replace(one, noise=NOISE) for one in found]
+    measured_recordings = measurements(recordings(effects, measured_rate=False, noise=None))
+    return [replace(one, noise=NOISE) for one in measured_recordings]
 
 
 @pytest.mark.parametrize(
@@ -36,15 +36,15 @@ def _noise_free(*effects: SizedEffect) -> list[Measurement]:
 def test_the_true_model_runs_along_the_measurement(hidden: tuple[SizedEffect, ...]) -> None:
     model = effective_model(NOMINAL, hidden)
     for measurement in _noise_free(*hidden):
-        for one in simulated(measurement, model):
-            missed = one.line_pressure - measurement.recording.line_pressure[one.samples]
+        for run in simulated(measurement, model):
+            missed = run.line_pressure - measurement.recording.line_pressure[run.samples]
             assert np.sqrt(np.mean(missed**2)) < 0.05e6
 
 
 def test_the_nominal_model_misses_what_is_hidden() -> None:
     for measurement in _noise_free(sized("orifice_area", v_H=0.2)):
-        for one in simulated(measurement, effective_model(NOMINAL)):
-            missed = one.line_pressure - measurement.recording.line_pressure[one.samples]
+        for run in simulated(measurement, effective_model(NOMINAL)):
+            missed = run.line_pressure - measurement.recording.line_pressure[run.samples]
             assert np.sqrt(np.mean(missed**2)) > 0.3e6
 
 
@@ -53,8 +53,8 @@ def test_mass_of_the_true_model_is_the_measured_mass() -> None:
     model = effective_model(NOMINAL, (hidden,))
     density = model.coefficients.density
     for measurement in measurements(recordings((hidden,), measured_rate=True)):
-        for one in simulated(measurement, model):
-            ours, measured = mass(measurement, one, density), measured_mass(measurement, one, density)
+        for run in simulated(measurement, model):
+            ours, measured = mass(measurement, run, density), measured_mass(measurement, run, density)
             assert ours == pytest.approx(measured, rel=0.02)
             assert 10e-6 < ours < 200e-6
 

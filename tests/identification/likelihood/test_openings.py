@@ -31,9 +31,9 @@ def _noisy(lift: NDArray[np.float64], seed: int = 3) -> NDArray[np.float64]:
 
 
 def test_every_stroke_is_found_with_its_flanks() -> None:
-    found = find_openings(_noisy(_lift((100, 300), (500, 540))), NOISE)
-    assert len(found) == 2
-    for opening, (first, closed) in zip(found, ((100, 300), (500, 540)), strict=True):
+    openings = find_openings(_noisy(_lift((100, 300), (500, 540))), NOISE)
+    assert len(openings) == 2
+    for opening, (first, closed) in zip(openings, ((100, 300), (500, 540)), strict=True):
         assert opening.first in (first, first + 1)
         assert opening.last in (closed - 1, closed)
         for ramp, distance in (
@@ -50,8 +50,8 @@ def test_noise_alone_is_no_opening() -> None:
 
 def test_openings_cut_off_by_the_ends_are_left_out() -> None:
     lift = _lift((-50, 100), (400, 600), (900, 1200))
-    found = find_openings(_noisy(lift), NOISE)
-    assert [opening.first for opening in found] in ([400], [401])
+    openings = find_openings(_noisy(lift), NOISE)
+    assert [opening.first for opening in openings] in ([400], [401])
 
 
 def test_missing_samples_are_shut() -> None:
@@ -80,9 +80,9 @@ def test_openings_are_those_that_the_observer_sees(rate: float) -> None:
         recording = recording_of(
             record(Bench(Injector(), Needle(), events, sample_rate=rate, noise=1.0, seed=seed))
         )
-        found, observed = openings_of(recording), _observed(recording)
-        assert len(found) == len(observed) == 8
-        for opening, (first, last) in zip(found, observed, strict=True):
+        openings, observed = openings_of(recording), _observed(recording)
+        assert len(openings) == len(observed) == 8
+        for opening, (first, last) in zip(openings, observed, strict=True):
             assert abs(opening.first - first) <= 1
             assert abs(opening.last - last) <= LOOK_BACK
             beyond = recording.needle_lift[min(opening.last, last) + 1 : max(opening.last, last) + 1]

@@ -44,14 +44,14 @@ def test_a_model_explains_the_points_as_well_as_the_whole(hidden: str) -> None:
         "lift_offset": (sized("lift_offset", x_0=15e-6),),
         "channel_skew": (sized("channel_skew", d=23e-6),),
     }
-    whole = measurements(_history())
-    parts = [point.measurement for point in by_operating_point(whole)]
+    complete = measurements(_history())
+    parts = [point.measurement for point in by_operating_point(complete)]
     nominal, model = effective_model(NOMINAL), effective_model(NOMINAL, effects[hidden])
     together, apart = (
-        joint_likelihood(whole, nominal).judge(model),
+        joint_likelihood(complete, nominal).judge(model),
         joint_likelihood(parts, nominal).judge(model),
     )
     assert together is not None
     assert apart is not None
-    found = np.sort(np.concatenate([one.z for one in apart]))
-    np.testing.assert_allclose(found, np.sort(together[0].z), rtol=0, atol=1e-9)
+    result = np.sort(np.concatenate([one.z for one in apart]))
+    np.testing.assert_allclose(result, np.sort(together[0].z), rtol=0, atol=1e-9)

@@ -33,13 +33,13 @@ def _supply(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _moving(seed: int) -> tuple[Measurement, ...]:
-    found = []
+    results = []
     for number, pressure in enumerate((60e6, 140e6)):
         events = tuple(Event(pressure, (Shot(0.0, 1.2e-3),), Faults()) for _ in STARTS)
         around = Surroundings(starts=STARTS, supply=(_supply,))
         bench = Bench(Injector(), Needle(), events, seed=10 * seed + number, around=around)
-        found.append(recording_of(record(bench)))
-    return measurements(found)
+        results.append(recording_of(record(bench)))
+    return measurements(results)
 
 
 @pytest.fixture(scope="module")

@@ -28,9 +28,9 @@ SECTION = {
 
 
 def said(source: SignalStream) -> str:
-    told = io.StringIO()
-    read_measured([Path("a.csv")], lambda _: source, Console(file=told, width=200))
-    return told.getvalue()
+    output = io.StringIO()
+    read_measured([Path("a.csv")], lambda _: source, Console(file=output, width=200))
+    return output.getvalue()
 
 
 def test_exchanged_columns_are_named_by_what_they_do() -> None:
@@ -40,28 +40,32 @@ def test_exchanged_columns_are_named_by_what_they_do() -> None:
 
 
 def test_copies_are_left_out_and_named(tmp_path: Path) -> None:
-    one, other, copy = (tmp_path / name for name in ("one.csv", "other.csv", "copy.csv"))
-    for path, text in ((one, "1"), (other, "2"), (copy, "1")):
+    first, second, copy = (tmp_path / name for name in ("one.csv", "other.csv", "copy.csv"))
+    for path, text in ((first, "1"), (second, "2"), (copy, "1")):
         path.write_text(text)
-    told = io.StringIO()
-    assert without_copies([one, other, copy, one], Console(file=told, width=500)) == [one, other, one]
-    assert told.getvalue() == f"warning: {copy} is left out: a copy of {one}\n"
+    output = io.StringIO()
+    assert without_copies([first, second, copy, first], Console(file=output, width=500)) == [
+        first,
+        second,
+        first,
+    ]
+    assert output.getvalue() == f"warning: {copy} is left out: a copy of {first}\n"
 
 
 def test_gaps_and_what_they_cost_are_named() -> None:
-    (one,) = recordings(points=POINT)
-    (whole,) = measurements([one])
-    opening = whole.events[1].openings[0]
-    rail, lift = one.rail_pressure.copy(), one.needle_lift.copy()
+    (recording,) = recordings(points=POINT)
+    (complete,) = measurements([recording])
+    opening = complete.events[1].openings[0]
+    rail, lift = recording.rail_pressure.copy(), recording.needle_lift.copy()
     rail[:27] = np.nan  # far from any injection
     lift[opening.first + 20 : opening.first + 29] = np.nan
-    (found,) = measurements([replace(one, rail_pressure=rail, needle_lift=lift)])
-    first, second = coverage(found).splitlines()
+    (measurement,) = measurements([replace(recording, rail_pressure=rail, needle_lift=lift)])
+    first, second = coverage(measurement).splitlines()
     assert first.endswith("2 gaps of 36 samples in all, the longest 0.27 ms, 1 of 2 injections judged")
     assert second == (
-        f"  left out, samples are missing in it or beside it: at {one.time[opening.first]:.4f} s"
+        f"  left out, samples are missing in it or beside it: at {recording.time[opening.first]:.4f} s"
     )
-    assert coverage(whole).endswith("samples at 100000 Hz, no gap, 2 of 2 injections judged")
+    assert coverage(complete).endswith("samples at 100000 Hz, no gap, 2 of 2 injections judged")
 
 
 @given(missing=st.lists(st.booleans(), max_size=40), cuts=st.sets(st.integers(0, 40)))
@@ -70,5 +74,5 @@ def test_gaps_of_parts_are_counted_as_of_the_whole(missing: list[bool], cuts: se
     for start, end in pairwise([0, *sorted(min(cut, len(missing)) for cut in cuts), len(missing)]):
         gaps.take(np.array(missing[start:end], np.bool_))
     lengths = [len(list(run)) for is_gap, run in groupby(missing) if is_gap]
-    found = gaps.samples, gaps.missing, gaps.count, gaps.longest
-    assert found == (len(missing), sum(missing), len(lengths), max(lengths, default=0))
+    result = gaps.samples, gaps.missing, gaps.count, gaps.longest
+    assert result == (len(missing), sum(missing), len(lengths), max(lengths, default=0))

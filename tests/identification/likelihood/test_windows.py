@@ -24,9 +24,9 @@ def _measurement(*, lift_offset: float = 0.0, noisy: bool = True) -> Measurement
     if noisy:
         return measurements(recordings(effects, points=POINT))[0]
     rng = np.random.default_rng(1)
-    for one in clean:  # a trace of noise, so that the noise can be measured
-        one.line_pressure[:] += rng.normal(0.0, 1e3, one.samples)
-        one.rail_pressure[:] += rng.normal(0.0, 1e3, one.samples)
+    for measurement in clean:  # a trace of noise, so that the noise can be measured
+        measurement.line_pressure[:] += rng.normal(0.0, 1e3, measurement.samples)
+        measurement.rail_pressure[:] += rng.normal(0.0, 1e3, measurement.samples)
     return measurements(clean)[0]
 
 
@@ -63,12 +63,12 @@ def test_a_shut_needle_has_no_area_whatever_the_noise() -> None:
 @given(shift=st.floats(-10e-6, 30e-6))
 def test_the_opened_area_has_no_jumps(shift: float) -> None:
     step = 1e-9
-    here, there = (TrueInputs(NOISY, InputTerms(lift_shift=s), C).area for s in (shift, shift + step))
+    here, ahead = (TrueInputs(NOISY, InputTerms(lift_shift=s), C).area for s in (shift, shift + step))
     opening = NOISY.events[0].openings[0]
     part = slice(opening.first - 10, opening.last + 10)
     samples = opening.last - opening.first + 20
     assert (
-        abs(_opened(there[part]) - _opened(here[part])) < 20.0 * samples * step * 5e3
+        abs(_opened(ahead[part]) - _opened(here[part])) < 20.0 * samples * step * 5e3
     )  # A_S/A_0 is 5e3 a metre
 
 

@@ -43,30 +43,33 @@ FIRST = PlannedMeasurement(
 )
 
 
-def measured(one: PlannedMeasurement, faults: Faults, seed: int) -> Recording:
+def measured(planned_measurement: PlannedMeasurement, faults: Faults, seed: int) -> Recording:
     """A planned measurement, made on the plant. A short pause is one within pairs."""
-    pressure, energizing = one.rail_pressure_MPa * 1e6, one.energizing_ms * 1e-3
+    pressure, energizing = (
+        planned_measurement.rail_pressure_MPa * 1e6,
+        planned_measurement.energizing_ms * 1e-3,
+    )
     moved = schedule.stroke(schedule.Shot(energizing), 0.0, pressure, NOMINAL)
     assert moved is not None
-    paired = one.pause_ms * 1e-3 < PERIOD / 2.0
-    starts = (0.0, energizing + one.pause_ms * 1e-3) if paired else (0.0,)
+    paired = planned_measurement.pause_ms * 1e-3 < PERIOD / 2.0
+    starts = (0.0, energizing + planned_measurement.pause_ms * 1e-3) if paired else (0.0,)
     shots = tuple(Shot(start, moved.closed - moved.opening) for start in starts)
-    events = (Event(pressure, shots, faults),) * (one.injections // len(shots))
+    events = (Event(pressure, shots, faults),) * (planned_measurement.injections // len(shots))
     return recording_of(record(Bench(Injector(), Needle(), events, seed=seed)))
 
 
 def discovered(recordings: list[Recording], *also_left: str) -> tuple[Discovery, MeasurementPlan | None]:
     """What is found, and the plan by which it and effects that are left besides would be told apart."""
-    found = measurements(recordings)
-    answer = name_effects(MODEL, found, SearchOptions(workers=2))
+    measured_recordings = measurements(recordings)
+    answer = name_effects(MODEL, measured_recordings, SearchOptions(workers=2))
     answer = replace(answer, rivals=(*answer.rivals, *((effect,) for effect in also_left)))
-    plan = next_measurement(answer, found, MODEL, NOT_FITTED, two_injections, lambda _: None)
+    plan = next_measurement(answer, measured_recordings, MODEL, NOT_FITTED, two_injections, lambda _: None)
     return answer, plan
 
 
-def behind(found: Discovery, effect: str) -> float:
+def behind(discovery: Discovery, effect: str) -> float:
     """How far an effect is behind the offset of the rail pressure."""
-    statistic = {one.ids: one.statistic for one in found.ranking}
+    statistic = {one.ids: one.statistic for one in discovery.ranking}
     return statistic[(effect,)] - statistic[(OFFSET,)]
 
 
@@ -102,24 +105,26 @@ def test_what_is_measured_as_planned_decides_rightly(hidden: str, faults: Faults
 def test_nothing_promises_what_no_measurement_of_these_signals_tells() -> None:
     """Seat area and lift gain: a plan says that it would not decide, and asks for the rate all the same."""
     recordings = [measured(FIRST, Faults(seat_area=-0.2), seed=3)]
-    found, plan = discovered(recordings)
-    assert {(found.named.ids), *found.rivals} == {("seat_area",), ("lift_gain",)}
+    result, plan = discovered(recordings)
+    assert {(result.named.ids), *result.rivals} == {("seat_area",), ("lift_gain",)}
     assert plan is not None
     assert all(one.confidence < 0.75 for one in plan.measurements)
 
 
 def test_the_winner_of_a_clear_answer_is_set_against_the_next() -> None:
     recordings = [measured(FIRST, Faults(orifice_area=0.1), seed=4)]
-    (found,) = [name_effects(MODEL, measurements(recordings), SearchOptions(workers=2))]
-    assert found.verdict is Verdict.NAMED
-    leader, following = rivals_of(found, MODEL)
+    (measurement,) = [name_effects(MODEL, measurements(recordings), SearchOptions(workers=2))]
+    assert measurement.verdict is Verdict.NAMED
+    leader, following = rivals_of(measurement, MODEL)
     assert leader.words.startswith("orifice area")
     assert leader.behind == 0.0 < following.behind
 
 
 def test_points_lie_about_what_was_recorded() -> None:
-    (one,) = measurements([measured(FIRST, Faults(), seed=5)])
-    pressures = {point.rail_pressure for point in points_for([one, replace(one, rail_pressure=140e6)])}
+    (measurement,) = measurements([measured(FIRST, Faults(), seed=5)])
+    pressures = {
+        point.rail_pressure for point in points_for([measurement, replace(measurement, rail_pressure=140e6)])
+    }
     assert pressures == {20e6 * step for step in range(3, 11)}
 
 

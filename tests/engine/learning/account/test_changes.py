@@ -9,17 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.stream.state import Reason
 from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import (
-    FIRST_EVENT,
-    LINE,
-    PERIOD,
-    Bench,
-    Event,
-    Needle,
-    Shot,
-    Surroundings,
-    seen_as,
-)
+from tests.plants.plant import FIRST_EVENT, LINE, PERIOD, Bench, Event, Needle, Shot, Surroundings, seen_as
 
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
@@ -41,9 +31,9 @@ def seen(
         for k in range(events)
     )
     bench = Bench(Injector(), Needle(), schedule, seed=23, around=around)
-    found = observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))
-    assert not (found.valid & (np.abs(found.errors) > WRONG)).any()
-    return found
+    run = observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))
+    assert not (run.valid & (np.abs(run.errors) > WRONG)).any()
+    return run
 
 
 CHANGES = {
@@ -59,13 +49,11 @@ CHANGES = {
 @pytest.mark.parametrize(("faults", "reason"), CHANGES.values(), ids=CHANGES)
 def test_a_change_is_named_and_the_next_event_is_valid(faults: Faults, reason: Reason) -> None:
     accuracy = 0.7 if faults.line_pressure_sensor_gain else 0.0
-    found = seen(lambda k: faults if k >= BEGINS else HEALTHY, 13, accuracy_percent=accuracy)
-    assert all(found.valid[WARM:BEGINS] + found.valid[BEGINS + 1 :])
-    assert (
-        found.valid[BEGINS] or found.reports[BEGINS].reason is reason
-    )  # a slow sensor changes no mass by much
-    assert found.reports[BEGINS].posterior[0][1] > 0.9
-    assert np.mean(found.inside) >= 0.9
+    run = seen(lambda k: faults if k >= BEGINS else HEALTHY, 13, accuracy_percent=accuracy)
+    assert all(run.valid[WARM:BEGINS] + run.valid[BEGINS + 1 :])
+    assert run.valid[BEGINS] or run.reports[BEGINS].reason is reason  # a slow sensor changes no mass by much
+    assert run.reports[BEGINS].posterior[0][1] > 0.9
+    assert np.mean(run.inside) >= 0.9
 
 
 @pytest.mark.parametrize("lasts", [1, 4])
@@ -76,26 +64,26 @@ def test_after_a_fault_the_injector_is_as_it_was(lasts: int) -> None:
     def late(time: NDArray[np.float64], pressure: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where((time >= begins) & (time < ends), np.interp(time - 0.2e-3, time, pressure), pressure)
 
-    found = seen(lambda _: HEALTHY, BEGINS + lasts + 4, Surroundings(before_noise=(seen_as(LINE, late),)))
-    assert not any(found.valid[BEGINS : BEGINS + lasts])
-    assert all(found.valid[BEGINS + lasts + 1 :])
-    assert found.reports[BEGINS].posterior[0][0] == "at fault"
-    assert found.reports[-1].indicators["orifice_area"].value == pytest.approx(0.0, abs=0.01)
+    run = seen(lambda _: HEALTHY, BEGINS + lasts + 4, Surroundings(before_noise=(seen_as(LINE, late),)))
+    assert not any(run.valid[BEGINS : BEGINS + lasts])
+    assert all(run.valid[BEGINS + lasts + 1 :])
+    assert run.reports[BEGINS].posterior[0][0] == "at fault"
+    assert run.reports[-1].indicators["orifice_area"].value == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_slow_drift_is_covered() -> None:
     """A third of a percent an event, which a random walk of the usual size would lag behind."""
-    found = seen(lambda k: Faults(orifice_area=-0.2 * k / 60.0), 36)
-    assert sum(found.valid) >= 33
-    assert np.mean(found.inside) >= 0.93
-    assert np.abs(found.errors[WARM:]).max() < 0.015
+    run = seen(lambda k: Faults(orifice_area=-0.2 * k / 60.0), 36)
+    assert sum(run.valid) >= 33
+    assert np.mean(run.inside) >= 0.93
+    assert np.abs(run.errors[WARM:]).max() < 0.015
 
 
 def test_an_injector_that_comes_back_is_known() -> None:
-    found = seen(lambda k: Faults(orifice_area=0.15) if BEGINS <= k < BEGINS + 6 else HEALTHY, BEGINS + 10)
+    run = seen(lambda k: Faults(orifice_area=0.15) if BEGINS <= k < BEGINS + 6 else HEALTHY, BEGINS + 10)
     changed = (BEGINS, BEGINS + 6)
-    assert found.valid[WARM:] == [k not in changed for k in range(WARM, BEGINS + 10)]
-    assert found.reports[BEGINS + 6].posterior[0][0] == "as when settled"
+    assert run.valid[WARM:] == [k not in changed for k in range(WARM, BEGINS + 10)]
+    assert run.reports[BEGINS + 6].posterior[0][0] == "as when settled"
 
 
 def test_doubt_of_masses_is_forgotten_with_what_came_after() -> None:

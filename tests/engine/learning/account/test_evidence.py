@@ -38,9 +38,9 @@ def integral(cost: Linearisation, belief: Belief) -> tuple[float, NDArray[np.flo
     logs = -0.5 * np.einsum("ki,ij,kj->k", away, belief.information, away) - cost.value - step @ cost.gradient
     logs -= 0.5 * np.einsum("ki,ij,kj->k", step, cost.information, step)
     weights = np.exp(logs - logs.max())
-    whole = math.log(weights.sum() * (grid[1] - grid[0]) ** 2) + float(logs.max())
+    complete = math.log(weights.sum() * (grid[1] - grid[0]) ** 2) + float(logs.max())
     norm = math.log(2.0 * math.pi) + 0.5 * math.log(float(np.linalg.det(belief.covariance)))
-    return whole - norm, weights @ theta / weights.sum()
+    return complete - norm, weights @ theta / weights.sum()
 
 
 @settings(max_examples=30, deadline=None)
@@ -54,9 +54,9 @@ def test_it_is_the_integral(
     entries: list[float], mean: list[float], sigma: list[float], correlation: float
 ) -> None:
     cost, belief = parabola(entries), prior(mean, sigma, correlation)
-    found, (log, theta) = evidence(cost, belief, ANYWHERE), integral(cost, belief)
-    assert found.log == pytest.approx(log, abs=1e-3)
-    np.testing.assert_allclose(found.theta, theta, atol=1e-3)
+    result, (log, theta) = evidence(cost, belief, ANYWHERE), integral(cost, belief)
+    assert result.log == pytest.approx(log, abs=1e-3)
+    np.testing.assert_allclose(result.theta, theta, atol=1e-3)
 
 
 def test_a_prior_pays_for_its_width() -> None:
@@ -74,11 +74,11 @@ def test_a_prior_pays_for_its_width() -> None:
 def test_of_what_lies_beyond_little_is_believed(limits: Limits) -> None:
     cost = Linearisation(np.zeros(2), 50.0, np.array([-40.0, 0.0]), 20.0 * np.eye(2))
     belief = prior([0.0, 0.0], [1.0, 1.0], 0.0)
-    found, free = evidence(cost, belief, limits), evidence(cost, belief, ANYWHERE)
+    result, free = evidence(cost, belief, limits), evidence(cost, belief, ANYWHERE)
     reached = np.clip(
         free.theta / max(1.0, float(np.max(free.theta / limits.longest_step))), None, limits.highest
     )
     total = cost.expected(reached) + 0.5 * float(reached @ reached)
     price = free.log + cost.expected(free.theta) + 0.5 * float(free.theta @ free.theta)
-    assert found.log == pytest.approx(price - total + BEYOND, rel=1e-6)
-    assert found.log < free.log
+    assert result.log == pytest.approx(price - total + BEYOND, rel=1e-6)
+    assert result.log < free.log

@@ -37,21 +37,21 @@ def against_fault(innovations: NDArray[np.float64]) -> float:
 
 
 def test_white_innovations_are_of_no_fault() -> None:
-    found = [against_fault(white(seed)) for seed in SEEDS]
-    assert np.median(found) > 3.0
-    assert np.mean(np.array(found) < 0.0) < 0.05
+    result = [against_fault(white(seed)) for seed in SEEDS]
+    assert np.median(result) > 3.0
+    assert np.mean(np.array(result) < 0.0) < 0.05
 
 
 @pytest.mark.parametrize("phase", [Phase.OPEN, Phase.AFTER])
 def test_a_phase_that_swings_is_at_fault(phase: Phase) -> None:
     swing = 1.5 * np.sin(np.arange(PHASE_OF.size) / 8.0) * (phase == PHASE_OF)
-    found = [against_fault(white(seed) + swing) for seed in SEEDS]
-    assert max(found) < -10.0
+    result = [against_fault(white(seed) + swing) for seed in SEEDS]
+    assert max(result) < -10.0
 
 
 def test_a_little_too_loud_is_nearly_white() -> None:
-    found = [against_fault(math.sqrt(1.1) * white(seed)) for seed in SEEDS]
-    assert np.median(found) > 2.0
+    result = [against_fault(math.sqrt(1.1) * white(seed)) for seed in SEEDS]
+    assert np.median(result) > 2.0
 
 
 def test_one_outlier_is_no_tolerance() -> None:

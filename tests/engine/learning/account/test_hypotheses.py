@@ -24,11 +24,11 @@ MOVING = [kind for kind in HYPOTHESES if kind.columns]
 @pytest.mark.parametrize("is_prior", [False, True])
 @pytest.mark.parametrize("mode", Mode)
 def test_one_of_them_an_event_is(mode: Mode, is_prior: bool) -> None:
-    found = dict(transitions(mode, is_prior))
-    assert sum(found.values()) == pytest.approx(1.0)
-    assert min(found.values()) > 0.0
-    assert BEFORE in found
-    assert is_prior != any(kind in found for kind in NEW)
+    result = dict(transitions(mode, is_prior))
+    assert sum(result.values()) == pytest.approx(1.0)
+    assert min(result.values()) > 0.0
+    assert BEFORE in result
+    assert is_prior != any(kind in result for kind in NEW)
 
 
 @pytest.mark.parametrize("kind", MOVING, ids=[kind.name for kind in MOVING])

@@ -29,8 +29,8 @@ def test_where_there_is_none_intervals_stay() -> None:
 
 @pytest.mark.parametrize("spread", [0.005, 0.02])
 def test_it_is_found(spread: float) -> None:
-    found = [after(spread, seed=seed).widened(KNOWN**2) for seed in range(10)]
-    assert np.median(found) == pytest.approx(math.hypot(KNOWN, spread), rel=0.3)
+    result = [after(spread, seed=seed).widened(KNOWN**2) for seed in range(10)]
+    assert np.median(result) == pytest.approx(math.hypot(KNOWN, spread), rel=0.3)
 
 
 def test_at_one_point_it_is_not_seen() -> None:

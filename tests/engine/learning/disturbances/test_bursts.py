@@ -34,9 +34,9 @@ def test_noise_at_its_level_has_none(seed: int) -> None:
 @pytest.mark.parametrize("burst", [3.0, 10.0])
 def test_burst_is_found_to_a_few_samples(burst: float) -> None:
     for seed in range(10):
-        (found,) = bursts_of(noisy(seed, burst * NOISE), NOISE)
-        assert abs(found.start - AT.start) < LENGTH // 2
-        assert abs(found.end - AT.stop) < LENGTH // 2
+        (result,) = bursts_of(noisy(seed, burst * NOISE), NOISE)
+        assert abs(result.start - AT.start) < LENGTH // 2
+        assert abs(result.end - AT.stop) < LENGTH // 2
 
 
 def test_neither_a_spike_nor_a_step_is_one() -> None:

@@ -47,31 +47,31 @@ def test_what_is_clear_is_masked_in_its_first_event(sign: float) -> None:
     assert clipped[mask].mean() > 0.6
     assert mask[clipped].mean() > 0.95
     close = sign * (truth() - level) > -3.0 * NOISE
-    beside = np.convolve(close, np.ones(2 * MARGIN + 1), "same") > 0.5
-    assert not mask[~beside].any()
+    widened = np.convolve(close, np.ones(2 * MARGIN + 1), "same") > 0.5
+    assert not mask[~widened].any()
 
 
 def test_what_is_little_is_masked_once_it_recurred() -> None:
     level = float(truth().max()) - 0.006
     ends = EndsOfRange()
-    found = []
+    results = []
     for seed in range(8):
         window, innovations = event(level, 1.0, seed)
         pile = pile_of(window.output, innovations, UNMASKED, SIGMAS, FIRST)
         assert pile is None or pile.changing < CLEAR
         ends, mask = seen(ends, window, innovations)
-        found.append(bool(mask.any()))
-    assert not any(found[:RECURS])
-    assert found[-1]
+        results.append(bool(mask.any()))
+    assert not any(results[:RECURS])
+    assert results[-1]
 
 
 def test_an_end_is_known_once_it_recurred() -> None:
     ends = EndsOfRange()
-    known = []
+    are_known = []
     for seed in range(6):
         ends, _ = seen(ends, *event(1.06, 1.0, seed))
-        known.append(ends.is_known)
-    assert known == [number >= RECURS - 1 for number in range(6)]
+        are_known.append(ends.is_known)
+    assert are_known == [number >= RECURS - 1 for number in range(6)]
 
 
 def test_noise_on_a_right_model_is_no_end() -> None:

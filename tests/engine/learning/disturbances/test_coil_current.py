@@ -89,8 +89,8 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
     cost = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
     fit = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)))
-    known = Energizing(current=current)
-    without, said = known.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, MODEL)  # type: ignore[arg-type,return-value]
+    coil = Energizing(current=current)
+    without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, MODEL)  # type: ignore[arg-type,return-value]
     assert said
     assert not without.is_known
     assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0

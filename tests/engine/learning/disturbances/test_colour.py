@@ -80,11 +80,11 @@ def test_what_is_left_of_pink_noise_is_white_over_blocks_too(seed: int) -> None:
     assert 20.0 * np.mean(blocks**2) < 1.45
 
 
-@pytest.mark.parametrize("place", [0, 5])
-def test_one_event_that_was_none_colours_nothing_for_long(place: int) -> None:
+@pytest.mark.parametrize("position", [0, 5])
+def test_one_event_that_was_none_colours_nothing_for_long(position: int) -> None:
     """An opening by a dropout leaves innovations many times as large, that are anything but white."""
     events = white(4, 12)
-    events[place] = 20.0 * first_order([events[place]], 0.95)[0]
+    events[position] = 20.0 * first_order([events[position]], 0.95)[0]
     colour = found_in(events)
     left = events[-1] if colour is None else colour.whitening.of(events[-1])
     assert np.mean((left - events[-1]) ** 2) < 0.25

@@ -23,7 +23,7 @@ def response_from(first: int) -> NDArray[np.float64]:
     return np.where(k >= 0, 0.95 ** np.maximum(k, 0), 0.0)
 
 
-def found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
+def edges_found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
     """Event by event, with steps of a height and a swing at the same phase in all, in standard deviations."""
     search = EdgeSearch()
     response = response_from(OPENING - PLACES.longest)
@@ -39,13 +39,13 @@ def found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
 
 @pytest.mark.parametrize("height", [0.7, -0.7])
 def test_a_step_below_the_noise_is_found_over_the_events(height: float) -> None:
-    said = found(20, height)
+    said = edges_found(20, height)
     assert not any(said[:2])
     assert all(said[12:])
 
 
 def test_a_large_step_is_found_as_soon_as_it_recurs() -> None:
-    assert found(4, 3.0) == [False, True, True, True]
+    assert edges_found(4, 3.0) == [False, True, True, True]
 
 
 def test_place_and_height_of_a_step_are_told() -> None:
@@ -62,11 +62,11 @@ def test_place_and_height_of_a_step_are_told() -> None:
 
 
 def test_noise_has_no_steps() -> None:
-    assert not any(found(300, 0.0))
+    assert not any(edges_found(300, 0.0))
 
 
 def test_what_swings_at_standstill_is_no_edge() -> None:
-    assert not any(found(20, 0.0, unquiet=0.7))
+    assert not any(edges_found(20, 0.0, unquiet=0.7))
 
 
 def test_a_lift_that_is_recorded_late_is_no_edge() -> None:

@@ -19,8 +19,8 @@ def swing(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def window_of(output: NDArray[np.float64]) -> Window:
-    rest = TIME < 100
-    return Window(np.zeros((SAMPLES, 2)), output, rest, np.zeros(4), opening=100)
+    remaining = TIME < 100
+    return Window(np.zeros((SAMPLES, 2)), output, remaining, np.zeros(4), opening=100)
 
 
 def known_after(
@@ -28,12 +28,12 @@ def known_after(
 ) -> TimeJitter:
     """After events whose moments are off by so many samples; unknown: what the model leaves (n,)."""
     random = np.random.default_rng(seed)
-    found = TimeJitter()
+    result = TimeJitter()
     for _ in range(events):
         noise = random.normal(0.0, SIGMA, SAMPLES) + unknown
         shifted = swing(TIME + random.normal(0.0, jitter, SAMPLES)) if jitter else swing(TIME)
-        found = found.after(window_of(shifted + noise), shifted + noise - swing(TIME), SIGMA, FIRST)
-    return found
+        result = result.after(window_of(shifted + noise), shifted + noise - swing(TIME), SIGMA, FIRST)
+    return result
 
 
 @pytest.mark.parametrize("jitter", [0.2, 0.3, 0.4])
@@ -48,10 +48,10 @@ def test_levels_are_those_of_the_jitter(jitter: float) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_white_noise_has_none(seed: int) -> None:
-    found = known_after(6, 0.0, seed=seed)
-    assert not found.is_known
-    assert found.levels(window_of(swing(TIME)), SIGMA) is None
-    assert found.loudest(window_of(swing(TIME)), SIGMA) == 1.0
+    result = known_after(6, 0.0, seed=seed)
+    assert not result.is_known
+    assert result.levels(window_of(swing(TIME)), SIGMA) is None
+    assert result.loudest(window_of(swing(TIME)), SIGMA) == 1.0
 
 
 def test_what_a_model_leaves_where_it_is_steep_is_none() -> None:
@@ -63,25 +63,25 @@ def test_what_a_model_leaves_where_it_is_steep_is_none() -> None:
 
 def test_it_is_known_after_some_events_and_forgotten_when_it_is_over() -> None:
     random = np.random.default_rng(5)
-    found = TimeJitter()
-    told = []
+    result = TimeJitter()
+    are_known = []
     for event in range(40):
         off = random.normal(0.0, 0.2, SAMPLES) if event < 10 else np.zeros(SAMPLES)
         y = swing(TIME + off) + random.normal(0.0, SIGMA, SAMPLES)
-        found = found.after(window_of(y), y - swing(TIME), SIGMA, FIRST)
-        told.append(found.is_known)
-    assert np.count_nonzero(np.diff(told)) == 2
-    assert told.index(True) < 8
-    assert not found.is_known
+        result = result.after(window_of(y), y - swing(TIME), SIGMA, FIRST)
+        are_known.append(result.is_known)
+    assert np.count_nonzero(np.diff(are_known)) == 2
+    assert are_known.index(True) < 8
+    assert not result.is_known
 
 
 def test_masked_samples_tell_nothing() -> None:
     random = np.random.default_rng(6)
-    found = TimeJitter()
+    result = TimeJitter()
     masked = np.zeros(SAMPLES, np.bool_)
     masked[100:900] = True
     for _ in range(10):
         y = swing(TIME) + random.normal(0.0, SIGMA, SAMPLES)
         y[100:900] += random.normal(0.0, SIGMA, 800)
-        found = found.after(window_of(y)._replace(masked=masked), y - swing(TIME), SIGMA, FIRST)
-    assert not found.is_known
+        result = result.after(window_of(y)._replace(masked=masked), y - swing(TIME), SIGMA, FIRST)
+    assert not result.is_known

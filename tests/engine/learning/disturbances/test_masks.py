@@ -59,25 +59,25 @@ def test_what_is_masked_already_is_not_found_again() -> None:
 
 def test_at_the_same_place_in_event_after_event_it_is_no_outlier() -> None:
     search = OutlierSearch()
-    found = []
+    results = []
     for seed in range(4):
         window, innovations = held(300, 20, seed=seed)
-        found.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
+        results.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
         search = search.after(window, innovations, SIGMAS, FIRST)
-    assert found == [True, True, False, False]
+    assert results == [True, True, False, False]
 
 
 def test_at_the_events_extreme_it_is_masked_only_once() -> None:
     """A second time at that level it is the end of the range, or the truth."""
     peak = int(np.argmax(truth()))
     search = OutlierSearch()
-    found = []
+    results = []
     for seed in range(2):
         window, innovations = held(peak, 25, seed=seed)
         assert [s.is_extreme for s in frozen_stretches(window, innovations, SIGMAS, FIRST)] == [True]
-        found.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
+        results.append(search.masked(window, innovations, SIGMAS, FIRST) is not None)
         search = search.after(window, innovations, SIGMAS, FIRST)
-    assert found == [True, False]
+    assert results == [True, False]
 
 
 def test_many_stretches_speak_against_the_model() -> None:
@@ -103,14 +103,14 @@ def test_two_stretches_of_half_a_millisecond_are_two() -> None:
 
 def test_a_line_pressure_that_goes_as_far_at_any_rail_pressure_is_clipped() -> None:
     search = OutlierSearch()
-    found = []
+    results = []
     for seed, rail in enumerate((1.1, 1.2, 1.15, 1.25)):
         noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE
         output = np.minimum(truth(rail), 1.08) + noise
         window = window_of(output, rail)
         search = search.after(window, output - truth(rail), SIGMAS, FIRST)
-        found.append(search.is_clipped(SIGMAS))
-    assert found == [False, False, True, True]
+        results.append(search.is_clipped(SIGMAS))
+    assert results == [False, False, True, True]
 
 
 def test_events_at_one_rail_pressure_go_equally_far_without_being_clipped() -> None:

@@ -17,7 +17,7 @@ def wide(sigma: float = SIGMA) -> Belief:
     return prior_belief(np.zeros(SCALARS.width), np.diag(with_gain(SCALARS.prior(SCALE), sigma) ** 2))
 
 
-def rest(pressures: NDArray[np.float64], excess: float = 0.0) -> RestingPressure:
+def at_rest(pressures: NDArray[np.float64], excess: float = 0.0) -> RestingPressure:
     """Blocks at pressures [p_0] of sensors with the true offset and gain, a linearisation at 0."""
     slopes = -0.85 * np.column_stack((np.ones_like(pressures), pressures))
     means = -slopes @ [TRUE_OFFSET + excess, TRUE_GAIN]
@@ -28,19 +28,19 @@ def taught(belief: Belief, *events: RestingPressure) -> Belief:
     for event in events:
         held = event.held(belief)
         information = event.slopes.T @ event.slopes / 1e-8
-        whole = np.zeros((SCALARS.width, SCALARS.width))
-        whole[np.ix_([OFFSET, GAIN], [OFFSET, GAIN])] = information
+        complete = np.zeros((SCALARS.width, SCALARS.width))
+        complete[np.ix_([OFFSET, GAIN], [OFFSET, GAIN])] = information
         vector = np.zeros(SCALARS.width)
         vector[[OFFSET, GAIN]] = -event.slopes.T @ event.means / 1e-8
-        belief = held.updated(whole, vector)
+        belief = held.updated(complete, vector)
     return belief
 
 
 def test_two_pressures_tell_the_gain_from_an_offset() -> None:
-    first, second = (rest(np.full(7, pressure)) for pressure in (0.6, 1.2))
-    one = taught(wide(), first)
-    assert one.sigma[GAIN] > 0.9 * SIGMA
-    both = taught(one, second)
+    first, second = (at_rest(np.full(7, pressure)) for pressure in (0.6, 1.2))
+    after_one_event = taught(wide(), first)
+    assert after_one_event.sigma[GAIN] > 0.9 * SIGMA
+    both = taught(after_one_event, second)
     assert both.mean[[OFFSET, GAIN]] == pytest.approx([TRUE_OFFSET, TRUE_GAIN], abs=2e-4)
     assert both.sigma[GAIN] < 3e-4
 
@@ -49,19 +49,19 @@ def test_two_pressures_tell_the_gain_from_an_offset() -> None:
 def test_a_rail_that_dips_tells_no_more_than_its_recovery_allows(dip: float) -> None:
     belief = wide()
     for _ in range(50):
-        belief = taught(belief, rest(np.linspace(1.0 - dip, 1.0, 7)))
+        belief = taught(belief, at_rest(np.linspace(1.0 - dip, 1.0, 7)))
     least = SYSTEMATIC / SCALE / (0.85 * dip)
     assert min(least, 0.9 * SIGMA) <= belief.sigma[GAIN] * (1.0 + 1e-6)
     assert abs(belief.mean[GAIN] - TRUE_GAIN) < 3.0 * belief.sigma[GAIN]
 
 
 def test_a_sensor_that_is_another_says_nothing_of_the_gain() -> None:
-    known = taught(wide(), rest(np.full(7, 0.6)), rest(np.full(7, 1.2)))
-    held = rest(np.full(7, 0.9), excess=0.02).held(known)
-    assert held.given.mean[GAIN] == known.mean[GAIN]
-    assert held.variance == pytest.approx(known.covariance[GAIN, GAIN])
+    prior = taught(wide(), at_rest(np.full(7, 0.6)), at_rest(np.full(7, 1.2)))
+    held = at_rest(np.full(7, 0.9), excess=0.02).held(prior)
+    assert held.given.mean[GAIN] == prior.mean[GAIN]
+    assert held.variance == pytest.approx(prior.covariance[GAIN, GAIN])
 
 
 def test_sensors_without_a_gain_are_learned_of_as_ever() -> None:
     belief = wide(0.0)
-    assert rest(np.linspace(0.6, 1.2, 7)).held(belief).given is belief
+    assert at_rest(np.linspace(0.6, 1.2, 7)).held(belief).given is belief

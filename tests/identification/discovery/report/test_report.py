@@ -110,7 +110,7 @@ def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) 
 def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) -> None:
     is_unknown = verdict is Verdict.UNKNOWN
     nominal = next(one for one in worn.findings.ranking if not one.ids)
-    place = Unexplained(
+    position = Unexplained(
         Equation.SAC_PRESSURE, Phase.CLOSING, Signal.LINE_PRESSURE, ("duration",), "measured < modelled"
     )
     text = _page(
@@ -119,7 +119,7 @@ def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) ->
         named=nominal,
         best=worn.findings.named if is_unknown else nominal,
         effects=(),
-        unexplained=place if is_unknown else None,
+        unexplained=position if is_unknown else None,
         amended_model=None,
     ).text
     assert "amended.toml" not in text

@@ -37,15 +37,15 @@ def test_white_innovations_are_adequate() -> None:
 
 @pytest.mark.parametrize("phase", [Phase.OPENING, Phase.AFTER])
 def test_what_is_too_large_is_found_where_it_is(phase: Phase) -> None:
-    found = worst(_pool(scale=1.3, phase=phase))
-    assert found.phase is phase
-    assert found.ratio > 1.0
+    result = worst(_pool(scale=1.3, phase=phase))
+    assert result.phase is phase
+    assert result.ratio > 1.0
 
 
 def test_a_small_lasting_shift_shows_in_the_means_of_blocks() -> None:
-    found = worst(_pool(shift=0.4))
-    assert found.phase is Phase.OPEN
-    assert found.ratio > 1.0
+    result = worst(_pool(shift=0.4))
+    assert result.phase is Phase.OPEN
+    assert result.ratio > 1.0
 
 
 def test_what_healthy_recordings_leave_is_adequate_again() -> None:

@@ -36,9 +36,9 @@ def scoring(left: NDArray[np.float64]) -> Score:
     def score(effects: Sequence[Effect]) -> Scores:
         laws = [term.law.at(VALUES) for one in effects if (term := term_of(one, 1.0)) is not None]
         rows = [np.asarray(weights * law / SIGMA, np.float32) for law in laws]
-        there = np.array([number for number, row in enumerate(rows) if row.any()], np.int64)
-        slopes = np.column_stack([rows[number] for number in there])
-        return scored([effects[number] for number in there], there, slopes, here)
+        usable = np.array([number for number, row in enumerate(rows) if row.any()], np.int64)
+        slopes = np.column_stack([rows[number] for number in usable])
+        return scored([effects[number] for number in usable], usable, slopes, here)
 
     return score
 

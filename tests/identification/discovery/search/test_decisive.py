@@ -50,12 +50,12 @@ def test_one_effect_needs_no_decision() -> None:
 
 
 def proposal(*effects: Effect) -> Proposal:
-    found = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0)
-    return Proposal(found, 0.0, Phase.OPEN, True, None, (0.0, 0.0))
+    result = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0)
+    return Proposal(result, 0.0, Phase.OPEN, True, None, (0.0, 0.0))
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "word"),
+    ("term_equation", "other", "word"),
     [
         (TermEquation.NEEDLE_LIFT, TermEquation.LINE_PRESSURE, "mass"),
         (TermEquation.NOZZLE_FLOW, TermEquation.CHAMBER_PRESSURE, "another chamber pressure"),
@@ -63,10 +63,12 @@ def proposal(*effects: Effect) -> Proposal:
         (TermEquation.LINE_FLOW, TermEquation.STIFFNESS, "rail pressures"),
     ],
 )
-def test_proposals_have_a_measurement_that_decides(one: TermEquation, other: TermEquation, word: str) -> None:
+def test_proposals_have_a_measurement_that_decides(
+    term_equation: TermEquation, other: TermEquation, word: str
+) -> None:
     both = VOCABULARY["orifice_area"]
     (decisive,) = decide_between(
-        [proposal(term_effect(one, "1"), both), proposal(both, term_effect(other, "1"))]
+        [proposal(term_effect(term_equation, "1"), both), proposal(both, term_effect(other, "1"))]
     )
     assert decisive.separates == ("proposal 1", "proposal 2")
     assert word in decisive.measurement

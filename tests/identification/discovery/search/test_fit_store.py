@@ -27,10 +27,10 @@ def test_fits_come_back_bit_by_bit(tmp_path: Path) -> None:
     _stored(path, "key")
     with FitStore(path, "key") as store:
         assert store.taken_over == len(store) == 1
-        found = store.get(IDS)
-        assert found is not None
-        assert found[0].tobytes() == THETA.tobytes()
-        assert found[1:] == (STATISTIC, SPREAD)
+        result = store.get(IDS)
+        assert result is not None
+        assert result[0].tobytes() == THETA.tobytes()
+        assert result[1:] == (STATISTIC, SPREAD)
         assert store.get(IDS[:1]) is None
 
 
@@ -46,11 +46,11 @@ def test_fits_of_another_problem_are_forgotten(tmp_path: Path) -> None:
 def test_a_line_cut_off_ends_what_is_read(tmp_path: Path) -> None:
     path = tmp_path / "fits.jsonl"
     _stored(path, "key")
-    whole = path.read_bytes()
-    path.write_bytes(whole + b'{"ids": ["seat_area"], "theta": [0.')
+    complete = path.read_bytes()
+    path.write_bytes(complete + b'{"ids": ["seat_area"], "theta": [0.')
     with FitStore(path, "key") as store:
         assert store.taken_over == 1
-    assert path.read_bytes() == whole
+    assert path.read_bytes() == complete
 
 
 def test_anything_else_under_that_name_is_begun_anew(tmp_path: Path) -> None:

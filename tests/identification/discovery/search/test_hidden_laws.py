@@ -125,8 +125,8 @@ def test_what_no_form_explains_is_one_table() -> None:
     (term,) = found_in(with_sensor(lambda p: p + 0.8e6 * np.sin(2.0 * np.pi * p / 60e6)))
     assert term.equation is TermEquation.LINE_PRESSURE_SENSOR
     at = np.linspace(65.0, 145.0, 17)
-    found = term.law.at({"line_pressure": at}, term.coefficient)
-    off = found - 0.8 * np.sin(2.0 * np.pi * at / 60.0)
+    result = term.law.at({"line_pressure": at}, term.coefficient)
+    off = result - 0.8 * np.sin(2.0 * np.pi * at / 60.0)
     assert np.std(off) < 0.15
 
 
@@ -137,13 +137,13 @@ def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     def worn(bench: Bench) -> Bench:
         return replace(bench, events=tuple(replace(e, faults=Faults(**hidden)) for e in bench.events))
 
-    found = name_effects(effective_model(NOMINAL), measurements(recorded(worn)))
-    left = [set(ids) for ids in (found.named.ids, *found.rivals)]
+    discovery = name_effects(effective_model(NOMINAL), measurements(recorded(worn)))
+    left = [set(ids) for ids in (discovery.named.ids, *discovery.rivals)]
     assert set(hidden) in left
     assert all(
         ids <= set(hidden) | {"lift_gain"} for ids in left
     )  # which is hard to tell from the seat's area
-    one = next(one for one in found.ranking if set(one.ids) == set(hidden))
+    one = next(one for one in discovery.ranking if set(one.ids) == set(hidden))
     for effect, size in zip(one.ids, one.sizes, strict=True):
         assert size == pytest.approx(hidden[effect], rel=0.03)
-    assert all(effect.gain > found.detection.threshold for effect in found.effects)
+    assert all(effect.gain > discovery.detection.threshold for effect in discovery.effects)

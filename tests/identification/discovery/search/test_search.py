@@ -29,19 +29,19 @@ def _discovered(equation: TermEquation, law: str) -> Discovery:
 
 def test_what_leaves_the_line_while_the_needle_is_open_is_one_law_and_no_two_names() -> None:
     """A seat and an orifice together explain nearly as much, and inject another mass."""
-    found = _discovered(TermEquation.LINE_PRESSURE, "2.5[mm3/ms]*open")
-    assert found.verdict is Verdict.UNKNOWN
-    first = found.proposals[0]
+    result = _discovered(TermEquation.LINE_PRESSURE, "2.5[mm3/ms]*open")
+    assert result.verdict is Verdict.UNKNOWN
+    first = result.proposals[0]
     (term,) = first.terms
     low, high = term.interval or (0.0, 0.0)
     assert (term.equation, low < 2.5 < high) == (TermEquation.LINE_PRESSURE, True)
     assert first.may_enter
-    assert found.confidence == pytest.approx(sum(one.probability for one in found.proposals))
+    assert result.confidence == pytest.approx(sum(one.probability for one in result.proposals))
 
 
 def test_a_law_may_enter_that_is_unsound_only_where_no_recording_was() -> None:
-    found = _discovered(TermEquation.STIFFNESS, "-0.08*((line_pressure - 100)/50)^2")
-    first = found.proposals[0]
+    result = _discovered(TermEquation.STIFFNESS, "-0.08*((line_pressure - 100)/50)^2")
+    first = result.proposals[0]
     (term,) = first.terms
     low, high = first.seen_of_terms["line_pressure"]
     with pytest.raises(UserError, match="not above 0"):
@@ -53,10 +53,10 @@ def test_a_law_may_enter_that_is_unsound_only_where_no_recording_was() -> None:
 
 def test_a_seat_that_is_narrow_at_some_lift_may_be_a_lift_that_reads_too_much_there() -> None:
     """Line pressure tells the two hardly apart: both stand in the answer, each with its mass."""
-    found = _discovered(TermEquation.SEAT_FLOW, "-0.35*exp(-((needle_lift/max_lift - 0.466)/0.13)^2)")
-    by_equation = {one.terms[0].equation: one for one in found.proposals}
+    result = _discovered(TermEquation.SEAT_FLOW, "-0.35*exp(-((needle_lift/max_lift - 0.466)/0.13)^2)")
+    by_equation = {one.terms[0].equation: one for one in result.proposals}
     assert {TermEquation.SEAT_FLOW, TermEquation.NEEDLE_LIFT} <= set(by_equation)
-    assert sum(one.probability for one in found.proposals) <= HIGHEST
+    assert sum(one.probability for one in result.proposals) <= HIGHEST
 
 
 @pytest.mark.parametrize(("first", "last"), [(2, 2), (1, 3), (2, 4)])

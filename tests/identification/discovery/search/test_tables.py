@@ -16,9 +16,9 @@ SPEED = "min(max(lift_rate, -0.5), 0.5)"
 def best_table(law: str) -> TermLaw:
     score = scoring(measured(law))
     every = [(equation, *one) for equation, curves in CURVES.items() for one in curves]
-    found = tables(free_curves(every, score), score)[0].apply
-    assert isinstance(found, TermLaw)
-    return found
+    result = tables(free_curves(every, score), score)[0].apply
+    assert isinstance(result, TermLaw)
+    return result
 
 
 @pytest.mark.parametrize(
@@ -32,11 +32,11 @@ def best_table(law: str) -> TermLaw:
 )
 def test_a_curve_without_a_name_becomes_a_table_with_its_symmetry(law: str, variable: str, form: str) -> None:
     y = measured(law)
-    found = best_table(law)
-    values = found.law.at(VALUES, 1.0)
+    result = best_table(law)
+    values = result.law.at(VALUES, 1.0)
     size = float(values @ y / (values @ values))
-    assert {one.word for one in found.law.variables} == {variable}
-    assert found.form.startswith(form)
+    assert {one.word for one in result.law.variables} == {variable}
+    assert result.form.startswith(form)
     assert np.std(y - size * values) < 2.0 * SIGMA
 
 
@@ -53,14 +53,14 @@ def test_a_table_has_no_more_knots_than_the_recordings_ask_for() -> None:
 @pytest.mark.parametrize("turns", [20, 25, 40])
 def test_no_table_goes_up_and_down_from_knot_to_knot(turns: int) -> None:
     """It would join operating points, and say nothing between them."""
-    found = best_table(f"2 * sin({turns} * {FLOW})")
-    values = found.law.at({"line_flow": np.linspace(-18.0, 60.0, 2000)}, 1.0)
+    result = best_table(f"2 * sin({turns} * {FLOW})")
+    values = result.law.at({"line_flow": np.linspace(-18.0, 60.0, 2000)}, 1.0)
     steps = np.sign(np.diff(values))
     steps = steps[steps != 0.0]
-    assert np.count_nonzero(np.diff(steps)) <= MOST_TURNS * knots_of(found)
+    assert np.count_nonzero(np.diff(steps)) <= MOST_TURNS * knots_of(result)
 
 
 def test_no_table_is_over_time() -> None:
-    found = best_table("2 * sin(6 * time_since_opening)")
-    assert "time_since_opening" not in found.form
-    assert found.equation in TermEquation
+    result = best_table("2 * sin(6 * time_since_opening)")
+    assert "time_since_opening" not in result.form
+    assert result.equation in TermEquation

@@ -41,13 +41,13 @@ def _holds(discovery: Discovery, effect: SizedEffect) -> bool:
 
 @pytest.mark.parametrize("measured_rate", [False, True])
 def test_nothing_is_named_on_a_healthy_injector(measured_rate: bool) -> None:
-    found = _discover(measured_rate=measured_rate)
-    assert found.verdict is Verdict.NONE
-    assert found.effects == ()
-    assert found.confidence > 0.9
-    signals = {cell.signal for cell in found.before}
+    result = _discover(measured_rate=measured_rate)
+    assert result.verdict is Verdict.NONE
+    assert result.effects == ()
+    assert result.confidence > 0.9
+    signals = {cell.signal for cell in result.before}
     assert (Signal.INJECTION_RATE in signals) == measured_rate
-    assert max(cell.excess for cell in found.before) < 5.0
+    assert max(cell.excess for cell in result.before) < 5.0
 
 
 @pytest.mark.parametrize(
@@ -67,54 +67,57 @@ def test_nothing_is_named_on_a_healthy_injector(measured_rate: bool) -> None:
     ids=lambda value: str(value.effect.id) if isinstance(value, SizedEffect) else "",
 )
 def test_a_single_effect_is_named(hidden: SizedEffect, measured_rate: bool) -> None:
-    found = _discover(hidden, measured_rate=measured_rate)
-    assert found.verdict is Verdict.NAMED
-    assert _holds(found, hidden)
-    assert found.detection.gain > found.detection.threshold
-    assert found.confidence > 0.9
-    assert found.ranking[0].ids == (hidden.effect.id,)
-    assert max(cell.excess for cell in found.before) > 5.0
-    assert max(cell.excess for cell in found.after) < 5.0
+    result = _discover(hidden, measured_rate=measured_rate)
+    assert result.verdict is Verdict.NAMED
+    assert _holds(result, hidden)
+    assert result.detection.gain > result.detection.threshold
+    assert result.confidence > 0.9
+    assert result.ranking[0].ids == (hidden.effect.id,)
+    assert max(cell.excess for cell in result.before) > 5.0
+    assert max(cell.excess for cell in result.after) < 5.0
 
 
 @pytest.mark.slow
 def test_an_effect_too_small_to_matter_is_not_taken_for_another() -> None:
     points = ((60e6, 1.9e-3), (60e6, 0.6e-3), (140e6, 1.9e-3), (140e6, 0.6e-3), (140e6, 1.2e-3))
-    found = name_effects(
+    discovery = name_effects(
         MODEL,
         measurements(recordings((sized("channel_skew", d=1.2e-6),), points=points)),
         SearchOptions(workers=2),
     )
-    nominal = next(one for one in found.ranking if not one.ids)
-    assert nominal.statistic > found.ranking[0].statistic + found.detection.threshold  # it shows
-    assert found.verdict is Verdict.NONE
+    nominal = next(one for one in discovery.ranking if not one.ids)
+    assert nominal.statistic > discovery.ranking[0].statistic + discovery.detection.threshold  # it shows
+    assert discovery.verdict is Verdict.NONE
 
 
 def test_the_members_of_an_exact_class_count_as_one() -> None:
-    found = _discover(sized("line_volume", r=0.1))
-    assert found.verdict is Verdict.NAMED
-    assert {found.effects[0].id, *found.effects[0].indistinguishable_from} == {"bulk_modulus", "line_volume"}
+    result = _discover(sized("line_volume", r=0.1))
+    assert result.verdict is Verdict.NAMED
+    assert {result.effects[0].id, *result.effects[0].indistinguishable_from} == {
+        "bulk_modulus",
+        "line_volume",
+    }
 
 
 def test_near_ties_are_ambiguous_with_what_would_decide() -> None:
-    found = _discover(sized("seat_area", v_S=0.1))
-    assert found.verdict is Verdict.AMBIGUOUS
-    listed = {found.effects[0].id, *found.effects[0].indistinguishable_from}
+    result = _discover(sized("seat_area", v_S=0.1))
+    assert result.verdict is Verdict.AMBIGUOUS
+    listed = {result.effects[0].id, *result.effects[0].indistinguishable_from}
     assert {"seat_area", "lift_gain"} <= listed
-    assert found.confidence < 0.8
-    (decisive,) = [one for one in found.decide_by if {"seat_area", "lift_gain"} <= set(one.separates)]
+    assert result.confidence < 0.8
+    (decisive,) = [one for one in result.decide_by if {"seat_area", "lift_gain"} <= set(one.separates)]
     assert "lift sensor" in decisive.measurement
 
 
 def test_two_effects_are_named_together() -> None:
-    found = _discover(sized("orifice_area", v_H=0.1), sized("line_friction", k=0.5))
-    assert found.verdict is Verdict.NAMED
-    sizes = {one.id: size for one in found.effects for size in one.parameters.values()}
+    result = _discover(sized("orifice_area", v_H=0.1), sized("line_friction", k=0.5))
+    assert result.verdict is Verdict.NAMED
+    sizes = {one.id: size for one in result.effects for size in one.parameters.values()}
     assert sizes.keys() == {"orifice_area", "line_friction"}
     assert sizes["orifice_area"].value == pytest.approx(0.1, abs=0.01)
     assert sizes["line_friction"].value == pytest.approx(0.5, abs=0.03)
-    assert all(one.gain > found.detection.threshold for one in found.effects)
-    assert 0.9 < sum(one.gap_share for one in found.effects) <= 1.0
+    assert all(one.gain > result.detection.threshold for one in result.effects)
+    assert 0.9 < sum(one.gap_share for one in result.effects) <= 1.0
 
 
 @pytest.mark.slow
@@ -122,11 +125,11 @@ def test_a_pair_without_the_best_single_is_found() -> None:
     """A nozzle that passes less stands in for both, and explains the recordings well enough alone."""
     points = tuple((pressure, opened) for pressure in (60e6, 100e6, 140e6) for opened in (0.6e-3, 1.9e-3))
     hidden = sized("chamber_pressure_rise", dp=4e6, s=1.0), sized("orifice_cavitation", n_crit_excess=0.1)
-    found = name_effects(MODEL, measurements(recordings(hidden, points=points)), SearchOptions(workers=2))
-    singles = [one for one in found.ranking if len(one.ids) == 1 and not one.terms]
+    discovery = name_effects(MODEL, measurements(recordings(hidden, points=points)), SearchOptions(workers=2))
+    singles = [one for one in discovery.ranking if len(one.ids) == 1 and not one.terms]
     assert singles[0].ids == ("orifice_area",)
-    assert {effect.id for effect in found.effects} == {effect.effect.id for effect in hidden}
-    assert found.verdict is Verdict.NAMED
+    assert {effect.id for effect in discovery.effects} == {effect.effect.id for effect in hidden}
+    assert discovery.verdict is Verdict.NAMED
 
 
 @pytest.mark.slow
@@ -134,16 +137,16 @@ def test_what_is_not_in_the_vocabulary_is_unknown() -> None:
     larger_sac = NOMINAL.model_copy(
         update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 2.5 * NOMINAL.nozzle.sac_volume})}
     )
-    found = _discover(measured_rate=True, parameters=larger_sac)
-    assert found.verdict is Verdict.UNKNOWN
-    assert found.effects == ()
-    assert found.unexplained is not None
-    assert found.unexplained.term
+    result = _discover(measured_rate=True, parameters=larger_sac)
+    assert result.verdict is Verdict.UNKNOWN
+    assert result.effects == ()
+    assert result.unexplained is not None
+    assert result.unexplained.term
 
 
 def test_held_out_recordings_rank_as_the_fitted_ones() -> None:
-    found = _discover(sized("line_friction", k=0.6))
-    held_out = {one.ids: one.held_out for one in found.ranking}
+    result = _discover(sized("line_friction", k=0.6))
+    held_out = {one.ids: one.held_out for one in result.ranking}
     assert held_out[("line_friction",)] == min(held_out.values())
     assert held_out[()] > held_out[("line_friction",)] + 100.0
 
@@ -192,14 +195,14 @@ def test_against_a_healthy_baseline_only_what_is_new_counts() -> None:
     baseline, on_healthy = healthy_baseline(MODEL, measurements(recordings(parameters=larger_sac)), workers=2)
     assert not baseline.adequate
     assert on_healthy.verdict is not Verdict.NONE
-    found = _discover(
+    result = _discover(
         sized("line_friction", k=0.5),
         parameters=larger_sac,
         options=SearchOptions(workers=2, baseline=baseline),
     )
-    assert found.verdict is Verdict.NAMED
-    assert [one.id for one in found.effects] == ["line_friction"]
-    assert found.confidence <= 0.8
+    assert result.verdict is Verdict.NAMED
+    assert [one.id for one in result.effects] == ["line_friction"]
+    assert result.confidence <= 0.8
 
 
 def test_a_sample_rate_too_low_for_the_model_is_refused() -> None:

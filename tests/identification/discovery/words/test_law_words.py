@@ -8,12 +8,7 @@ import pytest
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.discovery.search.results import (
-    Candidate,
-    Part,
-    Proposal,
-    Refusal,
-)
+from observer_rt.identification.discovery.search.results import Candidate, Part, Proposal, Refusal
 from observer_rt.identification.discovery.words.law_words import as_if, law_text
 from observer_rt.identification.discovery.words.sentences import standing_words
 from observer_rt.model.effect import Effect
@@ -28,29 +23,29 @@ GOLDEN = (Path(__file__).parent / "laws.txt").read_text("utf-8")
 CASES = re.findall(r"^(\w+); (.+); (\S+)\n  (.+)$", GOLDEN, re.MULTILINE)
 
 
-@pytest.mark.parametrize(("equation", "law", "c", "told"), CASES)
-def test_simple_laws_are_told_in_words(equation: str, law: str, c: str, told: str) -> None:
+@pytest.mark.parametrize(("equation", "law", "c", "words"), CASES)
+def test_simple_laws_are_told_in_words(equation: str, law: str, c: str, words: str) -> None:
     term = Term(TermEquation(equation), parse(law), float(c))
-    assert as_if(term, LARGEST_LIFT) == told
+    assert as_if(term, LARGEST_LIFT) == words
 
 
 def test_an_amount_has_the_digits_that_its_interval_supports() -> None:
     law = Term(TermEquation.NOZZLE_FLOW, parse("c*open"), -0.15034)
-    told = as_if(replace(law, interval=(-0.1523, -0.1483)))
-    assert told == "the nozzle lost 15.0 % of its flow while the needle is open"
+    words = as_if(replace(law, interval=(-0.1523, -0.1483)))
+    assert words == "the nozzle lost 15.0 % of its flow while the needle is open"
     assert "lost 15 %" in as_if(replace(law, interval=(-0.18, -0.12)))
 
 
 def test_a_lift_is_a_share_where_the_largest_is_not_known() -> None:
     law = parse("c*max(needle_lift/max_lift - 0.466, 0)")
-    told = as_if(Term(TermEquation.SEAT_FLOW, law, -0.3))
-    assert "needle lift over the largest above 0.466" in told
+    words = as_if(Term(TermEquation.SEAT_FLOW, law, -0.3))
+    assert "needle lift over the largest above 0.466" in words
 
 
 def test_any_other_law_stands_as_it_is() -> None:
     law = parse("c*(line_flow/60)*abs(lift_rate)")
-    told = as_if(Term(TermEquation.LINE_FLOW, law, 0.3))
-    assert told == f"the line lost more pressure, by {law} with c = 0.3 MPa"
+    words = as_if(Term(TermEquation.LINE_FLOW, law, 0.3))
+    assert words == f"the line lost more pressure, by {law} with c = 0.3 MPa"
 
 
 def test_a_law_as_a_file_has_it_states_its_interval() -> None:
@@ -65,8 +60,8 @@ MOST = Part(0.9, 0.2e6, 0.013)
 
 
 def _proposal(*effects: Effect, adequate: bool = True, unsound: Refusal | None = None) -> Proposal:
-    found = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0, half=(0.01,) * len(effects))
-    return Proposal(found, 0.0, Phase.OPEN, adequate, unsound, (0.0, 0.0))
+    result = Candidate(Hypothesis(effects), (0.1,) * len(effects), 0.0, half=(0.01,) * len(effects))
+    return Proposal(result, 0.0, Phase.OPEN, adequate, unsound, (0.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -82,14 +77,14 @@ def _proposal(*effects: Effect, adequate: bool = True, unsound: Refusal | None =
 def test_a_refused_proposal_says_why_and_what_to_do(
     effects: tuple[Effect, ...], adequate: bool, unsound: Refusal | None, words: str
 ) -> None:
-    one = _proposal(*effects, adequate=adequate, unsound=unsound)
-    told = standing_words(one)
-    assert words in told
-    assert one.may_enter == ("no model may have it" not in told)
+    proposal = _proposal(*effects, adequate=adequate, unsound=unsound)
+    sentence = standing_words(proposal)
+    assert words in sentence
+    assert proposal.may_enter == ("no model may have it" not in sentence)
 
 
 def test_a_proposal_that_leaves_something_says_what_it_may_be_accepted_for() -> None:
-    one = replace(_proposal(LEAK, adequate=False), part=MOST)
-    assert "closes 90% of the gap: a model may have it in part, masses ±1.3%" in standing_words(one)
-    refused = replace(one, part=replace(MOST, refusal=Refusal("it closes 40%", "record more")))
+    proposal = replace(_proposal(LEAK, adequate=False), part=MOST)
+    assert "closes 90% of the gap: a model may have it in part, masses ±1.3%" in standing_words(proposal)
+    refused = replace(proposal, part=replace(MOST, refusal=Refusal("it closes 40%", "record more")))
     assert "no model may have it, for it closes 40%: record more" in standing_words(refused)

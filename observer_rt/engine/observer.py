@@ -92,7 +92,7 @@ def constants_for(
     """Everything fixed at start-up, for an injector with its effects in force and a sample rate [Hz].
 
     rail_every: samples to one of the rail pressure; means: samples are means over the sample period before;
-    stated: what is to be undone of the channels.
+    stated: delays and lags of the channels to be undone.
     calibration: of level and pressure sensors.
     """
     model = effective_model(parameters, stated)
@@ -239,12 +239,12 @@ def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:
 
 def samples_at(observer: Observer, start: int, end: int) -> NDArray[np.void]:
     """Samples at positions [start, end), with x~ and x^, copied; dtype `sample_dtype`."""
-    found = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
-    found[list(SAMPLE.names or ())] = remembered(observer.ring, start, end)
-    found["x_tilde"], found["x_hat"] = (
+    rows = np.empty(max(0, end - start), sample_dtype(observer.x_hat.shape[1]))
+    rows[list(SAMPLE.names or ())] = remembered(observer.ring, start, end)
+    rows["x_tilde"], rows["x_hat"] = (
         remembered(states, start, end) for states in (observer.x_tilde, observer.x_hat)
     )
-    return found
+    return rows
 
 
 def event_innovations(observer: Observer, number: int) -> Innovations:
@@ -266,7 +266,7 @@ def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
 def event_standstill(observer: Observer, number: int) -> Standstill:
     """Standstill as known when the `number`-th closed event (0, 1, ..) ended.
 
-    Not what is known when somebody asks: that depends on how many samples a frame carries.
+    Not the knowledge at the time of the question: that depends on how many samples a frame carries.
     """
     event = observer.events[number % PENDING_EVENTS]
     stated = observer.memory[0]["prior"]["stated_noise"]

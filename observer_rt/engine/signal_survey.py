@@ -59,16 +59,16 @@ class SignalSurvey:
     def take(self, values: NDArray[np.float64]) -> None:
         """Go on with further samples (n,)."""
         is_there = ~np.isnan(values)
-        known = values[is_there]
+        present = values[is_there]
         self.gaps += int(np.count_nonzero(np.diff(is_there, prepend=True) & ~is_there))
-        self.missing += values.size - known.size
-        self.count += known.size
-        if known.size:
-            self.lowest = min(self.lowest, float(known.min()))
-            self.highest = max(self.highest, float(known.max()))
+        self.missing += values.size - present.size
+        self.count += present.size
+        if present.size:
+            self.lowest = min(self.lowest, float(present.min()))
+            self.highest = max(self.highest, float(present.max()))
             with np.errstate(invalid="ignore"):  # what is infinite is refused for that
-                self.total += float(known.sum())
-                self.change += float(np.abs(np.diff(known)).sum())
+                self.total += float(present.sum())
+                self.change += float(np.abs(np.diff(present)).sum())
 
     @property
     def mean(self) -> float:
@@ -156,8 +156,8 @@ class Implausible:
 
 def refuse_implausible(path: Path | None, survey: Survey, columns: dict[str, str] | None = None) -> None:
     """Raise `UserError` for the first signal that cannot be right. columns: names in the file by signal."""
-    for found in implausible(survey):
-        raise found.error(path, (columns or {}).get(found.signal, ""))
+    for finding in implausible(survey):
+        raise finding.error(path, (columns or {}).get(finding.signal, ""))
 
 
 def implausible(survey: Survey) -> Iterator[Implausible]:

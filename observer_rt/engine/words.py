@@ -1,4 +1,4 @@
-"""Words of the service: states, reasons, counters and log lines, and what is to be done about each.
+"""Words of the service: states, reasons, counters and log lines, and the remedy for each.
 
 The one table of them, but for counters, which have theirs beside their signals. The log, the view and the databases'
 value tables use `Words.what`; docs/operating.md has all.
@@ -41,8 +41,7 @@ class Topic(StrEnum):
 
 STATES: Mapping[State, Words] = {
     State.STARTING: Words(
-        "no sample was observed yet",
-        "wait a second; else the log says which input is missing",
+        "no sample was observed yet", "wait a second; else the log says which input is missing"
     ),
     State.WAITING_FOR_DATA: Words("no input comes in", "see the reason"),
     State.RUNNING_NOMINAL: Words("observing with the model as given, nothing was learned yet"),
@@ -65,12 +64,10 @@ REASONS: Mapping[Reason, Words] = {
         "the model ran out of bounds and began anew", "check units and injector file; report it with a log"
     ),
     Reason.NEEDLE_STUCK: Words(
-        "the needle was open longer than any injection",
-        "check its sensor, unit, offset and sign",
+        "the needle was open longer than any injection", "check its sensor, unit, offset and sign"
     ),
     Reason.TOO_FEW_EVENTS: Words(
-        "too few injections were judged yet",
-        "wait: two injections, one with a restored state",
+        "too few injections were judged yet", "wait: two injections, one with a restored state"
     ),
     Reason.INPUT_TIMEOUT: Words(
         "no frame of any input comes", "switch the devices on; check cable and bit rate"
@@ -87,8 +84,7 @@ REASONS: Mapping[Reason, Words] = {
         "check its filter, amplifier and mounting; state a lag that is meant: lag_us",
     ),
     Reason.NOT_LEARNED: Words(
-        "the event could not be learned from",
-        "nothing, if seldom; else samples are lost, or events too long",
+        "the event could not be learned from", "nothing, if seldom; else samples are lost, or events too long"
     ),
     Reason.SUDDEN_CHANGE: Words(
         "the event contradicts what was learned before it", "wait: if it stays, it is learned"
@@ -117,8 +113,7 @@ REASONS: Mapping[Reason, Words] = {
         "check sensors, units and cables; after a sudden change of the injector it passes",
     ),
     Reason.SECOND_SENDER: Words(
-        "another node sends what only this observer should",
-        "stop it, or change its [outputs]",
+        "another node sends what only this observer should", "stop it, or change its [outputs]"
     ),
     Reason.NO_STANDSTILL: Words(
         "the needle is not shut long enough between injections",
@@ -129,12 +124,10 @@ REASONS: Mapping[Reason, Words] = {
         "calibrate its sensor; check mounting and temperature",
     ),
     Reason.INPUT_FROZEN: Words(
-        "an input kept its value for longer than can be bridged",
-        "check sensor, amplifier and device",
+        "an input kept its value for longer than can be bridged", "check sensor, amplifier and device"
     ),
     Reason.INPUT_CLIPPED: Words(
-        "an input stays at the end of its range",
-        "check the range of sensor and amplifier",
+        "an input stays at the end of its range", "check the range of sensor and amplifier"
     ),
     Reason.LIFT_SENSOR_LAG: Words(
         "the needle lift seems to be recorded late",
@@ -194,14 +187,10 @@ TOPICS: Mapping[Topic, TopicWords] = {
     ),
     Topic.KEPT: TopicWords("what is kept on disk: restored, set aside, saved, or not", "room and rights"),
     Topic.LEARNING: TopicWords(
-        "an event that was only examined; learning that hangs",
-        "as the line says",
-        logging.WARNING,
+        "an event that was only examined; learning that hangs", "as the line says", logging.WARNING
     ),
     Topic.STREAM: TopicWords(
-        "nobody reads the JSON lines or the log, or too slowly",
-        "start the reader again",
-        logging.WARNING,
+        "nobody reads the JSON lines or the log, or too slowly", "start the reader again", logging.WARNING
     ),
 }
 

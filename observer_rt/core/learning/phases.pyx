@@ -15,7 +15,7 @@ def phases_of(window, int64_t edge, int64_t afterglow) -> NDArray[np.int8]:
     """
     cdef const double[:, :] inputs = window.inputs
     cdef const unsigned char[:] resting = window.resting.view("u1")
-    cdef int64_t n = inputs.shape[0], opening = window.opening, shut_since = -n, k = 0, end, i, from_start, to_end
+    cdef int64_t n = inputs.shape[0], opening = window.opening, shut_index = -n, k = 0, end, i, from_start, to_end
     phases = empty(n, "i1")
     cdef int8_t[::1] result = phases
     if len(window.output) != n or resting.shape[0] != n:
@@ -34,10 +34,10 @@ def phases_of(window, int64_t edge, int64_t afterglow) -> NDArray[np.int8]:
                         result[i] = CLOSING
                     else:
                         result[i] = OPEN
-                shut_since = end
+                shut_index = end
                 k = end
                 continue
-            if k - shut_since < afterglow:
+            if k - shut_index < afterglow:
                 result[k] = CLOSING
             elif resting[k] or k < opening:
                 result[k] = STANDSTILL

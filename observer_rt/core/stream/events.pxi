@@ -4,7 +4,7 @@
 cdef inline void shut_needle(Observer* observer, int64_t index) noexcept nogil:
     """From the sample `index` on."""
     observer.memory.needle.is_open = False
-    observer.memory.needle.shut_since = index
+    observer.memory.needle.shut_index = index
 
 
 cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
@@ -50,7 +50,7 @@ cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
     under_way = &memory.event
     timing = &observer.constants.timing
     lasted = position - under_way.opening
-    is_at_rest = observer.ring[position & MASK].index - memory.needle.shut_since > timing.settle
+    is_at_rest = observer.ring[position & MASK].index - memory.needle.shut_index > timing.settle
     is_first = memory.counts.events_closed < observer.constants.events_required
     is_over = is_at_rest and (is_first or lasted >= timing.event_gap)
     if under_way.in_event and (lasted > MAX_EVENT or is_over):
@@ -82,7 +82,7 @@ cdef void follow_injection(Observer* observer, int64_t position) noexcept nogil:
     if needle.is_open:
         _part_injections(observer, position)
         return
-    shut_for = observer.ring[position & MASK].index - needle.shut_since
+    shut_for = observer.ring[position & MASK].index - needle.shut_index
     if shut_for >= timing.window_tail:
         _end_window(observer, counts.injections_begun - 1, position)
     if shut_for >= timing.event_gap:
@@ -99,7 +99,7 @@ cdef void _part_injections(Observer* observer, int64_t position) noexcept nogil:
         return
     injection = &observer.injections[(number + 1) % INJECTIONS]
     ring = observer.ring
-    meet = max(injection.start, position - (ring[position & MASK].index - observer.memory.needle.shut_since))
+    meet = max(injection.start, position - (ring[position & MASK].index - observer.memory.needle.shut_index))
     for k in range(meet + 1, position + 1):
         if ring[k & MASK].injection_rate < ring[meet & MASK].injection_rate:
             meet = k
@@ -118,7 +118,7 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
     under_way.in_event = False
     event = &observer.events[counts.events_closed % PENDING_EVENTS]
     event.number = under_way.number
-    shut_at = min(needle.shut_since + timing.event_gap, observer.ring[position & MASK].index)
+    shut_at = min(needle.shut_index + timing.event_gap, observer.ring[position & MASK].index)
     event.due_index = shut_at + timing.learning_delay
     event.opening = under_way.opening
     event.window_start = max(under_way.opening - timing.learning_lead, memory.positions.segment_start)
@@ -172,7 +172,7 @@ cdef bint judgement_due(Observer* observer, int64_t index) noexcept nogil:
     cdef bint is_at_rest
     memory = observer.memory
     needle = &memory.needle
-    is_at_rest = not needle.is_open and index - needle.shut_since > observer.constants.timing.settle
+    is_at_rest = not needle.is_open and index - needle.shut_index > observer.constants.timing.settle
     if memory.event.in_event and memory.synchronisation.synchronised and not is_at_rest:
         return False
     return observer.events[memory.judgement.events_taken % PENDING_EVENTS].due_index <= index

@@ -108,7 +108,7 @@ cdef bint stays_low(Observer* observer, int64_t position, double highest) noexce
     band = &memory.dead_band
     timing = &observer.constants.timing
     ring = observer.ring
-    if ring[position & MASK].index - memory.needle.shut_since <= timing.bounce:
+    if ring[position & MASK].index - memory.needle.shut_index <= timing.bounce:
         return False
     ahead = known(observer, position)
     first = 0

@@ -60,7 +60,7 @@ cdef inline void count_falls(Observer* observer, Sample* row, bint is_new) noexc
     """
     memory = observer.memory
     monitor = &memory.monitor
-    if row.index - memory.needle.shut_since < SWINGS_FOR * observer.constants.timing.event_gap:
+    if row.index - memory.needle.shut_index < SWINGS_FOR * observer.constants.timing.event_gap:
         return
     drop = row.line_pressure - row.rail_pressure
     monitor.lowest_line = drop if is_new else min(monitor.lowest_line, drop)

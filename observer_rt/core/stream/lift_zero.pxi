@@ -75,7 +75,7 @@ cdef void follow_lift(Observer* observer, int64_t position) noexcept nogil:
     regression, band = &memory.crosstalk, &memory.dead_band
     interval = observer.constants.interval
     row = &observer.ring[position & MASK]
-    shut_for = row.index - needle.shut_since
+    shut_for = row.index - needle.shut_index
     if needle.is_open:
         _move_on(observer, position)
         follow_opening(observer, position)

@@ -167,9 +167,9 @@ cdef struct Injection:
 
 # step.pxi: how far samples have come
 cdef struct Positions:
-    # numbers of recorded samples: recorded >= given_on
+    # numbers of recorded samples: recorded >= released
     int64_t recorded  # taken in
-    int64_t given_on  # what is stated of their channels is undone
+    int64_t released  # what is stated of their channels is undone
     int64_t unbroken_since  # number of the first sample since the last break
     # positions in the stream of samples: received >= inspected >= processed
     int64_t received
@@ -256,7 +256,7 @@ cdef struct Synchronisation:
 # events.pxi
 cdef struct Needle:
     unsigned char is_open
-    int64_t shut_since  # index of the first closed sample
+    int64_t shut_index  # index of the first closed sample
     int64_t opening  # position of the last one
 
 # events.pxi

@@ -12,28 +12,28 @@ cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept
         number = positions.recorded
         sample = &observer.recorded[number & RECORDED_MASK]
         if sample.broken != BREAK_NONE:
-            _give_on(observer, number)  # nothing follows what waits
+            _release(observer, number)  # nothing follows what waits
             positions.unbroken_since = number
         sample.doubt = doubt
         positions.recorded += 1
         if doubt != DOUBT_NONE:
-            for earlier in range(positions.given_on, number):
+            for earlier in range(positions.released, number):
                 observer.recorded[earlier & RECORDED_MASK].doubt = doubt
-        _give_on(observer, positions.recorded - ahead)
+        _release(observer, positions.recorded - ahead)
 
 
-cdef void _give_on(Observer* observer, int64_t end) noexcept nogil:
+cdef void _release(Observer* observer, int64_t end) noexcept nogil:
     """Append the recorded samples up to the number `end`, with what is stated of their channels undone."""
     cdef bint is_stated
     positions = &observer.memory.positions
     is_stated = observer.constants.undoing.stated
-    while positions.given_on < end:
-        number = positions.given_on
+    while positions.released < end:
+        number = positions.released
         sample = &observer.recorded[number & RECORDED_MASK]
         rail_pressure = true_rail_pressure(observer, number) if is_stated else sample.values[RAIL]
         lift = true_lift(observer, number) if is_stated else sample.values[LIFT]
         _append(observer, sample, rail_pressure, lift)
-        positions.given_on += 1
+        positions.released += 1
 
 
 cdef inline void _append(
@@ -73,7 +73,7 @@ cdef bint advance_stream(Observer* observer) noexcept nogil:
     """
     positions, mode = &observer.memory.positions, &observer.memory.mode
     if mode.draining:
-        _give_on(observer, positions.recorded)
+        _release(observer, positions.recorded)
     while positions.processed < positions.received:
         position = positions.processed
         if (
@@ -156,7 +156,7 @@ cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
         look_at_opening(observer, position)
     if (position - needle.opening) % observer.constants.timing.settle == 0:
         look_at_rest(observer, position)
-    row.resting = not needle.is_open and row.index - needle.shut_since > observer.constants.timing.settle
+    row.resting = not needle.is_open and row.index - needle.shut_index > observer.constants.timing.settle
     if row.broken != BREAK_NONE:
         start_pair(observer, position)
     elif not step_pair(observer, position):
@@ -261,7 +261,7 @@ cdef bint _is_only_rest_held(Observer* observer, int64_t position) noexcept nogi
     needle = &observer.memory.needle
     row = &observer.ring[position & MASK]
     timing = &observer.constants.timing
-    is_at_rest = not needle.is_open and row.index - needle.shut_since > timing.bounce
+    is_at_rest = not needle.is_open and row.index - needle.shut_index > timing.bounce
     others = max(observer.channels[RAIL].bridged, observer.channels[LINE].bridged)
     return is_at_rest and row.doubt == DOUBT_FROZEN and others <= timing.bridge
 

@@ -29,11 +29,7 @@ class Belief:
     @property
     def parts(self) -> dict[str, NDArray[np.float64]]:
         """Arrays of the belief by name, without what was worked out of it meanwhile."""
-        return {
-            "mean": self.mean,
-            "covariance": self.covariance,
-            "error_covariance": self.error_covariance,
-        }
+        return {"mean": self.mean, "covariance": self.covariance, "error_covariance": self.error_covariance}
 
     @property
     def sigma(self) -> NDArray[np.float64]:
@@ -103,10 +99,7 @@ class Gate:
 
 
 def best_subset(
-    information: NDArray[np.float64],
-    vector: NDArray[np.float64],
-    gate: Gate,
-    active: frozenset[int],
+    information: NDArray[np.float64], vector: NDArray[np.float64], gate: Gate, active: frozenset[int]
 ) -> tuple[NDArray[np.float64], frozenset[int]]:
     """Parameters (m,) and active columns that maximise the likelihood less the price of the active scalars.
 
@@ -118,8 +111,8 @@ def best_subset(
     undone = np.linalg.solve(information[free][:, free], np.column_stack((across, vector[free])))
     left = information[gated][:, gated] - across.T @ undone[:, :-1]  # by the free ones
     theta, best = np.zeros_like(vector), np.zeros(len(gated))
-    rest = vector[gated] - across.T @ undone[:, -1]
-    subset = search_subsets(left, rest, np.array(gate.lowest), prices, best)
+    remaining = vector[gated] - across.T @ undone[:, -1]
+    subset = search_subsets(left, remaining, np.array(gate.lowest), prices, best)
     if subset < 0:
         raise np.linalg.LinAlgError("information is not positive definite")
     theta[gated], theta[free] = best, undone[:, -1] - undone[:, :-1] @ best
@@ -159,7 +152,7 @@ class GatedBelief:
 
     @cached_property
     def _by_joint(self) -> NDArray[np.float64]:
-        """Map (m, m) from the joint mean to the estimate: what is left out is known to be 0.
+        """Map (m, m) from the joint mean to the estimate: parameters left out are known to be 0.
 
         What is held stays as it is, and all else moves given that: leaving a scalar out tells nothing of it.
         """

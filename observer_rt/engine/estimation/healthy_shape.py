@@ -61,11 +61,11 @@ def expected(shape: HealthyShape, stretch: EventStretch) -> NDArray[np.float64]:
     return total
 
 
-def together(one: HealthyShape, other: HealthyShape) -> HealthyShape:
+def together(first: HealthyShape, second: HealthyShape) -> HealthyShape:
     """Both courses added up."""
     added = {
         name: tuple(
-            round(a + b, _DIGITS) for a, b in zip(getattr(one, name), getattr(other, name), strict=True)
+            round(a + b, _DIGITS) for a, b in zip(getattr(first, name), getattr(second, name), strict=True)
         )
         for name in HealthyShape.model_fields
     }
@@ -89,8 +89,8 @@ class ShapeFit:
         kept = [part for number, part in enumerate(self._parts) if number != left_out]
         information = np.sum([part[0] for part in kept], axis=0)
         gradient = np.sum([part[1] for part in kept], axis=0)
-        found = np.linalg.solve(information + np.eye(gradient.size) / SPREAD**2, gradient)
-        courses = np.round(found.reshape(4, KNOTS.size) * self._sigma / MEGAPASCAL, _DIGITS).tolist()
+        solution = np.linalg.solve(information + np.eye(gradient.size) / SPREAD**2, gradient)
+        courses = np.round(solution.reshape(4, KNOTS.size) * self._sigma / MEGAPASCAL, _DIGITS).tolist()
         return HealthyShape(**dict(zip(HealthyShape.model_fields, courses, strict=True)))
 
 

@@ -1,7 +1,7 @@
 """A belief in which one parameter is held at a value found elsewhere, and considered: Schmidt's filter.
 
-Schmidt, Application of state-space methods to navigation problems, 1966: an event teaches nothing of what is held,
-and all else is as uncertain by it as it depends on it.
+Schmidt, Application of state-space methods to navigation problems, 1966: an event teaches nothing of the held
+parameter, and all else is as uncertain by it as it depends on it.
 """
 
 import math
@@ -19,7 +19,7 @@ _EXACTLY = 1e-14  # variance of what is held
 class HeldBelief:
     """A belief before an event, given the value of a column; column None: nothing is held.
 
-    by: change (m,) of theta with what is held; variance: of that; log: nats by which the value is less likely than
+    by: change (m,) of theta with the held value; variance: of that; log: nats by which the value is less likely than
     the belief alone makes the event.
     """
 
@@ -54,8 +54,8 @@ def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldB
     by = belief.covariance[:, column] / own
     away = value - float(belief.mean[column])
     parts = []
-    for each in (belief.covariance, belief.error_covariance):
-        part = symmetric(covariance_given(each, column))
+    for matrix in (belief.covariance, belief.error_covariance):
+        part = symmetric(covariance_given(matrix, column))
         part[column, :] = part[:, column] = 0.0
         part[column, column] = _EXACTLY
         parts.append(part)

@@ -167,5 +167,5 @@ def deviate(total: float, count: float) -> float:
     if not count > 0:
         return 0.0
     variance = 2.0 / (9.0 * count)
-    found: float = (math.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance)
-    return found
+    deviation: float = (math.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance)
+    return deviation

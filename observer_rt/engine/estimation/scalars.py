@@ -106,11 +106,10 @@ class Scalar:
 
     prior, drift: one sigma, before any event and from one to the next; longest_step: of one Gauss-Newton iteration,
     beyond it the slopes say little; bounds: lowest and highest admissible. counted: what these are given in.
-    gated_from: of a parameter that must pay for being active, the lowest theta it then may take; held: rest tells
-    of it, no event. change: its law, the
-    line with the scalar, analytic in it; None: it is none of line or guide. turn: laws of a lower one act first,
-    those of the same in the order of the rows. element: whose law has the columns as its numbers, in the order of
-    the rows.
+    gated_from: of a parameter that must pay for being active, the lowest theta it then may take; held: rest tells of
+    it, no event. change: its law, the line with the scalar, analytic in it; None: it belongs to neither line nor
+    guide. turn: laws of a lower one act first, those of the same in the order of the rows. element: whose law has the
+    columns as its numbers, in the order of the rows.
     """
 
     name: str
@@ -217,14 +216,14 @@ class Scalars:
         return Gate(tuple(column for column, _ in gated), tuple(lowest for _, lowest in gated), held)
 
     def shown(self) -> Iterator[tuple[int, ShownIndicator]]:
-        """Column and appearance of what is shown."""
+        """Column and appearance of the scalars shown."""
         return ((row.column, row.shown) for row in self.rows if row.shown is not None)
 
     def _numbers(self, element: Element) -> Numbers:
-        found = [
+        numbers = [
             (row.column + i, row) for row in self.rows if row.element is element for i in range(row.columns)
         ]
-        columns, rows = zip(*found, strict=True)
+        columns, rows = zip(*numbers, strict=True)
         return Numbers(np.array(columns), np.array([row.counted.unit(1.0) for row in rows]))
 
     def _vector(self, figure: Callable[[Scalar], float], pressure_scale: float) -> NDArray[np.float64]:
@@ -357,23 +356,20 @@ def _meaning(content: bytes, line: Any, c: Coefficients) -> Learned:
     valve = Valve(*(np.array(c.valve) + SCALARS.valve.of(theta)).tolist())
     changed = c._replace(line=_changed(line, SCALARS.of_line(theta)), valve=valve)
     return Learned(
-        network_of(theta),
-        changed,
-        float(theta[Parameter.LINE_PRESSURE_OFFSET]),
-        SCALARS.sensor.of(theta),
+        network_of(theta), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), SCALARS.sensor.of(theta)
     )
 
 
 @_several
 def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
-    found: list[tuple[int, int, float]] = []
-    for place, (column, _) in enumerate(SCALARS.laws):
-        stepped = (*values[:place], complex(values[place], _TINY), *values[place + 1 :])
+    entries: list[tuple[int, int, float]] = []
+    for row, (column, _) in enumerate(SCALARS.laws):
+        stepped = (*values[:row], complex(values[row], _TINY), *values[row + 1 :])
         for number, coefficient in enumerate(_changed.__wrapped__(line, stepped)):
             slope = coefficient.imag / _TINY
             if slope != 0.0:
-                found.append((column, number, slope))
-    columns, numbers, slopes = zip(*found, strict=True)
+                entries.append((column, number, slope))
+    columns, numbers, slopes = zip(*entries, strict=True)
     return ByTheta(
         _NOZZLE,
         _WEIGHTS,

@@ -62,9 +62,7 @@ def slow_noise(
         return None
     spectrum = _spectrum(values, stretches, sample_rate, white)
     frequency, power = max(
-        _slow_tone(values, index, stretches, sample_rate),
-        _spectrum_tone(*spectrum),
-        key=lambda tone: tone[1],
+        _slow_tone(values, index, stretches, sample_rate), _spectrum_tone(*spectrum), key=lambda tone: tone[1]
     )
     if power > ONE_TONE * beyond:
         return SlowNoise(frequency, math.sqrt(2.0 * power), is_tone=True)
@@ -123,7 +121,7 @@ def _spectrum_tone(frequencies: NDArray[np.float64], power: NDArray[np.float64])
 
 
 def _middle(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> float:
-    """Frequency [Hz] of a spectrum below which half of what is not white lies."""
+    """Frequency [Hz] of a spectrum below which half of the coloured part lies."""
     below = np.cumsum(np.maximum(power, 0.0))
     return float(frequencies[max(1, int(np.searchsorted(below, 0.5 * below[-1])))])
 
@@ -139,10 +137,10 @@ def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> float
     differences: their median would be 1.5 % low on signals of few codes, enough to matter.
     """
     usable = chosen & np.isfinite(values)
-    whole = usable[: -_ORDER or None].copy()
+    is_complete = usable[: -_ORDER or None].copy()
     for shift in range(1, _ORDER + 1):
-        whole &= usable[shift : values.size - _ORDER + shift]
-    differences = np.diff(np.where(usable, values, 0.0), _ORDER)[whole]
+        is_complete &= usable[shift : values.size - _ORDER + shift]
+    differences = np.diff(np.where(usable, values, 0.0), _ORDER)[is_complete]
     if differences.size < FEWEST_DIFFERENCES:
         return math.nan
     size = np.abs(differences)

@@ -8,13 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.phases import phases_of
-from observer_rt.engine.estimation.phases import (
-    AFTERGLOW,
-    EDGE,
-    Phase,
-    PhaseStatistics,
-    phase_statistics,
-)
+from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE, Phase, PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta, sensor_lag
 from observer_rt.engine.learning.disturbances.colour import Colour
@@ -69,10 +63,10 @@ def event_statistics(
 ) -> PhaseStatistics:
     """Statistics of the innovations over a window, phase by phase, against a healthy injector's; interval [s]."""
     phases = phases_of(window, round(EDGE / interval), round(AFTERGLOW / interval))
-    found = phase_statistics(
+    statistics = phase_statistics(
         innovations.values, innovations.sigma, phases, round(BURN_IN / interval), mask_of(window), CLIP
     )
-    return healthy.relative(found)
+    return healthy.relative(statistics)
 
 
 def inadequate_phase(statistics: PhaseStatistics) -> Phase | None:
@@ -101,13 +95,13 @@ def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
 
 def tempering(statistics: PhaseStatistics) -> float:
     """Factor on the variance of an event's innovations: above 1 when they are coloured, or louder than believed."""
-    found = [1.0]
+    tempers = [1.0]
     for phase in Phase:
         limits = (statistics.colour(phase), TEMPER_ABOVE), (statistics.variance(phase), RELEVANT_VARIANCE)
         beyond = [value for value, limit in limits if value > limit]
         if beyond and statistics.excess(phase) > TEMPER_SIGNIFICANT:
-            found.extend(beyond)
-    return max(found)
+            tempers.extend(beyond)
+    return max(tempers)
 
 
 def sensor_objections(offset: float, lag: float, untold: float = 0.0) -> list[Reason]:
@@ -179,9 +173,9 @@ class Examiner:
         self.statistics = statistics
         """Over recent events; whoever learns from an event replaces them by what was found."""
 
-    def take(self, found: Examination) -> None:
+    def take(self, examination: Examination) -> None:
         """Takes over how an event was judged."""
-        self.statistics, self._passed = found.statistics, found.passed
+        self.statistics, self._passed = examination.statistics, examination.passed
 
     def examine(
         self, window: Window | None, innovations: Innovations, in_force: Theta, constants: Constants
@@ -206,15 +200,15 @@ class Examiner:
         lag = sensor_lag(in_force)
         offset, untold = _offset(window, in_force, constants)
         if inadequate_phase(event) is not None:
-            found = objections(event, offset, lag, self._healthy, untold)
+            raised = objections(event, offset, lag, self._healthy, untold)
             to_pass = 1 if self._passed >= SETTLED else BELIEVED_AFTER
-            return Examination(tuple(found), self.statistics, self._passed if self._passed < 0 else -to_pass)
+            return Examination(tuple(raised), self.statistics, self._passed if self._passed < 0 else -to_pass)
         statistics = pooled(self.statistics, event)
-        found = objections(statistics, offset, lag, self._healthy, untold)
-        passed = self._passed if found else min(self._passed + 1, SETTLED)
-        if passed < 0 and not found:
-            found = [Objection(Reason.MODEL_INADEQUATE)]
-        return Examination(tuple(found), statistics, passed)
+        raised = objections(statistics, offset, lag, self._healthy, untold)
+        passed = self._passed if raised else min(self._passed + 1, SETTLED)
+        if passed < 0 and not raised:
+            raised = [Objection(Reason.MODEL_INADEQUATE)]
+        return Examination(tuple(raised), statistics, passed)
 
 
 def _offset(window: Window, in_force: Theta, constants: Constants) -> tuple[float, float]:

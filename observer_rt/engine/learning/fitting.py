@@ -114,13 +114,13 @@ class EventFitter:
             if as_expected and total(target, value) <= here_total:
                 here = here.moved(target, value)
                 break
-            there = self.cost.linearised(target)
+            ahead = self.cost.linearised(target)
             for _ in range(HALVINGS):
-                if total(there.theta, there.value) < here_total:
+                if total(ahead.theta, ahead.value) < here_total:
                     break
-                there = self.cost.linearised(0.5 * (here.theta + there.theta))
+                ahead = self.cost.linearised(0.5 * (here.theta + ahead.theta))
             before = here_total
-            here, here_total = there, total(there.theta, there.value)
+            here, here_total = ahead, total(ahead.theta, ahead.value)
             if abs(before - here_total) < TOLERANCE:
                 break
         cost = self.cost

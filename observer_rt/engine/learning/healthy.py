@@ -64,8 +64,8 @@ class Healthy:
         """Mean innovation (n,) [p_0] over a window of samples of an interval [s]; None: 0."""
         if self.shape is None:
             return None
-        whole = expected(self.shape, stretch_of(window, c, interval)) / c.pressure_scale
-        return whole[: window.output.size]
+        expected_pressure = expected(self.shape, stretch_of(window, c, interval)) / c.pressure_scale
+        return expected_pressure[: window.output.size]
 
 
 NOT_FITTED = Healthy()
@@ -144,9 +144,9 @@ def healthy_for_naming(
 
     adequate: whether the model explains the healthy injector; rate: innovations of its measured rate.
     """
-    known = {} if isinstance(left, Baseline) else {name: getattr(left, name) for name in _FOR_NAMING}
+    kept_fields = {} if isinstance(left, Baseline) else {name: getattr(left, name) for name in _FOR_NAMING}
     variance, colour = at_least_noise(left.variance)[:, 0], at_least_noise(left.colour, left.colour)
-    return Healthy(variance, colour, adequate=adequate, rate=rate, **known)
+    return Healthy(variance, colour, adequate=adequate, rate=rate, **kept_fields)
 
 
 def at_least_noise(*figures: PhaseFigures) -> NDArray[np.float64]:
@@ -165,6 +165,6 @@ def holds_at(baseline: Baseline, sample_rate: float) -> bool:
     return is_same_rate(baseline.sample_rate_Hz, sample_rate)
 
 
-def is_same_rate(one: float, other: float) -> bool:
+def is_same_rate(first: float, second: float) -> bool:
     """Whether blocks of innovations at two sample rates [Hz] span the same time."""
-    return math.isclose(one, other, rel_tol=SAME_RATE)
+    return math.isclose(first, second, rel_tol=SAME_RATE)

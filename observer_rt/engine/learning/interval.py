@@ -51,7 +51,7 @@ class VolumeBudget(NamedTuple):
 
     parameters: what was learned is known so well only; inputs: noise of the signals; model: what the model gets wrong
     of a healthy injector, and away from where it was learned; calibration: of the mass, constant over injections;
-    parting: flow at the ends of its window, of which another injection may have part.
+    parting: flow at the ends of its window, a part of which may belong to another injection.
     """
 
     parameters: float

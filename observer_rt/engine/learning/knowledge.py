@@ -1,4 +1,4 @@
-"""Knowledge of the observer: the belief about all parameters, what is in force, what an event adds."""
+"""Knowledge of the observer: the belief about all parameters, those in force, and the result of an event."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -50,14 +50,14 @@ def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
 class Outcome:
     """Result of learning from one event: what to carry from the adoption point on, and the event's report.
 
-    knowledge: its `in_force` is the new theta when adopted, else the old one. forward: objections to what is carried
-    on, objections: to the event's own mass, too. estimate: the new theta in any case, with the covariance (m, m) of
-    its error. resimulated: the event with the estimate, None where nothing usable was learned from it. outliers:
-    samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean square of
-    its innovations where it is loudest over that at rest, by what is known of its noise. known: where the flow is
-    known well enough by what is to be carried. prior: belief before the event, drift included. window, setting: with
-    which it was run again. change: that an event showed which passed. posterior: what the event may be, in words, and
-    how probable.
+    knowledge: its `in_force` is the new theta when adopted, else the old one. forward: objections to the state that
+    is carried on, objections: to the event's own mass, too. estimate: the new theta in any case, with the covariance
+    (m, m) of its error. resimulated: the event with the estimate, None where nothing usable was learned from it.
+    outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
+    square of its innovations where it is loudest over that at rest, by its known noise. known: where the flow is
+    known well enough by the state to be carried. prior: belief before the event, drift included. window, setting:
+    with which it was run again. change: that an event showed which passed. posterior: what the event may be, in
+    words, and how probable.
     """
 
     adoption: Adoption

@@ -17,7 +17,7 @@ from observer_rt.engine.learning.learned_range import EventPoint
 
 @dataclass(frozen=True, eq=False)
 class LearnedInjector:
-    """What is believed of injector and noise.
+    """Belief about injector and noise.
 
     belief: about all parameters jointly; theta (m,): where the last event was explained; statistics: of recent
     innovations; active: the gated columns in use; is_prior: nothing was learned yet, or all of it was forgotten;
@@ -48,14 +48,14 @@ class LearnedInjector:
 
     def with_gain(self, sigma: float) -> "LearnedInjector":
         """What holds of sensors, stated with a standard deviation of the gain of one over the other's, 0: none."""
-        column, known = int(Parameter.LINE_PRESSURE_GAIN), self.belief.covariance
-        if (sigma > 0.0) is bool(known[column, column] > 2.0 * EXACTLY**2):
+        column, covariance = int(Parameter.LINE_PRESSURE_GAIN), self.belief.covariance
+        if (sigma > 0.0) is bool(covariance[column, column] > 2.0 * EXACTLY**2):
             return self
         theta = self.theta.copy()
         theta[column] = 0.0
-        given = held_at(self.belief, column, 0.0, EXACTLY**2).given
+        belief = held_at(self.belief, column, 0.0, EXACTLY**2).given
         return replace(
-            self, belief=given.widened(with_gain(np.zeros_like(theta), max(sigma, EXACTLY))), theta=theta
+            self, belief=belief.widened(with_gain(np.zeros_like(theta), max(sigma, EXACTLY))), theta=theta
         )
 
     def begun(self, interval: float) -> "LearnedInjector":

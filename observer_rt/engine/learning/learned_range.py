@@ -81,7 +81,7 @@ NOWHERE = KnownFlow(math.inf, -math.inf, 0.0)
 def known_flow(
     event: Resimulated, theta: NDArray[np.float64], covariance: NDArray[np.float64], point: EventPoint
 ) -> KnownFlow:
-    """Range of the flow known by what is carried after an event, theta (m,) with the error covariance (m, m).
+    """Range of the flow known by the state carried after an event, theta (m,) with the error covariance (m, m).
 
     Of what was injected it is known how it changes with theta. The fuller the sac, the more of that is the nozzle's
     doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.

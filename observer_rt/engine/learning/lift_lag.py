@@ -61,10 +61,7 @@ class LiftLag:
 
 
 def lift_lag_of(
-    window: Window,
-    setting: Setting,
-    cost_of: Callable[[Window], EventCost],
-    expected: float = USUAL,
+    window: Window, setting: Setting, cost_of: Callable[[Window], EventCost], expected: float = USUAL
 ) -> LiftLag:
     """The lag of its lift that explains an event best, all else fitted from the prior.
 
@@ -80,19 +77,19 @@ def lift_lag_of(
 
     def fitted(
         lag: float, theta: Theta, active: frozenset[int], iterations: int, event: Window = window
-    ) -> _Fitted:
+    ) -> _LagFit:
         cost = cost_of(_earlier(event, lag, setting.interval))
         fitter = EventFitter(cost, active, limits)
-        return _Fitted(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
+        return _LagFit(lag, cost, fitter.fit(cost.linearised(theta), prior, iterations))
 
     zero = np.zeros(SCALARS.width)
     first, other = (fitted(lag, zero, frozenset(), FIRST_ITERATIONS) for lag in (0.0, expected))
     best = other if other.excess < first.excess else first
     step = _step(window, setting, best, wide)
     for _ in range(STEPS):
-        there = fitted(best.lag + step, best.fit.linearisation.theta, best.fit.active, ITERATIONS)
-        if there.excess < best.excess:
-            best, step = there, _step(window, setting, there, wide)
+        ahead = fitted(best.lag + step, best.fit.linearisation.theta, best.fit.active, ITERATIONS)
+        if ahead.excess < best.excess:
+            best, step = ahead, _step(window, setting, ahead, wide)
         else:
             step *= SHORTER
         if abs(step) < CLOSE:
@@ -107,7 +104,8 @@ def lift_lag_of(
 
 @dataclass(frozen=True)
 class LiftLagSearch:
-    """Evidence of recent refused events for a lag: sums of what is in `LiftLag`; asked: refused events in a row."""
+    """Evidence of recent refused events for a lag: sums of the fields of `LiftLag`; asked: refused events in a
+    row."""
 
     asked: int = 0
     events: float = 0.0
@@ -119,26 +117,26 @@ class LiftLagSearch:
     by_chamber: float = 0.0
 
     def after(
-        self, found: Sequence[Objection], ask: Callable[[float], LiftLag]
+        self, objections: Sequence[Objection], ask: Callable[[float], LiftLag]
     ) -> tuple["LiftLagSearch", tuple[Objection, ...]]:
         """Adds an event, if it is refused and its turn is to be asked; returns the objections to it, too.
 
-        What is unexplained by a lift that is late, or early, gets that reason. ask: by the lag [s] that is expected.
+        Objections that a late or early lift explains get that reason. ask: by the lag [s] that is expected.
         """
-        inadequate = [o for o in found if o.reason in UNEXPLAINED and o.phase is not None]
+        inadequate = [o for o in objections if o.reason in UNEXPLAINED and o.phase is not None]
         if not inadequate:
-            return replace(self, asked=0), tuple(found)
+            return replace(self, asked=0), tuple(objections)
         search = replace(self, asked=self.asked + 1)
         if search.asked <= SOON or search.asked % SELDOM == 0:
             try:
                 search = search._with_event(ask(search._lag or USUAL))
             except np.linalg.LinAlgError:
-                return search, tuple(found)
+                return search, tuple(objections)
         lag = search.found
         if lag is None:
-            return search, tuple(found)
+            return search, tuple(objections)
         reason = Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE
-        return search, tuple(replace(o, reason=reason) if o in inadequate else o for o in found)
+        return search, tuple(replace(o, reason=reason) if o in inadequate else o for o in objections)
 
     @property
     def found(self) -> float | None:
@@ -178,7 +176,7 @@ class LiftLagSearch:
 
 
 @dataclass(frozen=True)
-class _Fitted:
+class _LagFit:
     """An event fitted with its lift so much [s] earlier."""
 
     lag: float
@@ -209,7 +207,7 @@ def _in_chamber(window: Window, rise: float) -> Window:
     return window._replace(inputs=inputs, output=window.output - rise, start=start)
 
 
-def _step(window: Window, setting: Setting, here: _Fitted, prior: NDArray[np.float64]) -> float:
+def _step(window: Window, setting: Setting, here: _LagFit, prior: NDArray[np.float64]) -> float:
     """Further lag [s] to take off the lift, by the slope of the innovations freed of what theta does."""
     learned = learned_of(here.fit.linearisation.theta, setting.coefficients)
     moved = []

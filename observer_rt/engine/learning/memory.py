@@ -1,6 +1,7 @@
 """Converts frozen data classes to named values that a file can hold, and back.
 
-Fields keep their names: numbers, arrays, tuples of these, other such classes. What is `NOT_KEPT` is of one run only.
+Fields keep their names: numbers, arrays, tuples of these, other such classes. Fields marked `NOT_KEPT` belong to one
+run only.
 """
 
 import json
@@ -21,7 +22,7 @@ Count = Annotated[int, Field(ge=0, lt=1 << 53)]
 
 
 class NotAsExpectedError(ValueError):
-    """A value of a file that is none of its field."""
+    """A stored value does not fit its field's type."""
 
 
 def kept_names(kind: type) -> Iterator[str]:
@@ -40,48 +41,48 @@ def plain(value: Any) -> Any:
     return value
 
 
-def restored(hint: Any, value: Any, like: Any = None, place: str = "") -> Any:
+def restored(hint: Any, value: Any, like: Any = None, location: str = "") -> Any:
     """Restores a value of this type from what `plain` made of it. Raises `NotAsExpectedError`.
 
-    like: whose arrays have the shapes that are wanted; without, any is taken. place: in the file.
+    like: whose arrays have the shapes that are wanted; without, any is taken. location: in the file.
     """
     if NoneType in get_args(hint):
         hint = next(each for each in get_args(hint) if each is not NoneType)
         if value is None:
             return None
     if get_origin(hint) is np.ndarray:
-        return _array(value, get_args(get_args(hint)[1])[0], like, place)
+        return _array(value, get_args(get_args(hint)[1])[0], like, location)
     args = get_args(hint)
     if get_origin(hint) is tuple and args[-1] is ... and is_dataclass(args[0]) and isinstance(value, list):
         likes = like or (None,)
-        return tuple(restored(args[0], each, likes[0], f"{place}.{i}") for i, each in enumerate(value))
+        return tuple(restored(args[0], each, likes[0], f"{location}.{i}") for i, each in enumerate(value))
     if not is_dataclass(hint):
         try:
             return _adapter(hint).validate_json(json.dumps(value), strict=True)
         except ValidationError as error:
-            raise NotAsExpectedError(f"{place}: {error.errors()[0]['msg']}") from None
+            raise NotAsExpectedError(f"{location}: {error.errors()[0]['msg']}") from None
     assert isinstance(hint, type)
     names, hints = tuple(kept_names(hint)), _hints(hint)
     if not isinstance(value, Mapping) or not value.keys() <= set(names):
-        raise NotAsExpectedError(f"{place}: it holds other names than {', '.join(names)}")
-    found = {
-        name: restored(hints[name], value[name], getattr(like, name, None), f"{place}.{name}".lstrip("."))
+        raise NotAsExpectedError(f"{location}: it holds other names than {', '.join(names)}")
+    fields = {
+        name: restored(hints[name], value[name], getattr(like, name, None), f"{location}.{name}".lstrip("."))
         for name in names
         if name in value
     }
     try:
-        return hint(**found)
+        return hint(**fields)
     except TypeError as error:
-        raise NotAsExpectedError(f"{place}: {error}") from None
+        raise NotAsExpectedError(f"{location}: {error}") from None
 
 
-def _array(value: Any, kind: Any, like: Any, place: str) -> Any:
+def _array(value: Any, kind: Any, like: Any, location: str) -> Any:
     try:
         array = np.array(value, kind)
     except (ValueError, TypeError) as error:
-        raise NotAsExpectedError(f"{place}: {error}") from None
+        raise NotAsExpectedError(f"{location}: {error}") from None
     if like is not None and like.size and array.shape != like.shape:
-        raise NotAsExpectedError(f"{place}: shape {array.shape} instead of {like.shape}")
+        raise NotAsExpectedError(f"{location}: shape {array.shape} instead of {like.shape}")
     return array
 
 

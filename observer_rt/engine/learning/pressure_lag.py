@@ -31,9 +31,9 @@ LEAST_RATE = 0.02  # of the peak, from which on it counts as injection
 
 
 class LagScore(NamedTuple):
-    """Score of a lag against a delay as long: standard normal if it is a lag, negative if it is none.
+    """Score of a lag against a delay as long: standard normal if it is a lag, negative if it is a delay.
 
-    change: of theta (m,), if it is none.
+    change: of theta (m,), if it is a delay.
     """
 
     score: float
@@ -41,7 +41,7 @@ class LagScore(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """Evidence of an event that its lag is none (`LagScore`), and what the mistake makes of its rate, if it is one.
+    """Evidence of an event that a fitted lag is a delay (`LagScore`), and the rate error that makes.
 
     rate_share: of the peak, root mean square over the injection; volume_share: of the volume; change: of theta (m,).
     """
@@ -53,11 +53,7 @@ class Lateness(NamedTuple):
 
 
 def lag_score(
-    window: Window,
-    setting: Setting,
-    fit: EventFit,
-    cost: EventCost,
-    prior: NDArray[np.float64],
+    window: Window, setting: Setting, fit: EventFit, cost: EventCost, prior: NDArray[np.float64]
 ) -> LagScore | None:
     """Score test of a fit's lag against a delay as long.
 
@@ -96,19 +92,19 @@ def lag_score(
     return LagScore(score, change)
 
 
-def lateness_of(found: LagScore, run: OpenLoop) -> Lateness:
+def lateness_of(score: LagScore, run: OpenLoop) -> Lateness:
     """Lateness by the score of an event, run open loop with the theta that was found."""
-    moved, peak = run.slopes @ found.change, float(np.max(run.rate))
+    moved, peak = run.slopes @ score.change, float(np.max(run.rate))
     injecting = run.rate > LEAST_RATE * peak
     if not injecting.any():
-        return Lateness(found.score, 0.0, 0.0, found.change)
+        return Lateness(score.score, 0.0, 0.0, score.change)
     share = math.sqrt(float(np.mean(moved[injecting] ** 2))) / peak
-    return Lateness(found.score, share, float(np.sum(moved) / np.sum(run.rate)), found.change)
+    return Lateness(score.score, share, float(np.sum(moved) / np.sum(run.rate)), score.change)
 
 
 @dataclass(frozen=True, eq=False)
 class LagDoubt:
-    """Evidence of recent events that their lag is none, and that it matters.
+    """Evidence of recent events that their lag is a delay, and that it matters.
 
     Sums of scores (and its variance, where it is a lag), and of squares: of the shares of rate and volume, and of the
     change of theta (m,).

@@ -1,4 +1,4 @@
-"""Holds what learning knows after an event, as one frozen value: the account, and what is followed beside it.
+"""Holds what learning knows after an event, as one frozen value: the account, and the trackers beside it.
 
 A value that is followed from event to event is a frozen class of its own module, with a method `after`, and one field
 here; a file then keeps it by the names of its fields. Nothing writes into the arrays.

@@ -1,4 +1,5 @@
-"""Evidence: inputs of an event as the observer saw them, with its verdict, for whoever asks later what is missing."""
+"""Evidence: inputs of an event as the observer saw them, with its verdict, for a later search of the missing
+effect."""
 
 import json
 import math
@@ -171,7 +172,7 @@ def evidence_of(
     if kind is None:
         return None
     timing, interval = constants.timing, constants.interval
-    beside = len(reports) * (timing.window_lead + timing.window_tail)
+    margin = len(reports) * (timing.window_lead + timing.window_tail)
     rail, lift, line = inputs.until(reports[-1].end - timing.window_tail + round(TAIL / interval))
     return EventEvidence(
         kind=kind,
@@ -179,7 +180,7 @@ def evidence_of(
         first_index=inputs.first_index,
         sample_rate=1.0 / interval,
         opening_pressure=reports[0].rail_pressure,
-        open_time=max(sum(report.end - report.start for report in reports) - beside, 0) * interval,
+        open_time=max(sum(report.end - report.start for report in reports) - margin, 0) * interval,
         belief=belief,
         rail_pressure=rail,
         needle_lift=lift,

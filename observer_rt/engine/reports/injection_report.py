@@ -340,9 +340,9 @@ def columns_of(fields: Sequence[Field[T]], output: Output) -> dict[str, type]:
 def row_of(fields: Sequence[Field[T]], output: Output, injection: T, c: Coefficients) -> dict[str, Value]:
     """Values for every column of `columns_of`; c: of the nominal model, as below."""
     row: dict[str, Value] = {}
-    for each in fields:
-        if output in each.outputs:
-            row.update(zip(each.columns, each.cells(injection, c), strict=True))
+    for field in fields:
+        if output in field.outputs:
+            row.update(zip(field.columns, field.cells(injection, c), strict=True))
     return row
 
 

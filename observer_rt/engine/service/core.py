@@ -65,7 +65,7 @@ class Contest:
             self._end = int(self._processed[0])
 
     def concerns(self, injection: np.void) -> bool:
-        """Whether what is reported now of an injection, `stream.state.INJECTION`, is contested, or its rates were."""
+        """Whether the report of an injection, `stream.state.INJECTION`, is contested now, or its rates were."""
         was_contested = injection["end"] >= self._first and injection["start"] < self._end
         return bool(self._is_contested[0] or was_contested)
 
@@ -283,8 +283,8 @@ class Core:
     @property
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
-        found = standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
-        return replace(found, lift=self.lift)
+        figures = standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
+        return replace(figures, lift=self.lift)
 
     @property
     def lift(self) -> LiftFigures:

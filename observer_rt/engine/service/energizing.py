@@ -81,7 +81,8 @@ class CommandReader:
 
     @property
     def known_until(self) -> int | None:
-        """The moment after which nothing is known of the energizing; None: silence means there is none."""
+        """The moment after which the energizing is unknown; None: silence means that the injector is not
+        energized."""
         if not self._is_level or self._cycle is None or self._last is None:
             return None
         return self._last + round(self._longest * self._units)
@@ -107,8 +108,8 @@ class CommandReader:
             self._last = first + round((self._samples - 1) * self._units)
             return []
         commands = []
-        for place, value in enumerate(reading.values.tolist()):
-            command = self._read_level(first + round(place * self._units), value)
+        for number, value in enumerate(reading.values.tolist()):
+            command = self._read_level(first + round(number * self._units), value)
             if command is not None:
                 commands.append(command)
         return commands
@@ -250,7 +251,7 @@ class EnergizingWatch:
         command.has_opened = True
         delay = math.nan
         if command.is_certain and is_seen:
-            delay = samples_between(self._place(command.start), opening) / self._sample_rate
+            delay = samples_between(self._position(command.start), opening) / self._sample_rate
             self._delays.append(delay)
         else:
             self._number(command)
@@ -268,7 +269,7 @@ class EnergizingWatch:
             self._forget(before)
         undecided = self._undecided_openings()
         for command in [*self._waiting]:
-            end = self._place(command.start) + command.margin + self._window
+            end = self._position(command.start) + command.margin + self._window
             if not (samples_between(end, self._newest) > 0 and self._processed - command.came > self._window):
                 continue
             if command.was_shut is None:
@@ -296,13 +297,13 @@ class EnergizingWatch:
             self._commands += 1
             command.number = self._commands
 
-    def _place(self, moment: int) -> float:
+    def _position(self, moment: int) -> float:
         """Index of a moment; nan while the clock of the stamps is not known."""
         return float(moment) if self._reader.by_index else place_by_time(self._keeping, moment)
 
     def _command_of(self, opening: int) -> Command | None:
-        """The command that an opening belongs to, None if there is none."""
-        since = [(samples_between(self._place(one.start), opening), one) for one in self._waiting]
+        """The command that an opening belongs to, None without one."""
+        since = [(samples_between(self._position(one.start), opening), one) for one in self._waiting]
         started = [each for each in since if -each[1].margin <= each[0] <= self._window + each[1].margin]
         elapsed, last = _latest(started, is_certain=True)
         if last is not None and not last.has_opened:
@@ -325,11 +326,11 @@ class EnergizingWatch:
         if not self._has_time or samples_between(doubtful, opening) <= self._window:
             return True
         until = self._reader.known_until
-        if until is not None and not samples_between(opening, self._place(until)) >= 0:
+        if until is not None and not samples_between(opening, self._position(until)) >= 0:
             return True
         return any(
-            not samples_between(self._place(begin), opening) < 0
-            and not samples_between(self._place(end), opening) > self._window
+            not samples_between(self._position(begin), opening) < 0
+            and not samples_between(self._position(end), opening) > self._window
             for begin, end in self._reader.lost
         )
 
@@ -351,14 +352,14 @@ class EnergizingWatch:
 
     def _was_shut(self, command: Command) -> bool:
         """Whether the needle was shut as a command started, and samples tell what it did in its window."""
-        begin = samples_between(self._newest, self._place(command.start)) + self._newest - command.margin
+        begin = samples_between(self._newest, self._position(command.start)) + self._newest - command.margin
         return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
 
     def _judge(self, command: Command) -> None:
         """Judges a command whose window is over and whose openings are decided."""
         if command.has_opened or not command.is_certain or not command.was_shut:
             return
-        start = self._place(command.start)
+        start = self._position(command.start)
         if any(
             command.came >= reported and 0.0 <= samples_between(start, opening) <= self._window
             for opening, reported in self._unasked
@@ -372,6 +373,6 @@ class EnergizingWatch:
 
 
 def _latest(since: Sequence[tuple[float, Command]], is_certain: bool) -> tuple[float, Command | None]:
-    """Last one of the certain or of the doubtful commands, and samples since it; (inf, None): there is none."""
+    """Last one of the certain or of the doubtful commands, and samples since it; (inf, None) without one."""
     alike = [one for one in since if one[1].is_certain is is_certain]
     return min(alike, key=itemgetter(0), default=(math.inf, None))

@@ -23,11 +23,11 @@ from observer_rt.engine.stream.verdict import Taken
 
 
 @dataclass(eq=False)
-class _Closed:
+class _ClosedEvent:
     """Closed event that waits to be judged.
 
     number: in the order in which they closed, from 0; known: what the observer carried; standstill: until it ended,
-    None where nothing is to be learned; learning: what is being learned from it, None: nothing; examined: once it
+    None where nothing is to be learned; learning: the job that learns from it, None without; examined: once it
     was, with what was learned from an earlier one, and with what speaks against either.
     """
 
@@ -45,7 +45,7 @@ class _Closed:
 
     @property
     def is_learned(self) -> bool:
-        """Whether what is learned from it is known."""
+        """Whether learning from it has ended."""
         return self.learning is not None and self.learning.done()
 
     @property
@@ -58,7 +58,7 @@ class _Closed:
 
 
 class InlineExecutor(Executor):
-    """Learns in lockstep: runs what is submitted at once, in the caller's thread."""
+    """Learns in lockstep: runs each job at once, in the caller's thread."""
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Call `fn` and return its finished future."""
@@ -85,7 +85,7 @@ class Judging:
         healthy: Healthy,
         on_failure: Callable[[Exception], None],
     ) -> None:
-        """executor: runs one job at a time, in order; start: what is known before the first event.
+        """executor: runs one job at a time, in order; start: the knowledge before the first event.
 
         healthy: of the healthy injector; on_failure: hears of learning that failed otherwise than it may.
         """
@@ -110,9 +110,9 @@ class Judging:
         self._executor = executor
         self._first_version = start.phi_version
         self._submitted = self._taken = 0
-        self._waiting: deque[_Closed] = deque()
-        self._learned_from: _Closed | None = None
-        self._next: _Closed | None = None
+        self._waiting: deque[_ClosedEvent] = deque()
+        self._learned_from: _ClosedEvent | None = None
+        self._next: _ClosedEvent | None = None
         self._late: Outcome | None = None  # to be put into force with the next event
         interval = compiled.observer.constants.interval
         learned = start.state.learned
@@ -175,7 +175,7 @@ class Judging:
         """Whether the stream waits for verdicts: then every event is learned from."""
         return bool(self._waits_for_verdicts[0])
 
-    def _would_be_taken(self, closed: _Closed) -> bool:
+    def _would_be_taken(self, closed: _ClosedEvent) -> bool:
         """Whether the stream would take the first verdict on an event that is learned from: it is due already.
 
         That is so where only the next window showed that it was over. Once the event after it has closed, no more
@@ -189,7 +189,7 @@ class Judging:
         """Take over the next closed event."""
         observer, number = self._compiled.observer, self._submitted
         window = event_window(observer, number)
-        closed = _Closed(
+        closed = _ClosedEvent(
             number,
             Fuel(fuel_temperature, observer.constants),
             window,
@@ -209,7 +209,7 @@ class Judging:
         else:
             self.passed_over += 1
 
-    def _learn(self, closed: _Closed) -> None:
+    def _learn(self, closed: _ClosedEvent) -> None:
         """Have an event learned from."""
         assert closed.window is not None
         assert closed.standstill is not None
@@ -249,7 +249,7 @@ class Judging:
             self._learn(self._next)
             self._next = None
 
-    def _post_examined(self, closed: _Closed) -> None:
+    def _post_examined(self, closed: _ClosedEvent) -> None:
         examiner = self._examiner
         closed.examined = examiner.examine(
             closed.window, closed.innovations, closed.known.in_force, closed.fuel.constants
@@ -260,7 +260,7 @@ class Judging:
         is_coloured = colour is not None
         post_examined(self._compiled.observer, closed.number, closed.objections, is_coloured, closed.earlier)
 
-    def _post_learned(self, closed: _Closed, outcome: Outcome) -> None:
+    def _post_learned(self, closed: _ClosedEvent, outcome: Outcome) -> None:
         self._late = None  # this knows of it
         is_coloured = outcome.knowledge.state.learned.colour is not None
         post_learned(self._compiled.observer, closed.number, outcome, is_coloured)
@@ -301,9 +301,7 @@ class Judging:
         self.rejected += not is_adopted
         scale = self._compiled.observer.constants.coefficients.pressure_scale
         self.known = replace(
-            knowledge,
-            phi_version=self.known.phi_version + is_adopted,
-            lift=resting_lift_of(event, scale),
+            knowledge, phi_version=self.known.phi_version + is_adopted, lift=resting_lift_of(event, scale)
         )
 
     def _event(self, number: int) -> np.void:

@@ -55,7 +55,7 @@ class FitDoubt(NamedTuple):
 
 
 def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
-    """Objection to an injector's fitted model on this bench; None where there is none or it was not fitted."""
+    """Objection to an injector's fitted model on this bench; None without an objection, or without a fit."""
     baseline, rate = fitted.parameters.baseline, fitted.config.sampling.rate_hz
     name = fitted.parameters_path.name
     if baseline is None:
@@ -83,20 +83,21 @@ def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
 def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:
     """Slow noise of line pressure [Pa] and needle lift [m], of an observer's samples.
 
-    The line is judged by its innovations: what is slow in the rail pressure, and the line's answer to it, is motion.
+    The line is judged by its innovations: slow changes of the rail pressure, and the line's answer to them, are
+    motion.
     """
     c, rate = observer.constants.coefficients, 1.0 / observer.constants.interval
-    rest = rows[rows["resting"] & ~rows["interpolated"] & (rows["doubt"] == Doubt.NONE)]
-    index = rest["index"].astype(np.int64)
+    resting = rows[rows["resting"] & ~rows["interpolated"] & (rows["doubt"] == Doubt.NONE)]
+    index = resting["index"].astype(np.int64)
     sigma = float(observer.memory[0]["innovation_noise"]["sigma"]) * c.pressure_scale
-    line = slow_noise(rest["innovation"] * c.pressure_scale, index, rate, sigma)
-    lift = slow_noise(rest["needle_lift"], index, rate, white.needle_lift)
-    found = {}
+    line = slow_noise(resting["innovation"] * c.pressure_scale, index, rate, sigma)
+    lift = slow_noise(resting["needle_lift"], index, rate, white.needle_lift)
+    levels = {}
     if line is not None:
-        found[Role.LINE_PRESSURE] = replace(line, strength=line.strength / _passed(observer, line.frequency))
+        levels[Role.LINE_PRESSURE] = replace(line, strength=line.strength / _passed(observer, line.frequency))
     if lift is not None:
-        found[Role.NEEDLE_LIFT] = lift
-    return found
+        levels[Role.NEEDLE_LIFT] = lift
+    return levels
 
 
 def _passed(observer: Observer, frequency: float) -> float:
@@ -113,7 +114,7 @@ def _passed(observer: Observer, frequency: float) -> float:
 
 
 def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
-    """Describes the levels of all signals, and what is not white of them."""
+    """Describes the noise levels of all signals, and their coloured parts."""
     noises = []
     for role, (name, unit, size) in SIGNALS.items():
         text = f"{name} {getattr(white, role.value) / size:.2g} {unit}"

@@ -97,17 +97,17 @@ def value_of(source: str, parts: Mapping[str, Any]) -> Any:
 
     Of a column of several records the sum.
     """
-    found: Any = parts
+    value: Any = parts
     for name in source.split("."):
-        if isinstance(found, Mapping):
-            found = found.get(name)
-        elif isinstance(found, np.ndarray):
-            found = found[name].sum()
-        elif isinstance(found, np.void):
-            found = found[name]
-        elif found is not None:
-            found = getattr(found, name)
-    return found.item() if isinstance(found, np.number) else found
+        if isinstance(value, Mapping):
+            value = value.get(name)
+        elif isinstance(value, np.ndarray):
+            value = value[name].sum()
+        elif isinstance(value, np.void):
+            value = value[name]
+        elif value is not None:
+            value = getattr(value, name)
+    return value.item() if isinstance(value, np.number) else value
 
 
 def values_of(kind: type[AnyValues], parts: Mapping[str, Any]) -> AnyValues:

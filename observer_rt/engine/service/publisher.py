@@ -18,7 +18,7 @@ PUBLISHER = dtype_of(RECORDS["PublisherMemory"])
 class Publisher(NamedTuple):
     """Publisher as compiled functions see it; `out` holds `memory[0].frames` frames for the caller.
 
-    values: what is encoded; the block's rates come last.
+    values: the numbers to encode; the block's rates come last.
     """
 
     memory: NDArray[np.void]  # (1,) PUBLISHER

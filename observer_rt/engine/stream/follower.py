@@ -15,7 +15,7 @@ _NO_KNOTS = np.empty((0, 2))
 
 
 class Follower:
-    """x^ without correction, from a state on; what is measured of the line pressure does not matter."""
+    """x^ without correction, from a state on; the measured line pressure does not matter."""
 
     def __init__(self, constants: Constants, network: Network | None = None) -> None:
         """network: that of phi; None: nothing is learned."""
@@ -42,14 +42,16 @@ class Follower:
         phi: NDArray[np.float64] | None = None,
         line_pressure: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """Injection rate (n,) [m3/s] at samples, the first of which the state belongs to: 0 there.
+        """Injection rate (n,) [m3/s] at samples; the state belongs to the first, where the rate is 0.
 
         inputs (n, 2), resting (n,), knots (n, 2): as in `Window`; phi (3, n) [1/s], line_pressure (n,),
         normalised: filled, if given.
         """
-        it, c = self.constants, self.constants.coefficients
+        constants, c = self.constants, self.constants.coefficients
         errors, rate = np.empty((2, len(inputs)))
-        setting = Setting(it.interval, it.substeps, c, np.zeros(c.states), program=it.program)
+        setting = Setting(
+            constants.interval, constants.substeps, c, np.zeros(c.states), program=constants.program
+        )
         window = Window(inputs, np.zeros(len(inputs)), resting, np.append(self._x, self._x[0]), 0, knots)
         learned = nothing_learned(c)._replace(network=self._network)
         before = float(self._x[0])

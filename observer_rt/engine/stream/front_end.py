@@ -11,11 +11,7 @@ as straight as they are, and what they take from one sample beside a corner they
 
 import math
 
-from observer_rt.core.stream.stream import (
-    FEWEST_OPENING,
-    LOOK_BACK,
-    SLOWEST_OPENING,
-)
+from observer_rt.core.stream.stream import FEWEST_OPENING, LOOK_BACK, SLOWEST_OPENING
 from observer_rt.engine.stream.state import Undoing
 from observer_rt.model.effective import InputTerms
 
@@ -48,10 +44,10 @@ def ramp_samples(interval: float) -> int:
 def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
     """Corrections to undo at a sample interval [s]."""
     late = inputs.rail_delay / interval
-    whole = math.floor(late)
+    whole_samples = math.floor(late)
     ahead = max(math.ceil(late), int(inputs.lift_lag > 0.0), 0)
     stated = inputs.rail_delay != 0.0 or inputs.lift_lag != 0.0
-    return Undoing(stated, whole, late - whole, inputs.lift_lag / interval, ahead)
+    return Undoing(stated, whole_samples, late - whole_samples, inputs.lift_lag / interval, ahead)
 
 
 def noise_gain(lag: float) -> float:

@@ -71,7 +71,7 @@ def lift_figures(observer: Observer, max_lift: float) -> LiftFigures:
 class Standstill:
     """Statistics since the start: sample count, mean of y - o - u1 (in units of p_0), measured noise.
 
-    o is the offset of the sensor in force: what is left is not known yet.
+    o is the offset of the sensor in force: the remaining offset is not known yet.
     """
 
     samples: int
@@ -88,10 +88,10 @@ def standstill_of(
     stated: levels (3,) of rail and line pressure [p_0] and lift [m] that hold where what was measured does not
     contradict them: a short standstill tells a level within some percent only.
     """
-    found, resting = record["standstill"], record["resting_lift"]
-    samples = int(found["rest_count"])
-    offset = float(found["offset_sum"]) / samples if samples else 0.0
-    differences = found["differences"]
+    record_of, resting = record["standstill"], record["resting_lift"]
+    samples = int(record_of["rest_count"])
+    offset = float(record_of["offset_sum"]) / samples if samples else 0.0
+    differences = record_of["differences"]
     count, lifts = int(differences["count"]), int(resting["lift_count"])
     if count < ENOUGH_SAMPLES or lifts < ENOUGH_SAMPLES:
         return Standstill(samples, offset, None)
@@ -99,8 +99,8 @@ def standstill_of(
     measured = [math.sqrt(square / DIFFERENCE_GAIN) for square in squares]
     measured.append(math.sqrt(float(resting["lift_variance"])))
     if stated is not None:
-        known = zip(measured, stated, (count, count, min(lifts, 2 * LIFT_MEMORY)), strict=True)
-        measured = [_level(level, float(before), squares) for level, before, squares in known]
+        pairs = zip(measured, stated, (count, count, min(lifts, 2 * LIFT_MEMORY)), strict=True)
+        measured = [_level(level, float(before), squares) for level, before, squares in pairs]
     noise = NoiseLevels(
         rail_pressure=max(FLOOR.rail_pressure, pressure_scale * measured[0]),
         line_pressure=max(FLOOR.line_pressure, pressure_scale * measured[1]),

@@ -1,6 +1,6 @@
-"""Validity decided, here only: what is known of a sample, an injection or the service becomes state and reason.
+"""Validity decided, here only: facts about a sample, an injection or the service become state and reason.
 
-What is valid has no reason. docs/validity.md says who knows what, and when.
+A valid result has no reason. docs/validity.md says who knows what, and when.
 """
 
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ def state_of_service(newest: tuple[State, Reason] | None, surroundings: Surround
 
 
 def contested(state: State, reason: Reason) -> tuple[State, tuple[Reason, ...]]:
-    """State and reasons, the most severe first, where a second sender adds to what is the matter by itself."""
+    """State and reasons, the most severe first, where a second sender adds to the other reasons."""
     state = state if state is State.WAITING_FOR_DATA else State.DEGRADED
     if reason is Reason.NONE:
         return state, (Reason.SECOND_SENDER,)

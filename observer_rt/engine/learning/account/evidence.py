@@ -37,9 +37,9 @@ def evidences(cost: Linearisation, priors: Sequence[Belief], limits: Limits) -> 
     """
     means = np.array([prior.mean for prior in priors])
     covariances = np.array([prior.covariance for prior in priors])
-    thetas, found = np.empty_like(means), np.empty((len(priors), 3))
-    if not integrate_cost(cost, limits, means, covariances, thetas, found):
+    thetas, results = np.empty_like(means), np.empty((len(priors), 3))
+    if not integrate_cost(cost, limits, means, covariances, thetas, results):
         raise np.linalg.LinAlgError("not positive definite")
-    widths, least, allowed = found.T
+    widths, least, allowed = results.T
     logs = -np.maximum(least, allowed - BEYOND) - widths
     return [Evidence(log, theta) for log, theta in zip(logs.tolist(), thetas, strict=True)]

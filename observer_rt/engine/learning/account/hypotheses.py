@@ -119,7 +119,7 @@ def transitions(mode: Mode, is_prior: bool) -> Iterator[tuple[Kind, float]]:
 
 @dataclass(frozen=True, eq=False)
 class Possibility:
-    """What may be so after an event: the logarithm of its weight, and what is then believed; velocity: of wear."""
+    """A possible explanation of an event: the logarithm of its weight, and the belief by it; velocity: of wear."""
 
     log_weight: float
     learned: LearnedInjector
@@ -127,16 +127,16 @@ class Possibility:
     velocity: Velocity | None = None
 
 
-def is_alike(one: Belief, other: Belief) -> bool:
+def is_alike(first: Belief, second: Belief) -> bool:
     """Whether two beliefs say the same of injector and sensor, as surely."""
-    variances, columns = np.array([np.diag(one.covariance), np.diag(other.covariance)]), [*WEAR, *SENSOR]
+    variances, columns = np.array([np.diag(first.covariance), np.diag(second.covariance)]), [*WEAR, *SENSOR]
     ratio = (variances[0] / variances[1])[list(FLOWS)]
     is_as_sure = np.all(np.maximum(ratio, 1.0 / ratio) < c.ALIKE_VARIANCE)
-    is_near = np.abs(one.mean - other.mean) <= c.ALIKE * np.sqrt(variances.min(axis=0))
+    is_near = np.abs(first.mean - second.mean) <= c.ALIKE * np.sqrt(variances.min(axis=0))
     return bool(is_as_sure and np.all(is_near[columns]))
 
 
-def is_compatible(one: Belief, other: Belief) -> bool:
+def is_compatible(first: Belief, second: Belief) -> bool:
     """Whether two beliefs may be about the same injector and sensor, one of them surer than the other."""
-    away = one.mean - other.mean
-    return float(away @ np.linalg.solve(one.covariance + other.covariance, away)) < c.COMPATIBLE
+    away = first.mean - second.mean
+    return float(away @ np.linalg.solve(first.covariance + second.covariance, away)) < c.COMPATIBLE

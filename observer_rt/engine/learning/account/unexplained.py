@@ -46,8 +46,8 @@ class UnexplainedPressure:
         if not np.isfinite(left).all():
             return self
         means = [float(left[counts].mean())]
-        for rest in resting_segments(window, first, length):
-            blocks = left[rest][: (rest.stop - rest.start) // length * length].reshape(-1, length)
+        for segment in resting_segments(window, first, length):
+            blocks = left[segment][: (segment.stop - segment.start) // length * length].reshape(-1, length)
             means += blocks.mean(axis=1).tolist()
         shares = np.array(means) / (2.0 * float(window.inputs[window.opening, 0]))
         kept = c.UNEXPLAINED_KEPT

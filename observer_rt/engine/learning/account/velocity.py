@@ -62,6 +62,5 @@ def moving(belief: Belief, drift: Matrix, velocity: Velocity | None) -> Moving:
         symmetric(belief.error_covariance + moved),
     )
     return Moving(
-        belief,
-        Velocity(velocity.mean, velocity.across + by @ velocity.covariance, velocity.covariance),
+        belief, Velocity(velocity.mean, velocity.across + by @ velocity.covariance, velocity.covariance)
     )

@@ -40,7 +40,7 @@ class Wander:
         return Wander(weights / weights.sum(), point)
 
     def at(self, point: EventPoint) -> "Wander":
-        """Moves on to an event of which nothing is compared."""
+        """Moves on over an event without a comparison."""
         return replace(self, point=point)
 
     def widened(self, variance: float) -> float:

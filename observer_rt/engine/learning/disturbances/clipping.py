@@ -61,13 +61,13 @@ class EndsOfRange:
         """
         before = mask_of(window)
         mask = before.copy()
-        known, piles = list(self.levels), list(self.piles)
+        levels, piles = list(self.levels), list(self.piles)
         for end, sign in enumerate(_SIGNS):
             y = sign * window.output
-            if known[end] and np.count_nonzero(_is_beyond(y, known[end], sigmas)) >= FEWEST:
-                known[end] = ()
-            if len(known[end]) >= RECURS:
-                mask |= _about(y, float(np.mean(known[end])), sigmas)
+            if levels[end] and np.count_nonzero(_is_beyond(y, levels[end], sigmas)) >= FEWEST:
+                levels[end] = ()
+            if len(levels[end]) >= RECURS:
+                mask |= _about(y, float(np.mean(levels[end])), sigmas)
                 continue
             pile = pile_of(y, innovations, before, sigmas, first)
             if pile is None:
@@ -75,7 +75,7 @@ class EndsOfRange:
             piles[end] = pile
             if pile.changing > CLEAR and _is_explained(innovations[first:], sigmas):
                 mask |= _about(y, pile.level, sigmas)
-        return replace(self, levels=(known[0], known[1]), piles=(piles[0], piles[1])), mask
+        return replace(self, levels=(levels[0], levels[1]), piles=(piles[0], piles[1])), mask
 
     def after(self, window: Window, sigmas: Sigmas) -> "EndsOfRange":
         """Adds the findings of an event while it was fitted."""
@@ -87,7 +87,7 @@ class EndsOfRange:
 
 
 def _levels_after(levels: Levels, pile: Pile | None, y: NDArray[np.float64], sigmas: Sigmas) -> Levels:
-    """Levels of an end, with an event of which y (n,) has such a pile there."""
+    """Levels of an end, with an event whose y (n,) has such a pile there."""
     if levels and _is_beyond(y, levels, sigmas).any():
         levels = ()
     if pile is None or pile.changing < CHANGING:

@@ -76,8 +76,8 @@ class EdgePlaces(NamedTuple):
 def edge_places(interval: float) -> EdgePlaces:
     """Places at an interval of samples [s]."""
     durations = (SHORTEST_DELAY, LONGEST_DELAY, SEEN_FOR, BEFORE_OPENING)
-    shortest, longest, seen_for, beside = (round(duration / interval) for duration in durations)
-    return EdgePlaces(shortest, longest, max(seen_for, FEWEST), beside)
+    shortest, longest, seen_for, margin = (round(duration / interval) for duration in durations)
+    return EdgePlaces(shortest, longest, max(seen_for, FEWEST), margin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +119,9 @@ class EdgeSearch:
         )
 
     def found(self, places: EdgePlaces) -> Edge | None:
-        """Step that is known, None if there is none."""
-        known = np.maximum(self.squares, np.finfo(np.float64).tiny)
-        scores = np.abs(self.products) / np.sqrt(known)
+        """The step found, None without one."""
+        power = np.maximum(self.squares, np.finfo(np.float64).tiny)
+        scores = np.abs(self.products) / np.sqrt(power)
         edge, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
         if not (edge > STANDS_OUT and elsewhere < COMMON * edge):
             return None
@@ -185,7 +185,7 @@ class CoilCurrent:
     """The pulse that is taken out, None: nothing, and the sums over events by which its end is sought.
 
     products: of innovations and of a pulse of 1, all else fitted, by end, squares: those of the pulse, both empty
-    before any event; covariance: of theta (m, m), by what is not known of the pulse, None: 0.
+    before any event; covariance: of theta (m, m), by the uncertainty of the pulse, None: 0.
     """
 
     products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
@@ -195,7 +195,7 @@ class CoilCurrent:
 
     @property
     def unsure(self) -> NDArray[np.float64] | float:
-        """Covariance of theta (m, m) by what is not known of the pulse, or 0."""
+        """Covariance of theta (m, m) by the uncertainty of the pulse, or 0."""
         return 0.0 if self.covariance is None else self.covariance
 
     def undone(self, window: Window) -> Window:
@@ -220,13 +220,13 @@ class CoilCurrent:
         products = REMEMBERED * self.products if is_begun else np.zeros(ends.size)
         squares = REMEMBERED * self.squares if is_begun else np.zeros(ends.size)
         information = slopes.T @ slopes + np.diag(prior**-2)
-        whole = innovations(window)
-        left = np.clip(whole, -CLIP, CLIP)
+        innovations_of_event = innovations(window)
+        left = np.clip(innovations_of_event, -CLIP, CLIP)
         pull = np.linalg.solve(information, slopes.T @ left)
         taken = np.empty((ends.size, prior.size))  # for a pulse of 1
         for i, end in enumerate(ends):
             without = innovations(CoilPulse(edge.height, edge.before, int(end)).taken_out(window))
-            shape = (whole - without) / edge.height
+            shape = (innovations_of_event - without) / edge.height
             by_theta = slopes.T @ shape
             taken[i] = np.linalg.solve(information, by_theta)
             products[i] += float(shape @ left - by_theta @ pull)

@@ -64,14 +64,14 @@ class Colour:
     sigma: float
 
 
-def is_same(one: Colour | None, other: Colour | None) -> bool:
-    """Whether two colours are one, or both are none."""
-    if one is None or other is None:
-        return one is other
-    return one is other or (
-        (one.sigma, one.interval, one.whitening.forgetting)
-        == (other.sigma, other.interval, other.whitening.forgetting)
-        and np.array_equal(one.whitening.taps, other.whitening.taps)
+def is_same(first: Colour | None, second: Colour | None) -> bool:
+    """Whether two colours are equal, or both absent."""
+    if first is None or second is None:
+        return first is second
+    return first is second or (
+        (first.sigma, first.interval, first.whitening.forgetting)
+        == (second.sigma, second.interval, second.whitening.forgetting)
+        and np.array_equal(first.whitening.taps, second.whitening.taps)
     )
 
 
@@ -113,7 +113,7 @@ def offset_between(before: Standstill | None, after: Standstill) -> float | None
 def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
     """Runs of samples of a window with the needle long shut, from sample `first` on, none shorter than `shortest`.
 
-    What is masked ends them: it would tell the colour of gaps.
+    Masked samples end them, because gaps would add a colour of their own.
     """
     resting = window.resting & ~mask_of(window)
     resting[:first] = False
@@ -165,18 +165,18 @@ class RestingNoise:
         if not (segments and self.count > 0.0):
             return 1.0, 1.0
         passed = np.concatenate([high_passed(values, choices[1]) for values in segments])
-        square, known = float(np.mean(passed**2)), float(self.products[1, 0, 0] / self.count)
-        if not min(square, known) > 0.0:
+        square, variance = float(np.mean(passed**2)), float(self.products[1, 0, 0] / self.count)
+        if not min(square, variance) > 0.0:
             return 1.0, 1.0
-        if known > GONE * square:
+        if variance > GONE * square:
             return 1.0, 0.0
-        return math.sqrt(min(1.0, LOUDEST * known / square)), min(1.0, LOUDEST * square / known)
+        return math.sqrt(min(1.0, LOUDEST * variance / square)), min(1.0, LOUDEST * square / variance)
 
     def colour(self, before: Colour | None, interval: float, expected: float = 0.0) -> Colour | None:
         """Filter that explains the innovations best by the BIC, None where white noise does about as well.
 
         before: what it was, and stays where too little was seen; interval: of samples [s]; expected: standard
-        deviation of innovations by the noise levels [p_0]. What is much quieter is no noise but arithmetic, of a
+        deviation of innovations by the noise levels [p_0]. Much quieter values are arithmetic, not noise, of a
         recording without noise.
         """
         if self.count <= 2 * ORDERS:
@@ -214,9 +214,9 @@ class RestingNoise:
     def _is_colour_left(self, choice: int, order: int) -> bool:
         """Whether means of blocks of what a filter leaves vary more than they may."""
         filtering = np.append(1.0, self._taps(choice, order))
-        one = self._variance_of(choice, filtering)
+        variance = self._variance_of(choice, filtering)
         for length in BLOCKS:
-            colour = self._variance_of(choice, np.convolve(np.ones(length), filtering)) / (length * one)
+            colour = self._variance_of(choice, np.convolve(np.ones(length), filtering)) / (length * variance)
             blocks = self.count / length
             if colour > MOST_LEFT and deviate(colour * blocks, blocks) > LEFT_SIGNIFICANT:
                 return True

@@ -1,6 +1,6 @@
 """Outliers that only the model shows: a line pressure held before noise came on it, spikes, bursts of noise.
 
-What is found is masked (`Window.masked`), and the event fitted again. A stretch that may be the truth is not: one
+Outliers are masked (`Window.masked`), and the event is fitted again. A stretch that may be the truth is not: one
 at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is
 what the injector does; and of many in one event the model is to blame.
 """
@@ -45,16 +45,16 @@ def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> lis
         return []
     steps = np.diff(innovations)
     leaps = [int(k) for k in np.flatnonzero(np.abs(steps) > LEAP * sigma) if k >= first]
-    found: list[tuple[int, int]] = []
+    spikes: list[tuple[int, int]] = []
     for leap, back in pairwise(leaps):
-        is_apart = not found or leap >= found[-1][1]
+        is_apart = not spikes or leap >= spikes[-1][1]
         if is_apart and back - leap <= WIDEST_SPIKE and steps[leap] * steps[back] < 0.0:
-            found.append((leap + 1, back + 1))
-    return found
+            spikes.append((leap + 1, back + 1))
+    return spikes
 
 
 def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:
-    """Finds spikes that stand out by no leap, but from what is beside them: [start, end) each.
+    """Finds spikes below the leap test, by comparison with their neighbours: [start, end) each.
 
     Where the innovations are larger than they should be, so must be the spikes. Of many the model is to blame.
     """
@@ -63,7 +63,7 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
     counted = innovations[first:]
     sigma = max(sigma, robust_sigma(counted))
     counted = counted / sigma
-    left, found = counted.copy(), list[tuple[int, int]]()
+    left, spikes = counted.copy(), list[tuple[int, int]]()
     for _ in range(MOST_SPIKES + 1):
         total = np.concatenate(([0.0], np.cumsum(left)))
         deviates = {
@@ -73,10 +73,10 @@ def sharp_spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) 
         start = int(np.argmax(np.abs(deviates[width])))
         height, end = float(deviates[width][start]), start + width
         if abs(height) < SHARP:
-            return found
-        beside = np.concatenate((counted[max(start - BESIDE, 0) : start], counted[end : end + BESIDE]))
-        if np.sign(height) * beside.sum() < NO_SPIKE * np.sqrt(beside.size):
-            found.append((first + start, first + end))
+            return spikes
+        neighbours = np.concatenate((counted[max(start - BESIDE, 0) : start], counted[end : end + BESIDE]))
+        if np.sign(height) * neighbours.sum() < NO_SPIKE * np.sqrt(neighbours.size):
+            spikes.append((first + start, first + end))
         left[start:end] = 0.0
     return []
 
@@ -116,7 +116,7 @@ def frozen_stretches(
 
 
 def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
-    """Stretches of y (n,) louder than its noise (standard deviation); fourth differences hide what is slow."""
+    """Stretches of y (n,) louder than its noise (standard deviation); fourth differences remove slow parts."""
     loud = np.empty(y.size, np.bool_)
     if not 0 < find_loud(y, noise, loud) <= MOST * y.size:
         return []
@@ -155,9 +155,9 @@ class OutlierSearch:
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
     ) -> NDArray[np.bool_] | None:
-        """Mask (n,) of an event's outliers, with what is masked already; None: no more than that.
+        """Mask (n,) of an event's outliers, with the samples masked already; None: no others.
 
-        innovations: (n,), of which those before sample `first` do not count.
+        innovations: (n,); those before sample `first` do not count.
         """
         before = mask_of(window)
         mask = before.copy()
@@ -203,15 +203,15 @@ class OutlierSearch:
         return len(alike) >= RECURS and (end.is_flat or is_general)
 
     def _is_true(self, window: Window, stretch: HeldStretch, sigmas: Sigmas) -> bool:
-        """Whether a stretch is no outlier, but what is there or all that the sensor can show."""
-        place = stretch.start - window.opening
-        alike = sum(any(abs(place - there) <= SAME_PLACE for there, _ in event) for event in self.stretches)
+        """Whether a stretch is no outlier, but the truth, or the end of what the sensor can show."""
+        offset = stretch.start - window.opening
+        alike = sum(any(abs(offset - there) <= SAME_PLACE for there, _ in event) for event in self.stretches)
         return alike + 1 >= RECURS or (stretch.is_extreme and self._recurs_at(stretch.level, sigmas))
 
     def _is_usual(self, burst: HeldStretch, opening: int) -> bool:
         """Whether there is a burst in event after event: then it is what the injector does, or its sensor."""
-        place = _middle(burst) - opening
-        alike = sum(any(abs(place - there) <= LENGTH for there in event) for event in self.bursts)
+        offset = _middle(burst) - opening
+        alike = sum(any(abs(offset - there) <= LENGTH for there in event) for event in self.bursts)
         return alike + 1 >= RECURS
 
     def _recurs_at(self, level: float, sigmas: Sigmas) -> bool:

@@ -28,10 +28,10 @@ def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, f
 
     A noise whose level is not known yet has no outliers by the level that is.
     """
-    rest = innovations[first:][window.resting[first:]]
-    if rest.size < FEWEST:
+    resting = innovations[first:][window.resting[first:]]
+    if resting.size < FEWEST:
         return 1.0
-    return max(1.0, robust_sigma(rest) / sigmas.innovation)
+    return max(1.0, robust_sigma(resting) / sigmas.innovation)
 
 
 def robust_sigma(values: NDArray[np.float64]) -> float:

@@ -1,4 +1,4 @@
-"""What is believed after an event, if it was what an explanation says."""
+"""Beliefs after an event, given its explanation."""
 
 import math
 from collections.abc import Sequence
@@ -100,26 +100,26 @@ def noise_after(
     follows: Follows,
     reader: EventReader,
 ) -> Noise:
-    """Noise by what is believed, and what an event's innovations (n,) show of it."""
+    """Noise by the belief, and by the innovations (n,) of an event."""
     stretches = resting_segments(window, reader.burn_in, reader.resting)
     at_rest = learned.at_rest.after([unfiltered[each] for each in stretches], reader.interval)
     return Noise(at_rest, at_rest.colour(learned.colour, reader.interval, follows.sigmas.innovation))
 
 
-def carried_on(found: Sequence[Continued]) -> list[Continued]:
-    """What is carried on of explanations, the likeliest first: one belief in its modes, what is alike made one.
+def carried_on(continued: Sequence[Continued]) -> list[Continued]:
+    """Explanations that are carried on, the likeliest first: one belief for each mode, equal ones merged.
 
     The first of the result is carried by the observer: it explains the event, if one of them does.
     """
     merged: list[Continued] = []
-    for explanation, one in found:
+    for explanation, belief in continued:
         for i, (first, other) in enumerate(merged):
-            if other.mode is one.mode and is_alike(other.learned.belief, one.learned.belief):
-                weight = float(np.logaddexp(other.log_weight, one.log_weight))
+            if other.mode is belief.mode and is_alike(other.learned.belief, belief.learned.belief):
+                weight = float(np.logaddexp(other.log_weight, belief.log_weight))
                 merged[i] = first, replace(other, log_weight=weight)
                 break
         else:
-            merged.append((explanation, one))
+            merged.append((explanation, belief))
     merged.sort(key=lambda each: -each[1].log_weight)
     best = merged[0][1].learned
     kept = [

@@ -71,8 +71,8 @@ def explain(
         explanations[lead] = explanations[lead].fitted(reader)
     point = operating_point(window, reader.interval)
     believing = Believing(reader, state, point)
-    found = [(each, believing.after(each)) for each in explanations]
-    return ExplainedEvent(state, event.window, unmasked, window, point, found, carried_on(found))
+    continued = [(each, believing.after(each)) for each in explanations]
+    return ExplainedEvent(state, event.window, unmasked, window, point, continued, carried_on(continued))
 
 
 class _Reads:
@@ -132,7 +132,7 @@ class _Reads:
             offset,
         )
         cost = reader.cost_of(state, learned, self.window, follows)
-        first, rest = self._linearised(learned, cost)
+        first, resting = self._linearised(learned, cost)
         return EventReading(
             learned,
             self.window,
@@ -145,17 +145,17 @@ class _Reads:
             cost.slopes,
             self._phases,
             reader.healthy,
-            rest,
+            resting,
         )
 
     def _linearised(self, learned: LearnedInjector, cost: EventCost) -> tuple[Linearisation, RestingPressure]:
-        """Linearises a cost at what is believed, with offset and gain as rest says where these are others."""
+        """Linearises a cost at the belief, with offset and gain as rest says where these are others."""
         reader, window = self._reader, self.window
         first = cost.linearised(learned.theta)
-        rest = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)
-        move = rest.held(learned.belief).given.mean - learned.belief.mean
+        resting = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)
+        move = resting.held(learned.belief).given.mean - learned.belief.mean
         move[list(SCALARS.gate.columns)] = 0.0
         if np.abs(move[list(_SENSOR)]).max() * reader.pressure_scale < MOVED:
-            return first, rest
+            return first, resting
         first = cost.linearised(learned.theta + move)
         return first, resting_pressure(window, cost, first.theta, reader.interval, reader.pressure_scale)

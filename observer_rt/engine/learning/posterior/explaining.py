@@ -77,7 +77,7 @@ class Explanation:
 
 
 @dataclass(eq=False)
-class _Found:
+class _FoundExplanation:
     """A kind's evidence: its logarithm, where, the cost there; a fit where the closed form does not serve."""
 
     prior: Belief
@@ -94,7 +94,7 @@ def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReade
 
 
 def coming_back(account: Account, reader: EventReader) -> list[Possibility]:
-    """Hypotheses that all is as it was when it was settled, where what is carried does not say so."""
+    """Hypotheses that the injector is back in a settled state, where the carried state differs from it."""
     belief = account.lead.learned.belief
     others = [each for each in account.settled if not is_compatible(belief, each.belief)]
     drifted = (replace(each, belief=each.belief.drifted(reader.drift)) for each in others)
@@ -138,37 +138,44 @@ class Weighing:
         """Explain the event by what a hypothesis offers. Raises numpy.linalg.LinAlgError when singular."""
         moved, priors = self._priors(hypothesis, logs)
         held = [reading.rest.held(prior) for prior in priors.values()]
-        found = {
-            kind: _Found(prior, of, one.log + of.log, one.theta, reading.first)
-            for (kind, prior), of, one in zip(
+        explanations = {
+            kind: _FoundExplanation(prior, of, explanation.log + of.log, explanation.theta, reading.first)
+            for (kind, prior), of, explanation in zip(
                 priors.items(),
                 held,
                 evidences(reading.first, [each.given for each in held], self._reader.limits),
                 strict=True,
             )
         }
-        before = found.get(BEFORE) or found[SETTLED]
+        before = explanations.get(BEFORE) or explanations[SETTLED]
 
         def log_of(kind: Kind) -> float:
-            return logs[kind] - reading.level + found[kind].log
+            return logs[kind] - reading.level + explanations[kind].log
 
-        promised = max(self._best, *(log_of(kind) for kind in found), -math.inf)
-        for kind, one in found.items():
-            self._fit(hypothesis, reading, before, one, log_of(kind) - promised)
+        promised = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
+        for kind, explanation in explanations.items():
+            self._fit(hypothesis, reading, before, explanation, log_of(kind) - promised)
             promised = max(promised, log_of(kind))
-        self._best = max(self._best, *(log_of(kind) for kind in found), -math.inf)
-        likely = {kind: one for kind, one in found.items() if log_of(kind) > self._best - c.REFINED}
+        self._best = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
+        likely = {
+            kind: explanation
+            for kind, explanation in explanations.items()
+            if log_of(kind) > self._best - c.REFINED
+        }
         if not likely:
             return
-        explained = {kind: one.log + self._nearly_white(reading, one, before) for kind, one in likely.items()}
+        explained = {
+            kind: explanation.log + self._nearly_white(reading, explanation, before)
+            for kind, explanation in likely.items()
+        }
         if AT_FAULT in logs:  # it pays for where it is fitted, too
             at_fault = (
                 before.log + before.cost.expected(before.theta) - reading.at_fault(before.theta, before.fit)
             )
             explained |= dict.fromkeys((AT_FAULT, INADEQUATE), at_fault)
         for kind, log in explained.items():
-            one = found.get(kind, before)
-            if kind.mode.is_good and is_worn_beyond_limits(one.theta):
+            explanation = explanations.get(kind, before)
+            if kind.mode.is_good and is_worn_beyond_limits(explanation.theta):
                 continue
             self._found.append(
                 Explanation(
@@ -176,11 +183,11 @@ class Weighing:
                     kind,
                     logs[kind] - reading.level + log,
                     reading,
-                    one.prior,
-                    one.held,
-                    one.cost,
-                    one.theta,
-                    one.fit,
+                    explanation.prior,
+                    explanation.held,
+                    explanation.cost,
+                    explanation.theta,
+                    explanation.fit,
                     moved if kind is QUICK else None,
                 )
             )
@@ -219,19 +226,26 @@ class Weighing:
         moved = moving(priors[QUICK], reader.drift, hypothesis.velocity)
         return moved, priors | {QUICK: moved.belief}
 
-    def _nearly_white(self, reading: EventReading, one: _Found, before: _Found) -> float:
+    def _nearly_white(
+        self, reading: EventReading, explanation: _FoundExplanation, before: _FoundExplanation
+    ) -> float:
         """Nats by which what a kind leaves is more likely, being nearly white; as before, if it leaves as much."""
-        leaves, as_before = (each.cost.expected(each.theta) for each in (one, before))
-        alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else one
+        leaves, as_before = (each.cost.expected(each.theta) for each in (explanation, before))
+        alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else explanation
         return reading.leaves(alike.theta, alike.fit).nearly_white
 
     def _fit(
-        self, hypothesis: Possibility, reading: EventReading, before: _Found, one: _Found, behind: float
+        self,
+        hypothesis: Possibility,
+        reading: EventReading,
+        before: _FoundExplanation,
+        explanation: _FoundExplanation,
+        behind: float,
     ) -> None:
         """Fit a kind by itself, where it may matter and its closed form does not serve; behind: nats to the best."""
         first = reading.first
-        far = float(np.max(np.abs(one.theta - first.theta) / self._reader.limits.longest_step))
-        falls = first.value - first.expected(one.theta)
+        far = float(np.max(np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step))
+        falls = first.value - first.expected(explanation.theta)
         is_new = hypothesis.learned.is_prior
         if not (far > c.NEAR or falls > c.FALLS or is_new):
             return
@@ -239,7 +253,11 @@ class Weighing:
             return
         start = first if before.fit is None else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        one.fit = fitter_of(hypothesis, reading, self._reader).fit(start, one.held.given, steps)
-        one.cost = one.fit.linearisation
-        one.log = evidence(one.cost, one.held.given, self._reader.limits).log + one.held.log
-        one.theta = one.cost.theta
+        explanation.fit = fitter_of(hypothesis, reading, self._reader).fit(
+            start, explanation.held.given, steps
+        )
+        explanation.cost = explanation.fit.linearisation
+        explanation.log = (
+            evidence(explanation.cost, explanation.held.given, self._reader.limits).log + explanation.held.log
+        )
+        explanation.theta = explanation.cost.theta

@@ -51,21 +51,24 @@ class LookAlikes:
     begins_anew: bool
 
 
-def look_alikes_in(found: ExplainedEvent, again: Resimulated, reader: EventReader) -> LookAlikes:
+def look_alikes_in(explained: ExplainedEvent, again: Resimulated, reader: EventReader) -> LookAlikes:
     """Look-alikes in an event that was run again."""
-    explanation, lead = found.carried[0]
-    state, is_ending = _with_range(found, reader)
+    explanation, lead = explained.carried[0]
+    state, is_ending = _with_range(explained, reader)
     if not explanation.is_good or explanation.fit is None:
         return LookAlikes(state, (), is_ending, begins_anew=False)
     reading = explanation.reading
-    lag = lag_score(found.window, reading.follows.setting, explanation.fit, reading.cost, reader.wide)
+    lag = lag_score(explained.window, reading.follows.setting, explanation.fit, reading.cost, reader.wide)
     lateness = None if lag is None else lateness_of(lag, again.run)
     state = replace(state, lag_doubt=state.lag_doubt.after(lateness))
-    if found.fault_weight < 0.5:
-        state = _followed(state, found, explanation, reader)
-    state, is_disturbed, begins_anew = _with_coil(state, found, explanation, reader)
+    if explained.fault_weight < 0.5:
+        state = _followed(state, explained, explanation, reader)
+    state, is_disturbed, begins_anew = _with_coil(state, explained, explanation, reader)
     return LookAlikes(
-        state, _objections(state, found.window, lead.learned, is_disturbed, reader), is_ending, begins_anew
+        state,
+        _objections(state, explained.window, lead.learned, is_disturbed, reader),
+        is_ending,
+        begins_anew,
     )
 
 
@@ -73,38 +76,38 @@ def named(
     state: LearningState,
     against: Sequence[Objection],
     is_ending: bool,
-    found: ExplainedEvent,
+    explained: ExplainedEvent,
     reader: EventReader,
 ) -> tuple[LearningState, tuple[Objection, ...]]:
-    """Objections to an event with what is known of the line pressure first, and with a lift that is late."""
-    against = tuple(_with_phase(each, found) for each in against)
+    """Objections to an event with those of the line pressure first, and with a lift that is late."""
+    against = tuple(_with_phase(each, explained) for each in against)
     if is_ending and against:
         against = (Objection(Reason.INPUT_CLIPPED), *against)
-    ask = partial(_lift_lag, state, found, reader)
+    ask = partial(_lift_lag, state, explained, reader)
     lift_lag, against = state.lift_lag.after(against, ask)
     return replace(state, lift_lag=lift_lag), tuple(against)
 
 
-def _with_phase(objection: Objection, found: ExplainedEvent) -> Objection:
+def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
     """An objection to an event that is not explained, with the phase in which that shows."""
     if objection.reason not in UNEXPLAINED or objection.phase is not None:
         return objection
-    explanation, _ = found.carried[0]
+    explanation, _ = explained.carried[0]
     left = explanation.reading.leaves(explanation.theta, explanation.fit)
     return replace(objection, phase=inadequate_phase(left.statistics))
 
 
-def _with_range(found: ExplainedEvent, reader: EventReader) -> tuple[LearningState, bool]:
+def _with_range(explained: ExplainedEvent, reader: EventReader) -> tuple[LearningState, bool]:
     """Adds an event to outliers and ends of the range; whether that ends in it, too.
 
     Events in which that showed were at fault by their clipped samples.
     """
-    explanation, _ = found.carried[0]
-    state, reading = found.state, explanation.reading
+    explanation, _ = explained.carried[0]
+    state, reading = explained.state, explanation.reading
     sigmas = reading.follows.sigmas_in(explanation.hypothesis.learned)
     innovations = reading.innovations_at(explanation.theta, explanation.fit)
-    outliers = state.outliers.after(found.window, innovations, sigmas, reader.burn_in)
-    range_ends = state.range_ends.after(found.unmasked, sigmas)
+    outliers = state.outliers.after(explained.window, innovations, sigmas, reader.burn_in)
+    range_ends = state.range_ends.after(explained.unmasked, sigmas)
     is_new = range_ends.is_known and not state.range_ends.is_known
     state = replace(state, outliers=outliers, range_ends=range_ends)
     is_ending = outliers.is_clipped(sigmas) or range_ends.is_known
@@ -112,19 +115,19 @@ def _with_range(found: ExplainedEvent, reader: EventReader) -> tuple[LearningSta
 
 
 def _but_clipped(learned: LearnedInjector) -> LearnedInjector:
-    """What is believed of noise, without what clipped samples said."""
+    """The belief about noise, without clipped samples."""
     statistics = of_standstill(learned.statistics)
     return replace(learned, statistics=statistics, colour=None, at_rest=RestingNoise())
 
 
 def _followed(
-    state: LearningState, found: ExplainedEvent, explanation: Explanation, reader: EventReader
+    state: LearningState, explained: ExplainedEvent, explanation: Explanation, reader: EventReader
 ) -> LearningState:
-    """Adds an event that is explained to what is followed."""
+    """Adds an explained event to the state that is followed."""
     reading, fit, first = explanation.reading, explanation.fit, reader.burn_in
     assert fit is not None
     sigma = reading.follows.sigmas.innovation
-    rest = resting_segments(found.window, first, reader.resting)
+    segments = resting_segments(explained.window, first, reader.resting)
     overdispersion = state.overdispersion
     if explanation.score_as_believed is not None:
         overdispersion = overdispersion.after(explanation.score_as_believed)
@@ -132,13 +135,15 @@ def _followed(
         state,
         events=state.events + 1,
         overdispersion=overdispersion,
-        jitter=state.jitter.after(found.window, fit.unfiltered, sigma, first),
-        slow_rail=state.slow_rail.after([found.window.inputs[part, 0] for part in rest], reader.interval),
+        jitter=state.jitter.after(explained.window, fit.unfiltered, sigma, first),
+        slow_rail=state.slow_rail.after(
+            [explained.window.inputs[part, 0] for part in segments], reader.interval
+        ),
     )
 
 
 def _with_coil(
-    state: LearningState, found: ExplainedEvent, explanation: Explanation, reader: EventReader
+    state: LearningState, explained: ExplainedEvent, explanation: Explanation, reader: EventReader
 ) -> tuple[LearningState, bool, bool]:
     """Whether energizing the coil shows in an event that had all of it, and whether it is taken out from now on.
 
@@ -148,10 +153,10 @@ def _with_coil(
     assert fit is not None
     unaware = replace(reading.follows, offset=None)
     energizing, is_disturbed = state.energizing.after(
-        found.window._replace(output=found.recorded.output),
+        explained.window._replace(output=explained.recorded.output),
         fit,
         reading.cost.sigma,
-        lambda window: reader.cost_of(found.state, learned, window, unaware),
+        lambda window: reader.cost_of(explained.state, learned, window, unaware),
         reader.wide,
         reader.interval,
         learned_of(explanation.theta, reading.follows.setting.coefficients).coefficients,
@@ -159,7 +164,7 @@ def _with_coil(
     begins_anew = energizing.is_known and not state.energizing.is_known
     state = replace(state, energizing=energizing)
     if begins_anew:
-        believed = found.carried[0][1].learned
+        believed = explained.carried[0][1].learned
         believed = replace(
             believed,
             belief=believed.belief.widened(reader.wide),
@@ -195,11 +200,11 @@ def _objections(
     nozzle, stiffness = _open_nozzle_change(theta, window), float(theta[Parameter.BULK_MODULUS])
     if looks_like_inertance(nozzle, stiffness, reader.calibration.line):
         reasons.append(Reason.AMBIGUOUS_SCALE)
-    found = tuple(Objection(reason) for reason in reasons)
+    objections = tuple(Objection(reason) for reason in reasons)
     phase = inadequate_phase(learned.statistics)
     if phase is not None or not reader.healthy.adequate:
-        return (*found, Objection(Reason.MODEL_INADEQUATE, phase))
-    return found
+        return (*objections, Objection(Reason.MODEL_INADEQUATE, phase))
+    return objections
 
 
 def _open_nozzle_change(theta: Theta, window: Window) -> float:
@@ -209,12 +214,14 @@ def _open_nozzle_change(theta: Theta, window: Window) -> float:
     return nozzle_change(theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0]
 
 
-def _lift_lag(state: LearningState, found: ExplainedEvent, reader: EventReader, expected: float) -> LiftLag:
+def _lift_lag(
+    state: LearningState, explained: ExplainedEvent, reader: EventReader, expected: float
+) -> LiftLag:
     """The lag of the lift that explains an event best; expected: [s]."""
-    explanation, _ = found.carried[0]
+    explanation, _ = explained.carried[0]
     reading, learned = explanation.reading, explanation.hypothesis.learned
     return lift_lag_of(
-        found.window,
+        explained.window,
         reading.follows.setting,
         lambda window: reader.cost_of(state, learned, window, reading.follows),
         expected,

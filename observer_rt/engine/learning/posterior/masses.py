@@ -59,7 +59,7 @@ class EventMass:
 
     @property
     def controlled(self) -> float:
-        """Control flow of a servo injector while its needle is open, over what is injected."""
+        """Control flow of a servo injector while its needle is open, over the injected volume."""
         c, inputs = learned_of(self.theta, self.setting.coefficients).coefficients, self.window.inputs
         opened = inputs[inputs[:, 1] > 0.0, 0] + c.chamber_pressure / c.pressure_scale
         flow: float = c.flow_scale * c.line.servo / c.line.a1
@@ -103,23 +103,23 @@ def within_of(shares: Shares) -> float:
     return c.INTERVAL * shares.known + c.OWN_SHARE
 
 
-def shares_of(mass: EventMass, account: Account, found: ExplainedEvent, systematic: float) -> Shares:
+def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, systematic: float) -> Shares:
     """How well the mass of an event is known.
 
     systematic: share that the model gets wrong of a healthy injector, or far from where it was learned.
     """
-    by_belief = mass.variance(found.carried[0][1].learned.gated.covariance)
-    known = by_belief + mass.by_inputs + systematic**2
+    by_belief = mass.variance(explained.carried[0][1].learned.gated.covariance)
+    by_stated = by_belief + mass.by_inputs + systematic**2
     factor = account.doubt.scatter.factor
-    whole = known + (factor - 1.0) * by_belief + account.doubt.unexplained.variance
-    mixed = _between(mass, by_belief, factor, found)
-    whole = max(whole + mixed, c.LEAST_OF_MIXED * whole)
-    return Shares(math.sqrt(known), account.doubt.wander.widened(whole))
+    total = by_stated + (factor - 1.0) * by_belief + account.doubt.unexplained.variance
+    mixed = _between(mass, by_belief, factor, explained)
+    total = max(total + mixed, c.LEAST_OF_MIXED * total)
+    return Shares(math.sqrt(by_stated), account.doubt.wander.widened(total))
 
 
-def _between(mass: EventMass, by_belief: float, factor: float, found: ExplainedEvent) -> float:
+def _between(mass: EventMass, by_belief: float, factor: float, explained: ExplainedEvent) -> float:
     """Variance that hypotheses about one injector have beyond that of the one that leads."""
-    good = [(each.weight, one.learned) for each, one in found.found if each.is_good]
+    good = [(each.weight, one.learned) for each, one in explained.found if each.is_good]
     total, mixed = sum(weight for weight, _ in good), 0.0
     for weight, learned in good:
         if weight < c.LEAST_PART * total:

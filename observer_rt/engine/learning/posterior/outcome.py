@@ -1,4 +1,4 @@
-"""What follows from an explained event: what is carried, how well its mass is known, what speaks against it."""
+"""What follows from an explained event: the state carried on, how well its mass is known, and the objections."""
 
 import math
 from dataclasses import replace
@@ -23,32 +23,34 @@ from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReade
 from observer_rt.engine.learning.posterior.verdict import posterior_of, verdict_of
 
 
-def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -> Outcome:
+def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReader) -> Outcome:
     """Outcome of an event that was explained. Raises numpy.linalg.LinAlgError when singular."""
-    explanation, lead = found.carried[0]
+    explanation, lead = explained.carried[0]
     learned, setting = lead.learned, explanation.reading.follows.setting
     # before anything was learned the best explanation is carried, though it is not believed
     theta = explanation.theta if learned.is_prior else learned.theta
     covariance = learned.gated.covariance
-    again = resimulated(found.window, setting, found.state.noise, theta, covariance, covariance)
-    mass = mass_of(found.window, setting, theta, again)
-    beside = look_alikes_in(found, again, reader)
-    account = found.state.account
+    again = resimulated(explained.window, setting, explained.state.noise, theta, covariance, covariance)
+    mass = mass_of(explained.window, setting, theta, again)
+    look_alikes = look_alikes_in(explained, again, reader)
+    account = explained.state.account
     if explanation.is_good:
-        account = _compared(account, found, mass, reader)
+        account = _compared(account, explained, mass, reader)
     systematic = math.hypot(
         reader.healthy.mass_share,
-        UNSEEN * extrapolation_sigma(found.point, explanation.hypothesis.learned.learned_at),
+        UNSEEN * extrapolation_sigma(explained.point, explanation.hypothesis.learned.learned_at),
     )
-    shares = shares_of(mass, account, found, systematic)
-    verdict = verdict_of(found, mass, shares, event.in_force, beside.objections, reader.wide)
-    state, forward = named(beside.state, verdict.forward, beside.is_ending, found, reader)
-    if not beside.begins_anew:
+    shares = shares_of(mass, account, explained, systematic)
+    verdict = verdict_of(explained, mass, shares, event.in_force, look_alikes.objections, reader.wide)
+    state, forward = named(look_alikes.state, verdict.forward, look_alikes.is_ending, explained, reader)
+    if not look_alikes.begins_anew:
         account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
-        state = replace(state, account=replace(account, hypotheses=tuple(one for _, one in found.carried)))
+        state = replace(
+            state, account=replace(account, hypotheses=tuple(one for _, one in explained.carried))
+        )
     in_force = theta if lead.velocity is None else _ahead(theta, explanation, lead.velocity, reader)
-    by_coil = beside.state.energizing.current.unsure
-    covariance = covariance + _apart(found, mass, within_of(shares)) + by_coil
+    by_coil = look_alikes.state.energizing.current.unsure
+    covariance = covariance + _apart(explained, mass, within_of(shares)) + by_coil
     again = replace(
         again,
         covariance=covariance,
@@ -66,25 +68,25 @@ def outcome_of(found: ExplainedEvent, event: ClosedEvent, reader: EventReader) -
         estimate=theta,
         covariance=covariance + np.diag(state.lag_doubt.variance),
         resimulated=again,
-        outliers=int(found.window.masked.sum()) - int(found.unmasked.masked.sum()),
-        loudest=state.jitter.loudest(found.window, explanation.reading.follows.sigmas.innovation),
-        known=known_flow(again, theta, covariance, found.point),
+        outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
+        loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),
+        known=known_flow(again, theta, covariance, explained.point),
         prior=explanation.prior if explanation.is_good else None,
-        window=found.window,
+        window=explained.window,
         setting=setting,
         change=verdict.change,
-        posterior=posterior_of(found.found),
+        posterior=posterior_of(explained.found),
     )
 
 
-def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: EventReader) -> Account:
+def _compared(account: Account, explained: ExplainedEvent, mass: EventMass, reader: EventReader) -> Account:
     """Account after an explained event was compared with what was believed and carried before it.
 
     One that is as when settled is compared with nothing: the doubt of what came after is forgotten, too.
     """
-    (explanation, _), carried, point = found.carried[0], account.lead, found.point
+    (explanation, _), carried, point = explained.carried[0], account.lead, explained.point
     doubt = account.settled_doubt if explanation.kind is SETTLED else account.doubt
-    unexplained = doubt.unexplained.after(found.window, mass.setting, mass.theta, reader.burn_in)
+    unexplained = doubt.unexplained.after(explained.window, mass.setting, mass.theta, reader.burn_in)
     wander, scatter = doubt.wander.at(point), doubt.scatter
     if explanation.kind in BELIEVED and explanation.kind is not SETTLED and not carried.learned.is_prior:
         theta = carried.learned.theta.copy()
@@ -100,12 +102,12 @@ def _compared(account: Account, found: ExplainedEvent, mass: EventMass, reader: 
     return replace(account, doubt=MassDoubt(wander, unexplained, scatter))
 
 
-def _apart(found: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:
+def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:
     """Covariance (m, m) by hypotheses that agree on the mass with another theta."""
     total = np.zeros((mass.theta.size, mass.theta.size))
-    for explanation, one in found.found:
-        away = one.learned.theta - mass.theta
-        if explanation.is_good and abs(mass.moved(one.learned.theta)) <= within:
+    for explanation, belief in explained.found:
+        away = belief.learned.theta - mass.theta
+        if explanation.is_good and abs(mass.moved(belief.learned.theta)) <= within:
             total += explanation.weight * np.outer(away, away)
     return total
 

@@ -1,4 +1,4 @@
-"""What learning reads of an event: gains, its cost by what is known of noise and range, what does not count of it."""
+"""Learning's view of an event: gains, its cost by known noise and range, the samples that do not count."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -54,7 +54,7 @@ class Follows:
 
 @dataclass(frozen=True, eq=False)
 class EventReader:
-    """What is fixed for an injector.
+    """Constants of learning for an injector.
 
     interval: of samples [s]; pressure_scale: p_0 [Pa]; limits: of theta; healthy: what the model leaves unexplained
     of a healthy one; calibration: of level and sensors; gains_for: `gain_schedule`, which most events ask for the
@@ -127,9 +127,9 @@ class EventReader:
         if (ended & ~mask_of(window)).any():
             window = window._replace(masked=ended)
         innovations = np.where(ended, 0.0, innovations)
-        found = state.outliers.masked(window, innovations, sigmas, self.burn_in)
-        if found is not None:
-            window = window._replace(masked=found)
+        mask = state.outliers.masked(window, innovations, sigmas, self.burn_in)
+        if mask is not None:
+            window = window._replace(masked=mask)
         return replace(state, range_ends=range_ends), window
 
     def temper_in(

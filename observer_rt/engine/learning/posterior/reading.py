@@ -37,7 +37,7 @@ class EventReading:
     """An event read with what `learned` says: its cost, and that linearised, at the gain that its rest says.
 
     innovations, unfiltered: (n,) there, the latter with the colour of the noise; slopes: (n, m); phases: (n,);
-    healthy: what is left of a healthy injector; rest: of the event.
+    healthy: residuals of a healthy injector; rest: of the event.
     """
 
     learned: LearnedInjector

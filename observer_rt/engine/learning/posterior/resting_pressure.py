@@ -1,6 +1,6 @@
 """Line against rail pressure while the needle is shut: what rest says of the gain of one sensor over the other's.
 
-Offset and gain are told from each other by rest at several pressures, in one event (the rail dips) or from event to
+Offset and gain are distinguished by rest at several pressures, in one event (the rail dips) or from event to
 event. This comes before the noise is given a colour: the misfit of a gain would be taken for one, and its high pass
 would then hide the offset.
 """
@@ -64,8 +64,8 @@ class RestingPressure:
         by_mean, of_means = _taught(prior, middle[None, :], np.array([mean]), of_mean)
         by_blocks, of_blocks = _taught(prior, self.slopes, means, of_block)
         least = (SYSTEMATIC / self.pressure_scale / max(float(np.ptp(self.slopes[:, 1])), EXACTLY)) ** 2
-        told = of_means - of_blocks
-        share = min(max((of_means - least) / told, 0.0), 1.0) if told > 0.0 else 0.0
+        variance = of_means - of_blocks
+        share = min(max((of_means - least) / variance, 0.0), 1.0) if variance > 0.0 else 0.0
         gain = before[1] + (1.0 - share) * by_mean + share * by_blocks
         return float(gain), (1.0 - share) * of_means + share * of_blocks
 

@@ -1,4 +1,4 @@
-"""Verdicts on an event, from the posterior: on what is carried into the next one, and on its own published mass.
+"""Verdicts on an event, from the posterior: on the state carried into the next one, and on its own published mass.
 
 The event that showed a change was published with what was believed before and is refused; the next one is not.
 """
@@ -24,24 +24,24 @@ SHOWN = 0.005  # probability, below which nothing is said
 
 
 class EventVerdict(NamedTuple):
-    """Objections to what is carried on, and to the event's own published mass; change: that it showed, if any."""
+    """Objections to the state carried on, and to the event's own published mass; change: that it showed, if any."""
 
     forward: tuple[Objection, ...]
     own: tuple[Objection, ...]
     change: Reason
 
 
-def posterior_of(found: Sequence[Continued]) -> Posterior:
+def posterior_of(continued: Sequence[Continued]) -> Posterior:
     """Probabilities by kind."""
     summed: dict[str, float] = {}
-    for explanation, _ in found:
+    for explanation, _ in continued:
         summed[explanation.kind.name] = summed.get(explanation.kind.name, 0.0) + explanation.weight
     named = sorted(summed.items(), key=lambda each: -each[1])
     return tuple((name, weight) for name, weight in named if weight >= SHOWN)
 
 
 def verdict_of(
-    found: ExplainedEvent,
+    explained: ExplainedEvent,
     mass: EventMass,
     shares: Shares,
     in_force: Theta,
@@ -52,11 +52,11 @@ def verdict_of(
 
     contradictions: what no theta can hold.
     """
-    lead, within = found.carried[0], within_of(shares)
+    lead, within = explained.carried[0], within_of(shares)
     published = mass.moved_far(in_force)
     agree = own = 0.0
     against: dict[Reason, float] = {}
-    for explanation, hypothesis in found.found:
+    for explanation, hypothesis in explained.found:
         moved = mass.moved(hypothesis.learned.theta)
         agrees = explanation.is_good and abs(moved) <= within
         goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]

@@ -4,14 +4,20 @@ import math
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.console import Console
 
 from observer_rt.bus.links.link import Frame, LinkDownError
+from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.config.bench import load_bench
+from observer_rt.files.replay import player
 from observer_rt.files.replay.framing import TimedFrame
-from observer_rt.files.replay.player import LatenessCounter, play
+from observer_rt.files.replay.player import LatenessCounter, log_source, play
 from observer_rt.foundation.errors import RunError
 from tests.links import FakeLink
 
@@ -42,6 +48,37 @@ def test_no_frame_is_sent_before_its_time() -> None:
     assert statistics.frames == 5
     assert statistics.duration >= 0.06
     assert 0 <= statistics.lateness.median <= statistics.lateness.p99 <= statistics.lateness.maximum
+
+
+def test_a_frame_is_sent_at_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that only sleeping moves on: no sleep is longer than the frame has left."""
+    now = 0
+
+    def sleep(seconds: float) -> None:
+        nonlocal now
+        now += round(seconds * 1e9)
+
+    class Stop(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            sleep(timeout or 0.0)
+            return False
+
+    monkeypatch.setattr(player, "time", SimpleNamespace(monotonic_ns=lambda: now, sleep=sleep))
+    statistics = play(at(0.0, 0.0005, 0.02, 0.5), Sink(), 1.0, stop=Stop())
+    assert statistics.lateness.maximum < 1e-8
+    assert statistics.duration == pytest.approx(0.5)
+
+
+def test_results_beside_the_inputs_are_not_sent_again(tmp_path: Path) -> None:
+    bench, path = load_bench(), tmp_path / "bus.log"
+    mapped = map_bench(bench)
+    inputs, results = mapped.injectors[0].input_layouts, mapped.sent
+    lines = [
+        f"({number}.0) can0 {layout.frame_id:03X}##100" for number, layout in enumerate([*results, *inputs])
+    ]
+    path.write_text("".join(f"{line}\n" for line in lines))
+    source = log_source(bench, path, {}, None, None, 1, Console(quiet=True))
+    assert [frame.frame_id for frame in source.frames] == [layout.frame_id for layout in inputs]
 
 
 def test_a_delay_is_caught_up_and_counted() -> None:

@@ -2,8 +2,7 @@
 
 At run time a term is held within its equation's bounds. One that is far beyond them somewhere, or undefined, is
 refused. Feedback of a term on itself is limited: with the line of the nominal injector each limit lets a disturbance
-grow by a factor of e in 11 ms, where nothing else damps it; in
-1.9 ms, as long as an injection, at 100 mm3/ms.
+grow by a factor of e in 11 ms, where nothing else damps it; in 1.9 ms, as long as an injection, at 100 mm3/ms.
 """
 
 from dataclasses import dataclass

@@ -134,31 +134,31 @@ def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
 
 
 def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], None]) -> Findings:
-    """Finds what is missing; progress is given the share done.
+    """Finds the missing effect; progress takes the share done.
 
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
     """
     nominal = effective_model(task.parameters)
-    known, warning = _remembered(nominal, [*task.measured, *task.healthy])
-    points = by_operating_point([with_healthy_offset(one, known) for one in task.measured])
+    healthy, warning = _remembered(nominal, [*task.measured, *task.healthy])
+    points = by_operating_point([with_healthy_offset(one, healthy) for one in task.measured])
     measured = [point.measurement for point in points]
     workers = len(os.sched_getaffinity(0))
-    baseline = known
+    baseline = healthy
     if task.healthy:
-        baseline, warning = _judged_by_healthy(nominal, task.healthy, workers, known)
+        baseline, warning = _judged_by_healthy(nominal, task.healthy, workers, healthy)
     begin = _HEALTHY if task.healthy else 0.0
     progress(begin)
 
     def named(share: float) -> None:
         progress(begin + (_NAMED - begin) * share)
 
-    found = name_effects(nominal, measured, SearchOptions(workers, memory, named, baseline, task.chosen))
+    discovery = name_effects(nominal, measured, SearchOptions(workers, memory, named, baseline, task.chosen))
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
-    there = task.accepted if task.accepted <= len(found.proposals) else 0
-    shown = replace(found, accepted=there).shown
+    accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0
+    shown = replace(discovery, accepted=accepted_term).shown
     gaps = gaps_of(shown, measured, nominal)
     progress(_SHOWN)
-    where = disagreements(found, shown, likelihood, nominal)
+    where = disagreements(discovery, shown, likelihood, nominal)
     files, chosen = tuple(task.hashes), map(chosen_words, task.measured)
     several = Counter(point.file for point in points)
     names = tuple(
@@ -167,24 +167,24 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
     )
     amended = shown.model(nominal)
     in_force: tuple[EffectInForce, ...] = ()
-    if (found.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(found):
-        in_force = amended_effects(task.parameters, found, measured, task.hashes, baseline.shape)
+    if (discovery.verdict is not Verdict.AMBIGUOUS or task.chosen) and not remedies(discovery):
+        in_force = amended_effects(task.parameters, discovery, measured, task.hashes, baseline.shape)
     terms, refused, remainder, taken = task.parameters.terms if in_force else (), "", None, 0
     if task.accepted:
         try:
-            in_force, terms = accepted(task.parameters, found, task.accepted, task.hashes)
+            in_force, terms = accepted(task.parameters, discovery, task.accepted, task.hashes)
             taken = task.accepted
-            part = found.proposals[taken - 1].part
+            part = discovery.proposals[taken - 1].part
             if part is not None:
                 remainder = _remainder(task, part, in_force, terms, [one.after for one in where])
         except UserError as error:
             refused = str(error)
     return Findings(
-        **vars(found) | {"accepted": taken},
+        **vars(discovery) | {"accepted": taken},
         where=where,
         gaps=gaps,
         checks=standstill_checks(
-            task.measured, likelihood, nominal, amended, known.line_pressure_offset_MPa * MEGAPASCAL
+            task.measured, likelihood, nominal, amended, healthy.line_pressure_offset_MPa * MEGAPASCAL
         ),
         healthy_warning=warning,
         like_inertance=is_like_inertance(nominal, amended),
@@ -197,7 +197,7 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
         remainder=remainder,
         overlays=typical_overlays(shown, gaps, measured, nominal),
         injections=injection_gaps(gaps, measured, nominal),
-        masses=mass_changes(shown, measured, nominal, _left_of_masses(found, shown)),
+        masses=mass_changes(shown, measured, nominal, _left_of_masses(discovery, shown)),
         files=files,
         recordings=dict(task.hashes),
         judged_in_part=tuple(f"{name}: {words}" for name, words in zip(files, chosen, strict=True) if words),
@@ -209,9 +209,9 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
     )
 
 
-def _left_of_masses(found: Discovery, shown: Candidate) -> float:
+def _left_of_masses(discovery: Discovery, shown: Candidate) -> float:
     """Half width of the 95 % interval of a mass, as a share, by what the proposal shown leaves."""
-    parts = (one.part for one in found.proposals if one.found is shown)
+    parts = (one.part for one in discovery.proposals if one.found is shown)
     return next((part.mass_half for part in parts if part is not None), 0.0)
 
 
@@ -237,26 +237,26 @@ def _remainder(
 
 
 def planned(
-    found: Findings, task: DiscoveryTask, simulate: SimulateInjections, progress: Callable[[float], None]
+    findings: Findings, task: DiscoveryTask, simulate: SimulateInjections, progress: Callable[[float], None]
 ) -> Findings:
     """Adds what to measure next to findings; progress is given the share done."""
     plan = next_measurement(
-        found,
+        findings,
         task.measured,
         effective_model(task.parameters),
-        found.baseline or NOT_FITTED,
+        findings.baseline or NOT_FITTED,
         simulate,
         progress,
     )
-    return replace(found, plan=plan)
+    return replace(findings, plan=plan)
 
 
-def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[Healthy, str]:
+def _remembered(nominal: EffectiveModel, recordings: Sequence[Measurement]) -> tuple[Healthy, str]:
     """Reads the healthy injector from a fitted model, with a warning about that fit, empty without one."""
     fitted = nominal.injector.baseline
     if fitted is None:
         return NOT_FITTED, ""
-    comparable = all(holds_at(fitted, one.recording.sample_rate) for one in found)
+    comparable = all(holds_at(fitted, one.recording.sample_rate) for one in recordings)
     baseline = healthy_of_fit(fitted, comparable)
     if not fitted.adequate:
         return baseline, _INADEQUATE
@@ -266,20 +266,20 @@ def _remembered(nominal: EffectiveModel, found: Sequence[Measurement]) -> tuple[
 
 
 def _judged_by_healthy(
-    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, known: Healthy
+    nominal: EffectiveModel, healthy: Sequence[Measurement], workers: int, remembered: Healthy
 ) -> tuple[Healthy, str]:
     """Judges a model by healthy recordings; also returns what they say against it, if anything.
 
-    known: what the fit of the model remembers, to which they add.
+    remembered: what the fit of the model remembers, to which they add.
     """
-    found_with = [with_healthy_offset(one, known) for one in healthy]
+    found_with = [with_healthy_offset(one, remembered) for one in healthy]
     points = [point.measurement for point in by_operating_point(found_with)]
-    baseline, found = healthy_baseline(nominal, points, workers, known)
-    if found.verdict is Verdict.NONE:
+    baseline, discovery = healthy_baseline(nominal, points, workers, remembered)
+    if discovery.verdict is Verdict.NONE:
         return baseline, ""
     return baseline, (
-        f"On the healthy recordings discovery says '{headline(found)}': the model itself is not that of this "
-        f"injector, and what is named here may be its error. {_FIRST[found.verdict]}"
+        f"On the healthy recordings discovery says '{headline(discovery)}': the model itself is not that of this "
+        f"injector, and what is named here may be its error. {_FIRST[discovery.verdict]}"
     )
 
 
@@ -299,10 +299,12 @@ def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
     for name, kind in _KINDS.items():
         if (folder / name).exists():
             check_own_file("--out", folder / name, kind)
-    there = [name for name in ANSWER if (folder / name).exists()]
-    if there and not (force and FINDINGS in there):
-        more = ", or add --force to replace what is there" if FINDINGS in there else ""
-        raise UserError(f"--out {folder}", f"holds {', '.join(there)} already", f"name another folder{more}")
+    existing = [name for name in ANSWER if (folder / name).exists()]
+    if existing and not (force and FINDINGS in existing):
+        more = ", or add --force to replace what is there" if FINDINGS in existing else ""
+        raise UserError(
+            f"--out {folder}", f"holds {', '.join(existing)} already", f"name another folder{more}"
+        )
 
 
 def fits_in(folder: Path, task: DiscoveryTask, stated: Sequence[SizedEffect]) -> FitStore:
@@ -328,17 +330,19 @@ def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, inject
         *(f"{term.equation}: {term.law}" for term in task.parameters.terms),
     )
     model = ModelSource(injector.name, injector.sha256, in_force)
-    found = replace(findings, model=model, made=datetime.now(), folder=str(folder))
-    text = json.dumps(found.as_json(), indent=2)
+    written = replace(findings, model=model, made=datetime.now(), folder=str(folder))
+    text = json.dumps(written.as_json(), indent=2)
     with file_errors(folder):
         write_text(folder / FINDINGS, text + "\n")
-        write_text(folder / REPORT, report(found))
+        write_text(folder / REPORT, report(written))
         (folder / PLAN).unlink(missing_ok=True)
-        if found.plan is not None:
-            write_schedule(folder / PLAN, found.plan)
-        if found.amended_model is not None:
-            cells = stable_cells(task.parameters, found.in_force, task.measured)
-            write_amended(folder / AMENDED, injector, found.in_force, cells, found.terms, found.remainder)
+        if written.plan is not None:
+            write_schedule(folder / PLAN, written.plan)
+        if written.amended_model is not None:
+            cells = stable_cells(task.parameters, written.in_force, task.measured)
+            write_amended(
+                folder / AMENDED, injector, written.in_force, cells, written.terms, written.remainder
+            )
         else:
             (folder / AMENDED).unlink(missing_ok=True)
     return text

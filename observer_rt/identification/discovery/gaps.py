@@ -78,14 +78,14 @@ class SignalGaps:
     @property
     def printed(self) -> dict[str, "PrintedGap"]:
         """By the name of the signal; the mass is measured where a rate is."""
-        known = (
+        values = (
             ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure, True),
             ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate, True),
             ("injected_mass", "mg", MILLIGRAM, self.mass, self.injection_rate is not None),
         )
         return {
             name: PrintedGap(gap.before / si, gap.after / si, gap.noise_floor / si, name, unit, measured)
-            for name, unit, si, gap, measured in known
+            for name, unit, si, gap, measured in values
             if gap is not None
         }
 
@@ -251,37 +251,38 @@ class Disagreement:
 
 
 def disagreements(
-    found: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
+    discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> tuple[Disagreement, ...]:
-    """The map of disagreement, in the order of the recordings, before and after what is shown: the nearest, if empty.
+    """The map of disagreement, in the order of the recordings, before and after the shown effects: the nearest, if
+    empty.
 
     shown: effects or terms found.
     """
-    left = found.after
-    if shown.ids != found.best.ids and shown.ids:
+    left = discovery.after
+    if shown.ids != discovery.best.ids and shown.ids:
         model = shown.model(nominal)
         judged = likelihood.judge(model)
         left = () if judged is None else cells_of(likelihood, judged, model)
     after = {_key(cell): cell for cell in left}
-    equations = _equations(found, shown, likelihood, nominal)
+    equations = _equations(discovery, shown, likelihood, nominal)
     result = []
-    for cell in found.before:
+    for cell in discovery.before:
         equation = equations.get(_key(cell)) if cell.excess > SIGNIFICANT else None
         result.append(Disagreement(cell, after.get(_key(cell), cell), equation))
     return tuple(result)
 
 
 def _equations(
-    found: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
+    discovery: Discovery, shown: Candidate, likelihood: JointLikelihood, nominal: EffectiveModel
 ) -> dict[_Key, Equation]:
     """Finds for every cell the equation of that effect without which it is explained worst."""
-    if not shown.ids and found.unexplained is not None:
-        return {_key(cell): found.unexplained.equation for cell in found.before}
+    if not shown.ids and discovery.unexplained is not None:
+        return {_key(cell): discovery.unexplained.equation for cell in discovery.before}
     worst: dict[_Key, tuple[float, Equation]] = {}
     for number, effect in enumerate(shown.hypothesis.effects):
         others = shown.model_without(number, nominal)
         judged = likelihood.judge(others)
-        for cell in found.before if judged is None else cells_of(likelihood, judged, others):
+        for cell in discovery.before if judged is None else cells_of(likelihood, judged, others):
             key, loss = _key(cell), cell.variance
             if key not in worst or loss > worst[key][0]:
                 worst[key] = loss, violated(effect, nominal)

@@ -43,13 +43,13 @@ class Proposer:
     """Makes proposals of what a search found."""
 
     def __init__(
-        self, fitter: Fitter, found: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
+        self, fitter: Fitter, outcome: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
     ) -> None:
-        self._fitter, self._found, self._held_out = fitter, found, held_out
+        self._fitter, self._found, self._held_out = fitter, outcome, held_out
         self._nominal = fitter.nominal
         self._measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
         self._adequate = Adequacy(fitter, healthy)
-        pool = fitter.pool(found.nominal)
+        pool = fitter.pool(outcome.nominal)
         assert pool is not None  # the search began with it
         self._phase = worst(pool, healthy).phase
         self._seen = seen_in(self._measured, self._nominal)
@@ -68,30 +68,37 @@ class Proposer:
             ]
         return tuple(made)
 
-    def _proposal(self, one: Candidate) -> Proposal:
-        model, found = one.model(self._nominal), self._found
-        half = NORMAL_975 * INTERVAL_MARGIN * self._fitter.sigmas(one)
+    def _proposal(self, candidate: Candidate) -> Proposal:
+        model, outcome = candidate.model(self._nominal), self._found
+        half = NORMAL_975 * INTERVAL_MARGIN * self._fitter.sigmas(candidate)
         moves = consequence(self._measured, self._nominal, model)
         return Proposal(
-            replace(one, half=tuple(half.tolist()), moves=moves, sizes_of_half=self._held_out.sizes(one)),
-            found.nominal.statistic - one.statistic,
+            replace(
+                candidate,
+                half=tuple(half.tolist()),
+                moves=moves,
+                sizes_of_half=self._held_out.sizes(candidate),
+            ),
+            outcome.nominal.statistic - candidate.statistic,
             self._phase,
-            self._adequate(one),
-            unsound(one.terms, self._nominal, self._seen),
-            (self._held_out.gap(found.nominal), self._held_out.gap(one)),
-            probability=found.probability(one),
+            self._adequate(candidate),
+            unsound(candidate.terms, self._nominal, self._seen),
+            (self._held_out.gap(outcome.nominal), self._held_out.gap(candidate)),
+            probability=outcome.probability(candidate),
             seen=self._seen,
             largest_lift=self._nominal.injector.seat.max_lift,
         )
 
-    def _curves(self, one: Candidate) -> tuple[LawCurve, ...]:
+    def _curves(self, candidate: Candidate) -> tuple[LawCurve, ...]:
         """The laws of a proposal over their variables."""
         span = span_of(self._fitter.likelihood)
 
         def score(effects: Sequence[Effect]) -> Scores:
-            return self._fitter.scores(one, effects)
+            return self._fitter.scores(candidate, effects)
 
-        drawn = (law_curve(term, score, one.spread, (span.time, span.injections)) for term in one.terms)
+        drawn = (
+            law_curve(term, score, candidate.spread, (span.time, span.injections)) for term in candidate.terms
+        )
         return tuple(curve for curve in drawn if curve is not None)
 
 

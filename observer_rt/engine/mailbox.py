@@ -102,10 +102,10 @@ def _write(
     verdict = observer.verdicts.slots[slot]
     observer.verdicts.theta[slot] = knowledge.in_force
     carried = verdict["carried"]
-    carried["output"] = learned.network.output
+    carried["curves"] = learned.network.curves.reshape(carried["curves"].shape)
     carried["bias"] = learned.network.bias
     carried["nozzle"] = learned.network.nozzle
-    carried["rail_from"], carried["rail_to"], carried["filled_to"] = known
+    carried["rail_from"], carried["rail_to"], carried["filled_to"], carried["rails"] = known
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag

@@ -53,7 +53,6 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import averaged
 from observer_rt.model.effects import effective_model
 from observer_rt.model.forcing import Clock
-from observer_rt.model.network import zero_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
@@ -163,7 +162,6 @@ def make_observer(
     memory = observer.memory[0]
     prior, judgement, resting = memory["prior"], memory["judgement"], memory["resting_lift"]
     scale, noise, lift = constants.coefficients.pressure_scale, knowledge.state.noise, knowledge.lift
-    prior["hidden"] = zero_network().hidden
     prior["healthy_variance"] = healthy.live_variance
     prior["stated_noise"] = noise.rail_pressure / scale, noise.line_pressure / scale, noise.needle_lift
     judgement["phi_version"] = knowledge.phi_version

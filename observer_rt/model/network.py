@@ -1,51 +1,98 @@
-"""The network part of phi: N = W tanh(V z) + b, the relative change of nozzle and seat flow."""
+"""The network part of phi: N = W sigma(V z) + b, the relative changes of nozzle and seat flow.
 
+z = [p_S - p_C, A_S, time since the needle opened, p_R] for the nozzle, [A_S, p_L - p_S] for the seat. Every hidden
+neuron looks at one input, tanh of its distance from a centre: together they span what is known of how holes and
+seats depart from their laws, and what is not. The layer is fixed, so that phi is linear in what is learned; neurons
+that no event excited stay at their prior. What they add up to over an input is a curve, of pieces that are cubics: a
+look-up a stage of the integrator takes the place of the neurons.
+"""
+
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import NOZZLE_NUMBERS
+from observer_rt.core.model.model import CURVES, MOST_NEURONS, NOZZLE_NUMBERS, PIECES, REACH
 
-HIDDEN = 5  # q, hidden neurons
-ARGUMENTS = 6  # z = [x1 x2 x3 u1 u2 1]
-OUTPUTS = 2  # N_H (nozzle), N_S (seat)
+OVERLAP = 0.7  # width of a neuron, in distances between their centres
 
-# Rows of the hidden layer: three look at the sac pressure, two at the seat area, each where it bends most
-# over the working range. They stay fixed: training V gains nothing.
-_HIDDEN_LAYER = np.array(
-    (
-        (0.0, 0.0, 2.5, 0.0, 0.0, -0.75),
-        (0.0, 0.0, 2.5, 0.0, 0.0, -2.25),
-        (0.0, 0.0, 10.0, 0.0, 0.0, -1.0),
-        (0.0, 0.0, 0.0, 0.0, 4.0, -1.0),
-        (0.0, 0.0, 0.0, 0.0, 4.0, -3.2),
-    )
+
+class Group(NamedTuple):
+    """Neurons over one input: how many, and their centres from the first to the last, in p_0, A_0 and s."""
+
+    neurons: int
+    first: float
+    last: float
+
+    def basis(self, reach: float) -> NDArray[np.float64]:
+        """Cubics (PIECES, 4, neurons) of the neurons over an input from 0 to its reach, in pieces from 0 to 1."""
+        centres, distance = np.linspace(self.first, self.last, self.neurons, retstep=True)
+        scale, piece = 1.0 / (OVERLAP * distance), reach / PIECES
+        value = np.tanh(scale * (np.linspace(0.0, reach, PIECES + 1)[:, None] - centres))
+        slope = piece * scale * (1.0 - value**2)
+        rise = np.diff(value, axis=0)
+        bends = 3.0 * rise - 2.0 * slope[:-1] - slope[1:], slope[:-1] + slope[1:] - 2.0 * rise
+        return np.stack((value[:-1], slope[:-1], *bends), axis=1)
+
+
+# Of the nozzle over pressure drop, seat area, time, rail pressure; of the seat over area and pressure drop.
+GROUPS = (
+    Group(11, 0.1, 1.7),
+    Group(6, 0.1, 1.25),
+    Group(6, 0.1e-3, 1.8e-3),
+    Group(6, 0.5, 1.55),
+    Group(6, 0.1, 1.25),
+    Group(5, 0.03, 0.9),
 )
+OF_NOZZLE = sum(group.neurons for group in GROUPS[:4])
+HIDDEN = sum(group.neurons for group in GROUPS)  # q
+NEURONS = np.array([group.neurons for group in GROUPS])
+BASIS = np.zeros((CURVES, PIECES, 4, MOST_NEURONS))
+for _curve, _group in enumerate(GROUPS):
+    BASIS[_curve, :, :, : _group.neurons] = _group.basis(REACH[_curve])
+_USED = np.arange(MOST_NEURONS) < NEURONS[:, None]
+_PER_PIECE = PIECES / np.array(REACH)
 
 
 class Network(NamedTuple):
-    """Weights of (7): `hidden` V (q, 6), `output` W (2, q), `bias` b (2,), and the learned part of the nozzle law.
+    """What is learned of (7): `curves` (CURVES, PIECES, 4), (0, PIECES, 4) without hidden layer, and `bias` b (2,).
 
-    nozzle (NOZZLE_NUMBERS,): rise of p_C seen by it, in units of p_0: while the needle is open, and what comes on top
-    in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no bounded
-    network of x can.
+    nozzle (NOZZLE_NUMBERS,): rise of p_C seen by the nozzle law, in units of p_0: while the needle is open, and what
+    comes on top in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no
+    bounded network of x can.
     """
 
-    hidden: NDArray[np.float64]
-    output: NDArray[np.float64]
+    curves: NDArray[np.float64]
     bias: NDArray[np.float64]
     nozzle: NDArray[np.float64]
 
 
+def network_with(weights: NDArray[np.float64]) -> Network:
+    """The network with these weights (HIDDEN,) of its neurons, group by group, and nothing beside."""
+    padded = np.zeros((CURVES, MOST_NEURONS, 1))
+    padded[_USED, 0] = weights
+    curves = BASIS.reshape(CURVES, -1, MOST_NEURONS) @ padded
+    return Network(curves.reshape(CURVES, PIECES, 4), np.zeros(2), np.zeros(NOZZLE_NUMBERS))
+
+
 def zero_network() -> Network:
-    """The network at start: q = 5 hidden neurons, zero output."""
-    return Network(
-        _HIDDEN_LAYER.copy(), np.zeros((OUTPUTS, HIDDEN)), np.zeros(OUTPUTS), np.zeros(NOZZLE_NUMBERS)
-    )
+    """The network at start."""
+    return network_with(np.zeros(HIDDEN))
 
 
 def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     """No hidden neurons: flows changed by the constant factors 1 + v_H and 1 + v_S of (27)."""
-    bias = np.array([nozzle, seat])
-    return Network(np.zeros((0, ARGUMENTS)), np.zeros((OUTPUTS, 0)), bias, np.zeros(NOZZLE_NUMBERS))
+    return Network(np.zeros((0, PIECES, 4)), np.array([nozzle, seat]), np.zeros(NOZZLE_NUMBERS))
+
+
+def activations(
+    x: Sequence[float] | NDArray[np.float64], u: Sequence[float | NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Outputs (..., HIDDEN) of the neurons at states x (3, ...), inputs u = [p_R, A_S, time since the opening]."""
+    inputs = np.stack(np.broadcast_arrays(x[2], u[1], u[2], u[0], u[1], x[0] - x[2]), axis=-1)
+    places = np.minimum(np.maximum(inputs * _PER_PIECE, 0.0), PIECES)
+    pieces = np.minimum(places.astype(np.int64), PIECES - 1)
+    cubics, t = BASIS[np.arange(CURVES), pieces], (places - pieces)[..., None]
+    sigmas = cubics[..., 0, :] + t * (cubics[..., 1, :] + t * (cubics[..., 2, :] + t * cubics[..., 3, :]))
+    return np.asarray(sigmas[..., _USED])

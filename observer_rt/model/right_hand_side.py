@@ -5,10 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import COLUMNS
+from observer_rt.core.model.model import BY_LINE, BY_NOZZLE, BY_SEAT, COLUMNS
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.line.interface import Slopes, no_slopes
-from observer_rt.model.network import Network
 
 
 class ByTheta(NamedTuple):
@@ -21,6 +19,9 @@ class ByTheta(NamedTuple):
     nozzle_bias: int
     nozzle_weight: int
     seat_bias: int
+    seat_weight: int
+    neurons: NDArray[np.int64]  # (CURVES,), of every curve
+    basis: NDArray[np.float64]  # (CURVES, PIECES, 4, MOST_NEURONS), of the neurons
     nozzle: NDArray[np.int64]  # (NOZZLE_NUMBERS,)
     valve: NDArray[np.int64]  # (VALVE_NUMBERS,)
     valve_sizes: NDArray[np.float64]  # of theta = 1
@@ -39,21 +40,35 @@ class Tangent(NamedTuple):
     by: NDArray[np.float64]
     moved: NDArray[np.float64]  # (n, m)
     by_state: NDArray[np.float64]  # (4, n, n), of x' by x at the stages of a step
-    by_number: NDArray[np.float64]  # (4, n, m), of x' by the numbers, x held
-    slopes: Slopes
-    sigmas: NDArray[np.float64]  # (q,)
+    by_number: NDArray[np.float64]  # (4, n, m), of x' by the numbers of line and valve, x held
+    by_flow: NDArray[np.float64]  # (4, n, 2), of x' by q_H, q_S
+    of_flows: NDArray[np.float64]  # (4, 2, m), of q_H, q_S by the numbers of phi, x held
+    parts: NDArray[np.uint8]  # (m / COLUMNS,): what the numbers of so many columns act by
+    by_coefficient: NDArray[np.float64]  # (n, k), of x' by the k coefficients of the line
     theta: ByTheta
 
 
-def tangent_of(c: Coefficients, network: Network, theta: ByTheta, columns: int) -> Tangent:
+def tangent_of(c: Coefficients, theta: ByTheta, columns: int) -> Tangent:
     """A tangent of 0, at least so many columns wide."""
     n, m = c.states, -(-columns // COLUMNS) * COLUMNS
+    of_nozzle, of_seat = theta.neurons[:4].sum(), theta.neurons[4:].sum()
+    nozzle = (theta.nozzle_bias, *theta.nozzle, *range(theta.nozzle_weight, theta.nozzle_weight + of_nozzle))
+    seat = (theta.seat_bias, *range(theta.seat_weight, theta.seat_weight + of_seat))
+    parts = np.zeros(m // COLUMNS, np.uint8)
+    for part, acting in (
+        (BY_NOZZLE, nozzle),
+        (BY_SEAT, seat),
+        (BY_LINE, (*theta.line_columns, *theta.valve)),
+    ):
+        parts[np.unique(np.array(acting) // COLUMNS)] |= part
     return Tangent(
         np.zeros((n, m)),
         np.zeros((n, m)),
         np.zeros((4, n, n)),
         np.zeros((4, n, m)),
-        no_slopes(c.line),
-        np.zeros(network.hidden.shape[0]),
+        np.zeros((4, n, 2)),
+        np.zeros((4, 2, m)),
+        parts,
+        np.zeros((n, len(c.line._fields))),
         theta,
     )

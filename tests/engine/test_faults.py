@@ -30,9 +30,10 @@ def test_healthy_injector_names_nothing() -> None:
     check_well_estimated(run)
     assert all(run.indicator(name).value == 0.0 for name in GATED)
     assert abs(run.indicator(OFFSET).value) < 0.02e6
-    assert [report.reason for report in run.reports[:3]] == [
+    assert [report.reason for report in run.reports[:4]] == [
         Reason.TOO_FEW_EVENTS,
         Reason.TOO_FEW_EVENTS,
+        Reason.OUTSIDE_LEARNED_RANGE,
         Reason.NONE,
     ]
 
@@ -78,7 +79,7 @@ JUMP_AT = 6
 @pytest.mark.parametrize("wear", [0.3, -0.3])
 def test_sudden_wear_is_followed_and_its_own_event_is_not_valid(seed: int, wear: float) -> None:
     run = run_plant(Faults(orifice_area=wear), 11, JUMP_AT, seed)
-    assert all(report.valid for report in run.reports[2 : JUMP_AT - 1])
+    assert all(report.valid for report in run.reports[3 : JUMP_AT - 1])
     own = run.reports[JUMP_AT - 1]
     assert (own.valid, own.reason) == (False, Reason.SUDDEN_CHANGE)
     assert abs(run.errors[JUMP_AT - 1]) > 0.15  # its live rate could not know

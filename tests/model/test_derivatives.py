@@ -19,7 +19,13 @@ from observer_rt.core.model.laws import (
     seat_law,
     seat_law_slopes,
 )
-from observer_rt.core.model.model import NOZZLE_NUMBERS, flows_with_changes, rates_of_change, slopes_of_flows
+from observer_rt.core.model.model import (
+    NOZZLE_NUMBERS,
+    REACH,
+    flows_with_changes,
+    rates_of_change,
+    slopes_of_flows,
+)
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
@@ -82,6 +88,8 @@ def away_from_kinks(x: State, u: tuple[float, float], c: Coefficients, learned: 
     assume(abs(x[0] + c.line.chamber_pressure - 0.01) > 1e-4)
     assume(abs(1.0 + c.line.stiffness_slope * (x[0] - c.line.stiffness_pressure) - 0.05) > 1e-4)
     assume(abs(x[1]) > 1e-4)
+    ends = zip((x[2], x[0] - x[2]), (REACH[0], REACH[5]), strict=True)  # of the network's curves
+    assume(all(abs(value) > 1e-4 and abs(value - reach) > 1e-4 for value, reach in ends))
 
 
 @given(
@@ -132,7 +140,7 @@ def test_lump_by_coefficients(
 ) -> None:
     network = learned_of(theta, c).network
     away_from_kinks(x, u, c)
-    tangent = tangent_of(c, network, by_theta(theta, c), PARAMETERS)
+    tangent = tangent_of(c, by_theta(theta, c), PARAMETERS)
     rates_of_change(np.array(x), u, c, network, tangent)
 
     def by_coefficient(position: int, d: float) -> Sequence[float]:
@@ -145,7 +153,7 @@ def test_lump_by_coefficients(
     for i, name in enumerate(LumpLine._fields):
         if name not in bending:
             numeric = difference(partial(by_coefficient, i))
-            np.testing.assert_allclose(tangent.slopes.by_coefficient[:2, i], numeric, rtol=1e-5, atol=1e-4)
+            np.testing.assert_allclose(tangent.by_coefficient[:2, i], numeric, rtol=1e-5, atol=1e-4)
 
 
 @given(models(), STATES, INPUTS, thetas())
@@ -154,7 +162,7 @@ def test_flows_by_state_and_area(
 ) -> None:
     network = learned_of(theta, c).network
     away_from_kinks(x, u, c, float(network.nozzle @ (1.0, u[1])))
-    slopes = slopes_of_flows(np.array(x), u, c, network, np.zeros(5))
+    slopes = slopes_of_flows(np.array(x), u, c, network)
 
     def by_state(position: int, d: float) -> Sequence[float]:
         return flows_with_changes(np.array(shifted(x, position, d)), u, c, network)
@@ -176,9 +184,10 @@ def test_right_hand_side_by_state_and_theta(
     changed, network = learned.coefficients, learned.network
     away_from_kinks(x, u, changed, float(network.nozzle @ (1.0, u[1])))
     assume(changed.line.air > 1e-3)
-    tangent = tangent_of(changed, network, by_theta(theta, c), PARAMETERS)
+    tangent = tangent_of(changed, by_theta(theta, c), PARAMETERS)
     value = rates_of_change(np.array(x), u, changed, network, tangent)
-    by_state, by_number = tangent.by_state[0], tangent.by_number[0]
+    by_state = tangent.by_state[0]
+    by_number = tangent.by_flow[0] @ tangent.of_flows[0] + tangent.by_number[0]
     assert value == rates_of_change(np.array(x), u, changed, network)
 
     def of_state(position: int, d: float) -> Sequence[float]:

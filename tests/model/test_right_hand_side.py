@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from observer_rt.core.model.model import fault_with_rate, rates_of_change
 from observer_rt.model.effective import coefficients
-from observer_rt.model.network import Network, constant_network, zero_network
+from observer_rt.model.network import HIDDEN, Network, constant_network, network_with, zero_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from tests.intervals import Interval
 from tests.model.conftest import advanced, physical_rates
@@ -28,8 +28,7 @@ over_forms = settings(deadline=None, suppress_health_check=[HealthCheck.function
 
 @st.composite
 def networks(draw: st.DrawFn) -> Network:
-    network = zero_network()
-    network.output[:] = np.array(draw(st.lists(st.floats(-1, 1), min_size=10, max_size=10))).reshape(2, 5)
+    network = network_with(np.array(draw(st.lists(st.floats(-0.2, 0.2), min_size=HIDDEN, max_size=HIDDEN))))
     network.bias[:] = draw(st.tuples(CHANGE, CHANGE))
     network.nozzle[:] = draw(st.tuples(st.floats(0, 0.2), st.floats(0, 0.2)))
     return network

@@ -292,6 +292,7 @@ def run(
                     p_s,
                     remembered[-2],
                     valve_opening(time, strokes, laws),
+                    rail0,
                 )
                 now = altered(part, laws, moment)
             kick(q, p, rail0, 0.5 * step, now, faults)

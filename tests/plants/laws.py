@@ -21,6 +21,8 @@ MIDDLE, MIDDLE_WIDTH = 0.5, 0.15  # of the largest lift
 SMALL_LIFT = 50e-6  # m
 VALVE_MOVES = 50e-6  # s, in which the pilot valve opens, or shuts
 HOLE_CLOSES = 0.6e-3  # s after an opening
+SHUT_DROP, SHUT_WIDTH = 90e6, 5e6  # Pa
+COKING_TIME = 0.5e-3  # s after an opening
 VISCOUS_DROP = 4e6  # Pa, below which the flow coefficient of the nozzle falls no further
 RINGING_FREQUENCY, RINGING_DECAY = 1.5e3, 0.6e-3  # Hz, s
 LEAST_DROP = 0.1e6  # Pa
@@ -54,6 +56,10 @@ class Laws(NamedTuple):
     middle_loss: float = 0.0  # the same at half lift
     seat_hysteresis: float = 0.0  # share by which it lets more through at small lift while the needle closes
     hole_closing: float = 0.0  # share of the nozzle's area that is gone from 0.6 ms after an opening on
+    rail_growth: float = 0.0  # share of the nozzle's coefficient with each 100 MPa of rail above 100 MPa
+    shut_by_drop: float = 0.0  # share of the nozzle's area that is gone from a drop of 90 MPa on
+    coking: float = 0.0  # share of the nozzle's coefficient that is lost as an opening lasts
+    filling: float = 0.0  # Pa/s, by which the chamber's pressure grows while the needle is open
     viscous_loss: float = 0.0  # share of the nozzle's coefficient at a drop of 100 MPa, as one over its root
     opening_loss: float = 0.0  # share of the nozzle's coefficient at an opening
     opening_time: float = 1.0  # s, in which that goes
@@ -87,6 +93,7 @@ class Moment(NamedTuple):
     sac_pressure: float
     remembered_pressure: float
     valve: float  # 0..1, how far the pilot valve is open
+    rail_pressure: float
 
 
 @njit(cache=True, nogil=True)
@@ -177,6 +184,8 @@ def _nozzle_share(part: Injector, laws: Laws, now: Moment) -> float:
     """Of the nozzle's coefficient, what the chamber's pressure does included."""
     drop = max(now.sac_pressure - part.chamber_pressure, 0.0)
     share = 1.0 - laws.viscous_loss * math.sqrt(REFERENCE / (drop + VISCOUS_DROP))
+    share *= 1.0 + laws.rail_growth * (now.rail_pressure / REFERENCE - 1.0)
+    share *= 1.0 - 0.5 * laws.shut_by_drop * (1.0 + math.tanh((drop - SHUT_DROP) / SHUT_WIDTH))
     raised = 0.0
     if now.since >= HOLE_CLOSES:
         share *= 1.0 - laws.hole_closing
@@ -184,6 +193,8 @@ def _nozzle_share(part: Injector, laws: Laws, now: Moment) -> float:
         share *= 1.0 - laws.opening_loss * math.exp(-now.since / laws.opening_time)
         swing = math.sin(2.0 * math.pi * RINGING_FREQUENCY * now.since)
         raised = laws.chamber_ringing * swing * math.exp(-now.since / RINGING_DECAY)
+        raised += laws.filling * now.since if now.lift > 0.0 else 0.0
+        share *= 1.0 - laws.coking * (1.0 - math.exp(-now.since / COKING_TIME))
     drop = max(drop, LEAST_DROP)
     share *= math.sqrt(max(drop - raised, 0.0) / drop)
     if laws.flow_back_pressure > 0.0:

@@ -207,6 +207,7 @@ def run_wave(
                     p_s,
                     remembered[-2],
                     valve_opening(time, strokes, laws),
+                    rail0,
                 )
                 now = altered(part, laws, moment)
                 _grow_inertance(usual, lattice, flows, laws)

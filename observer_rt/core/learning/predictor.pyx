@@ -8,11 +8,11 @@ from numpy import array, zeros
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_slopes, phi_slopes, predict, rate_after,
+    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_numbers, flow_slopes, predict, rate_after,
     servos_over, shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
-    SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, Tangent, inputs_of
+    SAC, Coefficients, FlowSlopes, Forced, Gradient, Inputs, Interval, Knot, Tangent, inputs_of, opened_since
 )
 from observer_rt.core.model.sensor cimport SENSOR_NUMBERS, LaggedSlopes, lagged_slopes
 from observer_rt.core.model.valve cimport Servo
@@ -50,9 +50,11 @@ cdef class _Followed:
         """Between sample k and the one before it, from a state x (n,) on, under the terms in force."""
         cdef Knot knot
         cdef const Servo* servo = <const Servo*> &self.servos[k - 1, 0]
+        cdef double since = opened_since(self.interval.end.since, self.inputs[k - 1, 1], self.inputs[k, 1])
         self.interval.start = inputs_of(self.inputs[k - 1, 0], self.inputs[k - 1, 1])
         self.interval.end = inputs_of(self.inputs[k, 0], self.inputs[k, 1])
         self.interval.start.servo, self.interval.end.servo = servo[0], servo[1]
+        self.interval.start.since, self.interval.end.since = since, since + self.interval.length
         knot.share = knot.area = 0.0
         if self.knots.shape[0] > 0:
             knot.share, knot.area = self.knots[k - 1, 0], self.knots[k - 1, 1]
@@ -64,13 +66,14 @@ cdef class _Followed:
 cdef class _FlowRecord:
     """An `engine.estimation.open_loop.OpenLoop` of zeros, lent."""
 
-    cdef double[::1] rate, relaxation, by_area
+    cdef double[::1] rate, relaxation, by_area, fullness
     cdef double[:, ::1] slopes, gradient
     cdef double[:, :, ::1] transition
 
     def __init__(self, run) -> None:
         self.rate, self.slopes, self.gradient = run.rate, run.slopes, run.gradient
         self.transition, self.relaxation, self.by_area = run.transition, run.relaxation, run.by_area
+        self.fullness = run.fullness
 
     cdef void begin(self, Tangent* t) noexcept nogil:
         """Have the columns behind the m of theta become the state's derivatives by itself."""
@@ -94,13 +97,14 @@ cdef class _FlowRecord:
         u.area = max(u.area, 0.0)
         if u.area <= 0.0 and x[SAC] == 0.0:
             return
-        flow_slopes(x, u, c, &forced.network, t.sigmas, &flows)
-        self.rate[k] = nozzle_flow * flows.q_h
+        flow_slopes(x, u, c, &forced.network, &flows)
+        flow_numbers(x, u, &flows, t, t.of_flows, t.of_flows + t.m)
+        self.rate[k], self.fullness[k] = nozzle_flow * flows.q_h, x[SAC] / x[0]
         for i in range(3):
             gradient[i] = nozzle_flow * flows.h_x[i]
         gradient[n] = nozzle_flow * flows.h_area
-        phi_slopes(&flows, t, nozzle_flow, 0.0, slopes)
         for j in range(m):
+            slopes[j] = nozzle_flow * t.of_flows[j]
             for i in range(3):
                 slopes[j] += gradient[i] * t.by[i * t.m + j]
         # the sac by itself: how its pressure's rate of change goes with that pressure, and with the area

@@ -104,10 +104,12 @@ def weigh(
                 weighted = scale * row[i]
                 gradient[i] += weighted * error
                 sums = &total[i, 0]
-                for j in range(width):
+                for j in range((i // WIDTH + 1) * WIDTH):  # what is beyond the diagonal is alike
                     sums[j] += weighted * row[j]
             start += together
-        information[:, :] = total[:, :m]
+        for i in range(m):
+            for j in range(i + 1):
+                information[i, j] = information[j, i] = total[i, j]
 
 
 def high_passed(const double[:] values, double forgetting) -> NDArray[np.float64]:

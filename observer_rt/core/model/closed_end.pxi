@@ -54,36 +54,26 @@ cdef double _solve_end(
 ) noexcept nogil:
     """p_L and p_S after implicit steps [s] at the inputs u; a line_step of 0 leaves p_L where it is.
 
-    Newton's method; phi's network counts by its slope along p_S only. A step out of the range in which p_S must lie
+    Newton's method. A step out of the range in which p_S must lie
     goes half the way to its end instead.
     """
     line, sac = &c.line.wave, &c.sac
     cdef double p_0 = x[0], flow = x[1], s_0 = x[SAC], p = x[0], s = x[SAC]
     cdef double inflow = line.a1 * (flow - line.outflow)
     cdef double lowest = min(s_0, p_0, 0.0) - SPARE, highest = max(s_0, p_0, 0.0) + SPARE
-    cdef double nozzle_change, seat_change, by_sac_h, by_sac_s, sigma, bend, through_nozzle, through_seat, q_h, q_s
+    cdef double nozzle, seat, by_sac, by_drop, through_nozzle, through_seat, q_h, q_s
     cdef double h_s, s_p, s_s, line_error, sac_error, pp, ps, sp, ss, whole, by_p, by_s, unused
-    cdef double[3] state
-    cdef int64_t iteration, neuron
+    cdef int64_t iteration
     inflow -= drained(p_0, &line.softness, line.servo, line.displaced, u)  # explicit: the root hardly changes in a step
-    state[1] = flow
     for iteration in range(<int64_t> MOST_ITERATIONS):
-        state[0], state[2] = p, s
-        nozzle_change, by_sac_h, seat_change, by_sac_s = network.bias[0], 0.0, network.bias[1], 0.0
-        for neuron in range(network.neurons):
-            sigma = activation(state, u, network.hidden + 6 * neuron)
-            bend = (1.0 - sigma * sigma) * network.hidden[6 * neuron + 2]
-            nozzle_change += network.output[neuron] * sigma
-            seat_change += network.output[network.neurons + neuron] * sigma
-            by_sac_h += network.output[neuron] * bend
-            by_sac_s += network.output[network.neurons + neuron] * bend
+        nozzle = 1.0 + nozzle_change(s, u, network, &by_sac, &unused)
+        seat = 1.0 + seat_change(p - s, u.area, network, &by_drop, &unused)
         through_nozzle = nozzle_law(s, u.area, network.nozzle, &c.nozzle)
         through_seat = seat_law(p, s, u.area, &c.seat)
-        q_h, q_s = through_nozzle * (1.0 + nozzle_change), through_seat * (1.0 + seat_change)
-        h_s = nozzle_law_slopes(s, u.area, network.nozzle, &c.nozzle).by_sac * (1.0 + nozzle_change)
-        h_s += through_nozzle * by_sac_h
-        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused) * (1.0 + seat_change)
-        s_s = through_seat * by_sac_s - s_p
+        q_h, q_s = through_nozzle * nozzle, through_seat * seat
+        h_s = nozzle_law_slopes(s, u.area, network.nozzle, &c.nozzle).by_sac * nozzle + through_nozzle * by_sac
+        s_p = seat_law_slopes(p, s, u.area, &c.seat, &unused) * seat + through_seat * by_drop
+        s_s = -s_p
         line_error = p - p_0 - line_step * (inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s)
         sac_error = s - s_0 - sac_step * (sac.a5 * q_s - sac.a6 * q_h)
         pp = 1.0 + line_step * (line.leak + line.a2_seat * s_p)
@@ -110,7 +100,7 @@ cdef void _end_rows(
     const Network* network
 ) noexcept nogil:
     """Derivatives of p_L and p_S through the implicit steps [s] from x to `solved`, by implicit differentiation."""
-    line, sac, theta = &c.line.wave, &c.sac, &t.theta
+    line, sac = &c.line.wave, &c.sac
     cdef double* line_row = t.moved
     cdef double* sac_row = t.moved + t.m
     cdef double* kept = t.moved + 2 * t.m
@@ -123,11 +113,14 @@ cdef void _end_rows(
     cdef double by_air, by_slope, soften, by_flow, sac_by_flow, whole, from_sac, from_line
     cdef bint rest = is_at_rest(solved, u) and x[SAC] == 0.0
     cdef FlowSlopes flows
-    cdef int64_t j, neuron, number
+    cdef double* of_h = t.of_flows
+    cdef double* of_s = t.of_flows + t.m
+    cdef int64_t j
     memcpy(line_row, of_line, t.m * sizeof(double))
     memcpy(sac_row, of_sac, t.m * sizeof(double))
     if not rest:
-        flow_slopes(solved, u, c, network, t.sigmas, &flows)
+        flow_slopes(solved, u, c, network, &flows)
+        flow_numbers(solved, u, &flows, t, of_h, of_s)
         q_h, q_s = flows.q_h, flows.q_s
         h_flow, s_flow = flows.h_x[1], flows.s_x[1]
         pp += fill * (line.a2_nozzle * flows.h_x[0] + line.a2_seat * flows.s_x[0])
@@ -136,15 +129,9 @@ cdef void _end_rows(
         ss = 1.0 - sac_step * (sac.a5 * flows.s_x[2] - sac.a6 * flows.h_x[2])
         line_by_h, sac_by_h = -fill * line.a2_nozzle, -sac_step * sac.a6
         line_by_s, sac_by_s = -fill * line.a2_seat, sac_step * sac.a5
-        _add_flow(line_row, sac_row, theta.nozzle_bias, line_by_h, sac_by_h, flows.h_change)
-        for neuron in range(t.neurons):
-            _add_flow(
-                line_row, sac_row, theta.nozzle_weight + neuron, line_by_h, sac_by_h, flows.h_change * t.sigmas[neuron]
-            )
-        _add_flow(line_row, sac_row, theta.seat_bias, line_by_s, sac_by_s, flows.s_change)
-        for number in range(<int64_t> NOZZLE_NUMBERS):
-            of_number = flows.h_number[number]
-            _add_flow(line_row, sac_row, theta.nozzle[number], line_by_h, sac_by_h, of_number[0] * of_number[1])
+        for j in range(t.m):
+            line_row[j] += line_by_h * of_h[j] + line_by_s * of_s[j]
+            sac_row[j] += sac_by_h * of_h[j] + sac_by_s * of_s[j]
     if line_step > 0.0:
         inflow = flow - line.outflow
         net = line.a1 * inflow - line.leak * p - line.a2_nozzle * q_h - line.a2_seat * q_s
@@ -158,7 +145,7 @@ cdef void _end_rows(
         t.by_coefficient[WAVE_SERVO] = 0.0
         if u.servo.opening != 0.0:
             t.by_coefficient[WAVE_SERVO] = -fill * u.servo.opening * servo_root(x[0], &line.softness)
-            add_valve(line_row, -fill, x[0], &line.softness, line.servo, u, theta)
+            add_valve(line_row, -fill, x[0], &line.softness, line.servo, u, &t.theta)
         t.by_coefficient[WAVE_AIR] = line_step * by_air * net
         t.by_coefficient[WAVE_STIFFNESS_SLOPE] = line_step * by_slope * net
         add_coefficients(t, t.moved, 0, 1)  # its first row is that of the line
@@ -174,14 +161,6 @@ cdef void _end_rows(
         kept[j] = of_line[j]
         of_line[j] = (ss * from_line - ps * from_sac) / whole
         of_sac[j] = (pp * from_sac - sp * from_line) / whole
-
-
-cdef inline void _add_flow(
-    double* line_row, double* sac_row, int64_t column, double by_line, double by_sac, double change
-) noexcept nogil:
-    """What a parameter that changes a flow does to both rows."""
-    line_row[column] += by_line * change
-    sac_row[column] += by_sac * change
 
 
 cdef void _beyond_middle(Tangent* t) noexcept nogil:

@@ -1,11 +1,49 @@
-# The network part of phi, N = W tanh(V z) + b, and the flows through seat and nozzle with it, with their slopes.
+# The network part of phi, N = W sigma(V z) + b, and the flows through seat and nozzle with it, with their slopes.
 
 cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
+cdef double[CURVES] REACH = [2.0, 1.5, 3e-3, 2.0, 1.5, 1.2]  # of an input, from 0 on: in p_0, A_0, s; beyond it curves are level
 
 
-cdef inline double activation(const double* x, Inputs u, const double* row) noexcept nogil:
-    """Output sigma_i = tanh(v_i z) of one hidden neuron (9); row: v_i."""
-    return fast_tanh(row[0] * x[0] + row[1] * x[1] + row[2] * x[2] + row[3] * u.rail + row[4] * u.area + row[5])
+cdef inline int64_t piece_at(int curve, double value, double* within) noexcept nogil:
+    """Place, among the pieces of all curves, of that at a value of a curve's input, and how far into it that lies (0..1)."""
+    cdef double place = min(max(value * (PIECES / REACH[curve]), 0.0), <double> PIECES)
+    cdef int64_t piece = min(<int64_t> place, <int64_t> PIECES - 1)
+    within[0] = place - piece
+    return PIECES * curve + piece
+
+
+cdef inline double curve_at(int curve, double value, const double* curves, double* slope) noexcept nogil:
+    """A curve at a value of its input, and its slope there."""
+    cdef double t, per_piece = PIECES / REACH[curve]
+    cdef const double* cubic = curves + 4 * piece_at(curve, value, &t)
+    slope[0] = (cubic[1] + t * (2.0 * cubic[2] + t * 3.0 * cubic[3])) * (per_piece if 0.0 < value < REACH[curve] else 0.0)
+    return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
+
+
+cdef inline double nozzle_change(
+    double x_3, Inputs u, const Network* network, double* by_sac, double* by_area
+) noexcept nogil:
+    """N_H, row 1 of W sigma(V z) + b (7), and its slopes."""
+    cdef double unused
+    by_sac[0] = by_area[0] = 0.0
+    if network.curves == NULL:
+        return network.bias[0]
+    return (
+        network.bias[0] + curve_at(NOZZLE_DROP, x_3, network.curves, by_sac)
+        + curve_at(NOZZLE_AREA, u.area, network.curves, by_area)
+        + curve_at(NOZZLE_TIME, u.since, network.curves, &unused) + curve_at(NOZZLE_RAIL, u.rail, network.curves, &unused)
+    )
+
+
+cdef inline double seat_change(double drop, double u_2, const Network* network, double* by_drop, double* by_area) noexcept nogil:
+    """N_S, row 2, at a pressure drop over the seat, and its slopes."""
+    by_drop[0] = by_area[0] = 0.0
+    if network.curves == NULL:
+        return network.bias[1]
+    return (
+        network.bias[1] + curve_at(SEAT_AREA, u_2, network.curves, by_area)
+        + curve_at(SEAT_DROP, drop, network.curves, by_drop)
+    )
 
 
 cdef inline bint is_at_rest(const double* x, Inputs u) noexcept nogil:
@@ -22,15 +60,14 @@ cdef inline void model_flows(const double* x, Inputs u, const Coefficients* c, d
 cdef inline void changed_flows(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* q_h, double* q_s
 ) noexcept nogil:
-    """Normalised flows with phi: (N_H, N_S) = W tanh(V z) + b (7), with z = [x u 1], are their relative changes."""
-    cdef double nozzle_change = network.bias[0], seat_change = network.bias[1], sigma
-    cdef int64_t neuron
-    for neuron in range(network.neurons):
-        sigma = activation(x, u, network.hidden + 6 * neuron)
-        nozzle_change += network.output[neuron] * sigma
-        seat_change += network.output[network.neurons + neuron] * sigma
-    q_h[0] = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle) * (1.0 + nozzle_change)
-    q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat) * (1.0 + seat_change)
+    """Normalised flows with phi: (N_H, N_S) = W sigma(V z) + b (7), with z = [x u since 1], are their relative changes."""
+    cdef double unused
+    q_h[0] = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle) * (
+        1.0 + nozzle_change(x[SAC], u, network, &unused, &unused)
+    )
+    q_s[0] = seat_law(x[0], x[SAC], u.area, &c.seat) * (
+        1.0 + seat_change(x[0] - x[SAC], u.area, network, &unused, &unused)
+    )
 
 
 cdef double injection_rate(const double* x, Inputs u, const Coefficients* c, const Network* network) noexcept nogil:
@@ -66,56 +103,54 @@ cdef double fault_and_rate(
 
 
 cdef void flow_slopes(
-    const double* x, Inputs u, const Coefficients* c, const Network* network, double* sigmas, FlowSlopes* result
+    const double* x, Inputs u, const Coefficients* c, const Network* network, FlowSlopes* result
 ) noexcept nogil:
-    """`changed_flows` with their derivatives; sigmas (q,) becomes the activations of the hidden neurons."""
+    """`changed_flows` with their derivatives."""
     cdef double nozzle_flow = nozzle_law(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef NozzleSlopes of_nozzle = nozzle_law_slopes(x[SAC], u.area, network.nozzle, &c.nozzle)
     cdef double seat_flow = seat_law(x[0], x[SAC], u.area, &c.seat)
-    cdef double nozzle_change = network.bias[0], seat_change = network.bias[1]
-    cdef double h_1 = 0.0, h_2 = 0.0, h_3 = 0.0, h_area = 0.0, s_1 = 0.0, s_2 = 0.0, s_3 = 0.0, s_area = 0.0
-    cdef double sigma, bend, to_nozzle, to_seat, by_difference, by_area
-    cdef const double* row
-    cdef int64_t neuron, number
-    for neuron in range(network.neurons):
-        row = network.hidden + 6 * neuron
-        sigma = activation(x, u, row)
-        sigmas[neuron] = sigma
-        nozzle_change += network.output[neuron] * sigma
-        seat_change += network.output[network.neurons + neuron] * sigma
-        bend = 1.0 - sigma * sigma
-        to_nozzle = nozzle_flow * network.output[neuron] * bend
-        to_seat = seat_flow * network.output[network.neurons + neuron] * bend
-        h_1 += to_nozzle * row[0]
-        h_2 += to_nozzle * row[1]
-        h_3 += to_nozzle * row[2]
-        h_area += to_nozzle * row[4]
-        s_1 += to_seat * row[0]
-        s_2 += to_seat * row[1]
-        s_3 += to_seat * row[2]
-        s_area += to_seat * row[4]
-    by_difference = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area)
-    by_difference *= 1.0 + seat_change
-    result.q_h = nozzle_flow * (1.0 + nozzle_change)
-    result.q_s = seat_flow * (1.0 + seat_change)
-    result.h_x[0], result.h_x[1], result.h_x[2] = h_1, h_2, h_3 + of_nozzle.by_sac * (1.0 + nozzle_change)
-    result.s_x[0], result.s_x[1], result.s_x[2] = s_1 + by_difference, s_2, s_3 - by_difference
-    result.h_area = h_area + of_nozzle.by_area[0] * (1.0 + nozzle_change) * of_nozzle.by_area[1]
-    result.s_area = s_area + by_area * (1.0 + seat_change)
+    cdef double h_sac, h_area, s_drop, s_area, by_area
+    cdef double nozzle = 1.0 + nozzle_change(x[SAC], u, network, &h_sac, &h_area)
+    cdef double seat = 1.0 + seat_change(x[0] - x[SAC], u.area, network, &s_drop, &s_area)
+    cdef double by_drop = seat_law_slopes(x[0], x[SAC], u.area, &c.seat, &by_area) * seat + seat_flow * s_drop
+    cdef int64_t number
+    result.q_h, result.q_s = nozzle_flow * nozzle, seat_flow * seat
+    result.h_x[0], result.h_x[1], result.h_x[2] = 0.0, 0.0, nozzle_flow * h_sac + of_nozzle.by_sac * nozzle
+    result.s_x[0], result.s_x[1], result.s_x[2] = by_drop, 0.0, -by_drop
+    result.h_area = nozzle_flow * h_area + of_nozzle.by_area[0] * nozzle * of_nozzle.by_area[1]
+    result.s_area = seat_flow * s_area + by_area * seat
     result.h_change = nozzle_flow
     result.s_change = seat_flow
     for number in range(<int64_t> NOZZLE_NUMBERS):
-        result.h_number[number][0] = of_nozzle.by_number[number][0] * (1.0 + nozzle_change)
+        result.h_number[number][0] = of_nozzle.by_number[number][0] * nozzle
         result.h_number[number][1] = of_nozzle.by_number[number][1]
 
 
-cdef void phi_slopes(const FlowSlopes* flows, const Tangent* t, double by_h, double by_s, double* row) noexcept nogil:
-    """How what goes with q_H and q_S by these slopes goes with the numbers of phi: their columns of a row (m,)."""
+cdef void flow_numbers(
+    const double* x, Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
+) noexcept nogil:
+    """How q_H and q_S go with the numbers of phi, x held: their columns of two rows (m,)."""
+    cdef double[CURVES] values
+    cdef double within, change
+    cdef double* column = of_h + t.theta.nozzle_weight
+    cdef const double* cubic
     cdef int64_t neuron, number
+    cdef int curve
     theta = &t.theta
-    row[theta.nozzle_bias] = by_h * flows.h_change
-    for neuron in range(t.neurons):
-        row[theta.nozzle_weight + neuron] = by_h * flows.h_change * t.sigmas[neuron]
-    row[theta.seat_bias] = by_s * flows.s_change
+    of_h[theta.nozzle_bias], of_s[theta.seat_bias] = flows.h_change, flows.s_change
+    values[NOZZLE_DROP], values[NOZZLE_AREA], values[NOZZLE_TIME] = x[SAC], u.area, u.since
+    values[NOZZLE_RAIL], values[SEAT_AREA], values[SEAT_DROP] = u.rail, u.area, x[0] - x[SAC]
+    for curve in range(<int> CURVES):
+        change = flows.h_change if curve < SEAT_AREA else flows.s_change
+        if curve == SEAT_AREA:
+            column = of_s + theta.seat_weight
+        cubic = t.basis + 4 * MOST_NEURONS * piece_at(curve, values[curve], &within)
+        for neuron in range(t.neurons[curve]):
+            column[neuron] = change * (cubic[neuron] + within * (
+                cubic[MOST_NEURONS + neuron] + within * (
+                    cubic[2 * MOST_NEURONS + neuron] + within * cubic[3 * MOST_NEURONS + neuron]
+                )
+            ))
+        column += t.neurons[curve]
     for number in range(<int64_t> NOZZLE_NUMBERS):
-        row[theta.nozzle[number]] = by_h * flows.h_number[number][0] * flows.h_number[number][1]
+        of_h[theta.nozzle[number]] = flows.h_number[number][0] * flows.h_number[number][1]

@@ -64,7 +64,8 @@ cdef inline void lump_rates(
 
 
 cdef inline void lump_slopes(
-    const double* x, Inputs u, double q_h, double q_s, const LumpLine* line, Tangent* t, double* by_state, int n
+    const double* x, Inputs u, double q_h, double q_s, const LumpLine* line, Tangent* t, double* by_state,
+    double* by_flow, int n
 ) noexcept nogil:
     """Derivatives of `lump_rates`; of the coefficients, of those that anything changes."""
     cdef double by_air, by_slope
@@ -78,8 +79,8 @@ cdef inline void lump_slopes(
     by_state[1] = soft * line.a1
     by_state[n] = -line.a3
     by_state[n + 1] = -2.0 * line.a4 * fabs(x[1])
-    t.by_flow[0] = -soft * line.a2_nozzle
-    t.by_flow[1] = -soft * line.a2_seat
+    by_flow[0] = -soft * line.a2_nozzle
+    by_flow[1] = -soft * line.a2_seat
     first[LUMP_A1] = soft * (x[1] - line.outflow)
     first[LUMP_A2_NOZZLE] = -soft * q_h
     first[LUMP_A2_SEAT] = -soft * q_s
@@ -111,31 +112,32 @@ cdef inline void right_hand_side(
 cdef inline void tangent_rates(
     const double* x, Inputs u, const Coefficients* c, const Network* network, Tangent* t, int stage, double* rate, int n
 ) noexcept nogil:
-    """x' = f + phi and its derivatives [1/s] at a stage of a step: by the state, and by the tangent's numbers.
+    """x' = f + phi and its derivatives [1/s] at a stage of a step: by the state, by flows and by the tangent's numbers.
 
     Of those by the numbers, which are 0 at first, only what may differ from 0 is written.
     """
     cdef FlowSlopes flows
     cdef double* by_state = t.by_state + stage * n * n
     cdef double* by_number = t.by_number + stage * n * t.m
+    cdef double* by_flow = t.by_flow + stage * n * 2
+    cdef double* of_flows = t.of_flows + stage * 2 * t.m
     cdef double* of_row
-    cdef double by_h, by_s, total
+    cdef double total
+    cdef bint rest = is_at_rest(x, u)
     cdef int64_t row, i, k
     theta = &t.theta
     memset(by_state, 0, n * n * sizeof(double))
     memset(&flows, 0, sizeof(flows))
-    if not is_at_rest(x, u):
-        flow_slopes(x, u, c, network, t.sigmas, &flows)
-    lump_slopes(x, u, flows.q_h, flows.q_s, &c.line.lump, t, by_state, n)
-    t.by_flow[2 * SAC], t.by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
+    if not rest:
+        flow_slopes(x, u, c, network, &flows)
+        flow_numbers(x, u, &flows, t, of_flows, of_flows + t.m)
+    lump_slopes(x, u, flows.q_h, flows.q_s, &c.line.lump, t, by_state, by_flow, n)
+    by_flow[2 * SAC], by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
+    if rest:
+        memset(by_flow, 0, 2 * n * sizeof(double))
     for row in range(n):
-        by_h, by_s = t.by_flow[2 * row], t.by_flow[2 * row + 1]
-        if by_h == 0.0 and by_s == 0.0:
-            continue
-        of_row = by_number + row * t.m
         for i in range(3):
-            by_state[row * n + i] += by_h * flows.h_x[i] + by_s * flows.s_x[i]
-        phi_slopes(&flows, t, by_h, by_s, of_row)
+            by_state[row * n + i] += by_flow[2 * row] * flows.h_x[i] + by_flow[2 * row + 1] * flows.s_x[i]
     for row in range(n):
         if row == SAC:  # nothing of the line fills it
             continue
@@ -195,47 +197,71 @@ cdef inline void _runge_kutta_step(
 
 
 cdef inline void _move_tangent(Tangent* t, double step, int n) noexcept nogil:
-    """The derivatives over a step [s]: the derivative of an RK4 step is the RK4 step of the derivatives."""
+    """The derivatives over a step [s]: the derivative of an RK4 step is the RK4 step of the derivatives.
+
+    That is linear in the derivatives before it, and in how x' goes with the numbers at its stages, so that a column
+    costs a few products; those of phi act through two flows.
+    """
+    cdef double[4][16] after  # of a stage's rates (n, n)
+    cdef double[16] whole  # of the state
+    cdef double[4][2][4] through  # a flow at a stage
     cdef double[4][WIDTH] start
-    cdef double[4][WIDTH] there
-    cdef double[4][WIDTH] rate
-    cdef double[4][WIDTH] before
-    cdef double[4][WIDTH] total
-    cdef double along, factor
-    cdef const double* by_state
-    cdef const double* by_number
-    cdef int64_t column
-    cdef int stage, row, i, j
-    for column in range(0, t.m, 8):
+    cdef double[4][WIDTH] result
+    cdef double total
+    cdef const double* along
+    cdef bint flows = False
+    cdef int stage, row, i, j, k
+    cdef int64_t chunk, column
+    for i in range(n * n):
+        after[3][i] = whole[i] = 0.0
+    for i in range(n):
+        after[3][i * n + i], whole[i * n + i] = step / 6.0, 1.0
+    for stage in range(3, -1, -1):
+        for row in range(n):
+            for i in range(n):
+                total = 0.0
+                for k in range(n):
+                    total += after[stage][row * n + k] * t.by_state[(stage * n + k) * n + i]
+                whole[row * n + i] += total
+                if stage > 0:
+                    after[stage - 1][row * n + i] = (step if stage == 3 else 0.5 * step) * total
+            if stage > 0:
+                after[stage - 1][row * n + row] += step / 6.0 if stage == 1 else step / 3.0
+            for j in range(2):
+                total = 0.0
+                for k in range(n):
+                    total += after[stage][row * n + k] * t.by_flow[(stage * n + k) * 2 + j]
+                through[stage][j][row] = total
+                flows = flows or total != 0.0
+    for chunk in range(t.m // <int64_t> WIDTH):
+        part, column = t.parts[chunk], chunk * <int64_t> WIDTH
         for row in range(n):
             for j in range(WIDTH):
-                start[row][j] = there[row][j] = t.by[row * t.m + column + j]
-        for stage in range(4):
-            by_state = t.by_state + stage * n * n
-            by_number = t.by_number + stage * n * t.m + column
-            for row in range(n):
+                start[row][j] = t.by[row * t.m + column + j]
+        for row in range(n):
+            for j in range(WIDTH):
+                result[row][j] = whole[row * n] * start[0][j]
+            for i in range(1, n):
                 for j in range(WIDTH):
-                    rate[row][j] = by_state[row * n] * there[0][j]
-                for i in range(1, n):
-                    factor = by_state[row * n + i]
+                    result[row][j] = result[row][j] + whole[row * n + i] * start[i][j]
+        for k in range(2):
+            if not (flows and part & (BY_SEAT if k else BY_NOZZLE)):
+                continue
+            for stage in range(4):
+                along = t.of_flows + (2 * stage + k) * t.m + column
+                for row in range(n):
                     for j in range(WIDTH):
-                        rate[row][j] = rate[row][j] + factor * there[i][j]
-                for j in range(WIDTH):
-                    rate[row][j] = rate[row][j] + by_number[row * t.m + j]
-            along = step if stage == 2 else 0.5 * step
-            for row in range(n):
-                for j in range(WIDTH):
-                    there[row][j] = start[row][j] + along * rate[row][j]
-                    if stage == 0:
-                        total[row][j] = rate[row][j]
-                    elif stage == 2:
-                        total[row][j] = total[row][j] + 2.0 * (before[row][j] + rate[row][j])
-                    elif stage == 3:
-                        total[row][j] = total[row][j] + rate[row][j]
-                    before[row][j] = rate[row][j]
+                        result[row][j] = result[row][j] + through[stage][k][row] * along[j]
+        if part & BY_LINE:
+            for stage in range(4):
+                for i in range(2):  # p_L and Q_L
+                    along = t.by_number + (stage * n + i) * t.m + column
+                    for row in range(n):
+                        for j in range(WIDTH):
+                            result[row][j] = result[row][j] + after[stage][row * n + i] * along[j]
         for row in range(n):
             for j in range(WIDTH):
-                t.by[row * t.m + column + j] = start[row][j] + step / 6.0 * total[row][j]
+                t.by[row * t.m + column + j] = result[row][j]
 
 
 cdef inline Inputs between(Inputs start, Inputs end, double share) noexcept nogil:
@@ -248,6 +274,7 @@ cdef inline Inputs between(Inputs start, Inputs end, double share) noexcept nogi
     u.rail = start.rail + share * (end.rail - start.rail)
     u.area = max(start.area + share * (end.area - start.area), 0.0)
     u.servo = between_servos(&start.servo, &end.servo, share)
+    u.since = start.since + share * (end.since - start.since)
     return u
 
 
@@ -288,6 +315,7 @@ cdef inline void _advance_lump(
     bend.rail = interval.start.rail + knot.share * (interval.end.rail - interval.start.rail)
     bend.area = knot.area
     bend.servo = between_servos(&interval.start.servo, &interval.end.servo, knot.share)
+    bend.since = interval.start.since + knot.share * (interval.end.since - interval.start.since)
     part.end, part.length = bend, knot.share * interval.length
     part.substeps = <int64_t> ceil(knot.share * interval.substeps)
     _advance(x, &part, c, network, t, n)

@@ -34,9 +34,11 @@ cdef double fault_and_rate(
     const double* x, Inputs u, const Coefficients* c, const Network* network, double* phi
 ) noexcept nogil
 cdef void flow_slopes(
-    const double* x, Inputs u, const Coefficients* c, const Network* network, double* sigmas, FlowSlopes* result
+    const double* x, Inputs u, const Coefficients* c, const Network* network, FlowSlopes* result
 ) noexcept nogil
-cdef void phi_slopes(const FlowSlopes* flows, const Tangent* t, double by_h, double by_s, double* row) noexcept nogil
+cdef void flow_numbers(
+    const double* x, Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
+) noexcept nogil
 cdef void advance_over(
     double* x, const Interval* interval, Knot knot, const Coefficients* c, const Network* network, Tangent* t
 ) noexcept nogil

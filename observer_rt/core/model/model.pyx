@@ -13,7 +13,7 @@ from observer_rt.core.model.hydraulics cimport (
     NOZZLE_NUMBERS, NozzleSlopes, Seat, normalised_area, nozzle_law, nozzle_law_slopes, sac_rate, seat_law,
     seat_law_slopes
 )
-from observer_rt.core.model.network cimport fast_tanh
+from observer_rt.core.model.network cimport *
 from observer_rt.core.model.records cimport *
 from observer_rt.core.model.sensor cimport (
     SENSOR_GAIN, SENSOR_NUMBERS, LaggedSlopes, lagged, lagged_slopes, recorded, recorded_mean

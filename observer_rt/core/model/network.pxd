@@ -1,4 +1,16 @@
-# Hidden neuron of phi: tanh.
+# Hidden layer of phi: neurons of one input each, so that what they add up to is a curve over each input.
+
+cdef enum:
+    # curves: N_H goes with the first four, N_S with the others
+    NOZZLE_DROP = 0  # p_S - p_C
+    NOZZLE_AREA = 1
+    NOZZLE_TIME = 2  # since the needle opened
+    NOZZLE_RAIL = 3
+    SEAT_AREA = 4
+    SEAT_DROP = 5  # p_L - p_S
+    CURVES = 6
+    PIECES = 32  # of a curve, a cubic each
+    MOST_NEURONS = 12  # of a curve
 
 
 cdef inline double fast_tanh(double argument) noexcept nogil:

@@ -1,7 +1,7 @@
 # The identification system x~ from sample to sample: prediction by the model with phi and the sensor, correction.
 
 cdef enum:
-    COLUMN_OFFSET = 7  # of theta: the line-pressure sensor's
+    COLUMN_OFFSET = 44  # of theta: the line-pressure sensor's
 
 
 cdef double predict(

@@ -14,16 +14,17 @@ cdef class Weights:
     """A `model.network.Network`, lent: what is written into its arrays counts at once."""
 
     def __init__(self, network) -> None:
-        cdef double[:, ::1] hidden = network.hidden, output = network.output
+        cdef double[:, :, ::1] curves = network.curves
         cdef double[::1] bias = network.bias, nozzle = network.nozzle
         n = &self.network
-        n.neurons = hidden.shape[0]
-        if output.shape[1] != n.neurons or bias.shape[0] != 2 or nozzle.shape[0] != NOZZLE_NUMBERS:
+        fits = bias.shape[0] == 2 and nozzle.shape[0] == NOZZLE_NUMBERS
+        if curves.shape[0]:
+            fits = fits and curves.shape[0] == CURVES and curves.shape[1] == PIECES and curves.shape[2] == 4
+            n.curves = &curves[0, 0, 0]
+        if not fits:
             raise ValueError("weights of a network do not fit each other")
-        if n.neurons:
-            n.hidden, n.output = &hidden[0, 0], &output[0, 0]
         n.bias, n.nozzle = &bias[0], &nozzle[0]
-        self.lent = (network.hidden, network.output, network.bias, network.nozzle)
+        self.lent = (network.curves, network.bias, network.nozzle)
 
 
 cdef class Terms:
@@ -50,31 +51,38 @@ cdef class Carried:
     def __init__(self, tangent) -> None:
         cdef double[:, ::1] by = tangent.by, moved = tangent.moved
         cdef double[:, :, ::1] by_state = tangent.by_state, by_number = tangent.by_number
-        cdef double[:, ::1] by_flow = tangent.slopes.by_flow, by_coefficient = tangent.slopes.by_coefficient
-        cdef double[::1] sigmas = tangent.sigmas
+        cdef double[:, :, ::1] by_flow = tangent.by_flow, of_flows = tangent.of_flows
+        cdef double[:, ::1] by_coefficient = tangent.by_coefficient
+        cdef const unsigned char[::1] parts = tangent.parts
+        cdef const double[:, :, :, ::1] basis = tangent.theta.basis
+        cdef const int64_t[::1] neurons = tangent.theta.neurons
         cdef const int64_t[::1] columns = tangent.theta.line_columns, coefficients = tangent.theta.line_coefficients
         cdef const int64_t[::1] nozzle = tangent.theta.nozzle
         cdef const double[::1] slopes = tangent.theta.line_slopes, sizes = tangent.theta.valve_sizes
         cdef const int64_t[::1] valve = tangent.theta.valve
         t = &self.tangent
-        t.n, t.m, t.size, t.neurons = by.shape[0], by.shape[1], by_coefficient.shape[1], sigmas.shape[0]
+        t.n, t.m, t.size = by.shape[0], by.shape[1], by_coefficient.shape[1]
         fits = (
             moved.shape[0] == t.n and moved.shape[1] == t.m and t.m % WIDTH == 0
             and by_state.shape[0] == 4 and by_state.shape[1] == t.n and by_state.shape[2] == t.n
             and by_number.shape[0] == 4 and by_number.shape[1] == t.n and by_number.shape[2] == t.m
-            and by_flow.shape[0] == t.n and by_flow.shape[1] == 2 and by_coefficient.shape[0] == t.n
+            and by_flow.shape[0] == 4 and by_flow.shape[1] == t.n and by_flow.shape[2] == 2
+            and of_flows.shape[0] == 4 and of_flows.shape[1] == 2 and of_flows.shape[2] == t.m
+            and parts.shape[0] == t.m // WIDTH and by_coefficient.shape[0] == t.n
+            and neurons.shape[0] == basis.shape[0] == CURVES and basis.shape[1] == PIECES
+            and basis.shape[2] == 4 and basis.shape[3] == MOST_NEURONS
             and columns.shape[0] == coefficients.shape[0] == slopes.shape[0] and nozzle.shape[0] == NOZZLE_NUMBERS
             and valve.shape[0] == sizes.shape[0] == VALVE_NUMBERS
         )
         if not fits:
             raise ValueError("arrays of a tangent do not fit each other")
         t.by, t.moved, t.by_state, t.by_number = &by[0, 0], &moved[0, 0], &by_state[0, 0, 0], &by_number[0, 0, 0]
-        t.by_flow, t.by_coefficient = &by_flow[0, 0], &by_coefficient[0, 0]
-        if t.neurons:
-            t.sigmas = &sigmas[0]
+        t.by_flow, t.of_flows, t.parts = &by_flow[0, 0, 0], &of_flows[0, 0, 0], &parts[0]
+        t.by_coefficient, t.basis, t.neurons = &by_coefficient[0, 0], &basis[0, 0, 0, 0], &neurons[0]
         theta = &t.theta
         theta.nozzle_bias, theta.nozzle_weight = tangent.theta.nozzle_bias, tangent.theta.nozzle_weight
-        theta.seat_bias, theta.nozzle = tangent.theta.seat_bias, &nozzle[0]
+        theta.seat_bias, theta.seat_weight = tangent.theta.seat_bias, tangent.theta.seat_weight
+        theta.nozzle = &nozzle[0]
         theta.valve, theta.valve_sizes = &valve[0], &sizes[0]
         theta.pairs = slopes.shape[0]
         if theta.pairs:
@@ -100,8 +108,9 @@ cdef void _fill(Coefficients* c, coefficients) except *:
 
 
 cdef Inputs _inputs(u) except *:
-    rail, area = u
-    return inputs_of(rail, area)
+    cdef Inputs result = inputs_of(u[0], u[1])
+    result.since = u[2] if len(u) > 2 else 0.0
+    return result
 
 
 cdef void _require_states(const double[::1] x, const Coefficients* c) except *:
@@ -175,29 +184,26 @@ def flows_with_changes(x, u, coefficients, network) -> tuple[float, float]:
     return q_h, q_s
 
 
-def changes_and_activations(x, u, network) -> tuple[float, float, list[float]]:
-    """(N_H, N_S) = W tanh(V z) + b (7), relative changes of Q_H and Q_S, and tanh(V z) (q,), with z = [x u 1]."""
+def changes_of_flows(x, u, network) -> tuple[float, float]:
+    """(N_H, N_S) = W sigma(V z) + b (7), relative changes of Q_H and Q_S, with z = [x u 1]; u = [p_R A_S], or with the
+    time [s] since the needle opened."""
     cdef const double[::1] state = _state(x)
     cdef Weights weights = Weights(network)
-    n = &weights.network
-    nozzle, seat, sigmas = n.bias[0], n.bias[1], []
-    for neuron in range(n.neurons):
-        sigma = activation(&state[0], _inputs(u), n.hidden + 6 * neuron)
-        nozzle += n.output[neuron] * sigma
-        seat += n.output[n.neurons + neuron] * sigma
-        sigmas.append(sigma)
-    return nozzle, seat, sigmas
+    cdef Inputs inputs = _inputs(u)
+    cdef double unused
+    return (
+        nozzle_change(state[SAC], inputs, &weights.network, &unused, &unused),
+        seat_change(state[0] - state[SAC], inputs.area, &weights.network, &unused, &unused),
+    )
 
 
-def slopes_of_flows(x, u, coefficients, network, double[::1] sigmas) -> dict[str, Any]:
-    """Flows with phi and their derivatives, by name; sigmas (q,) becomes the activations of the hidden neurons."""
+def slopes_of_flows(x, u, coefficients, network) -> dict[str, Any]:
+    """Flows with phi and their derivatives, by name."""
     cdef const double[::1] state = _state(x)
     cdef Model model = Model(coefficients)
     cdef Weights weights = Weights(network)
     cdef FlowSlopes found
-    if sigmas.shape[0] != weights.network.neurons:
-        raise ValueError("as many activations as neurons are wanted")
-    flow_slopes(&state[0], _inputs(u), &model.coefficients, &weights.network, &sigmas[0] if len(sigmas) else NULL, &found)
+    flow_slopes(&state[0], _inputs(u), &model.coefficients, &weights.network, &found)
     return found
 
 
@@ -229,11 +235,18 @@ def totals_of_terms(
 
 
 globals().update(
+    BY_LINE=BY_LINE,
+    BY_NOZZLE=BY_NOZZLE,
+    BY_SEAT=BY_SEAT,
     COLUMNS=WIDTH,
+    CURVES=CURVES,
     FORGETTING=tuple(FORGETTING),
     LUMP=LUMP,
     MEMORIES=MEMORIES,
+    MOST_NEURONS=MOST_NEURONS,
     NOZZLE_NUMBERS=NOZZLE_NUMBERS,
+    PIECES=PIECES,
+    REACH=tuple(REACH),
     SENSOR_NUMBERS=SENSOR_NUMBERS,
     STEP=WAVE_STEP,
     WAVE=WAVE,

@@ -86,9 +86,7 @@ cdef struct Coefficients:
 
 
 cdef struct Network:
-    int64_t neurons  # q
-    const double* hidden  # V (q, 6)
-    const double* output  # W (2, q)
+    const double* curves  # (CURVES, PIECES, 4): what the hidden layer adds up to, W sigma(V z); NULL: nothing
     const double* bias  # b (2,)
     const double* nozzle  # (NOZZLE_NUMBERS,)
 
@@ -96,6 +94,7 @@ cdef struct Network:
 cdef struct Inputs:
     double rail  # p_R
     double area  # A_S
+    double since  # s, that the needle opened
     Servo servo
 
 
@@ -105,6 +104,11 @@ cdef inline Inputs inputs_of(double rail, double area) noexcept nogil:
     memset(&u, 0, sizeof(Inputs))
     u.rail, u.area = rail, area
     return u
+
+
+cdef inline double opened_since(double before, double area_before, double area) noexcept nogil:
+    """Time since the needle opened [s] at the start of an interval, by that at the end of the one before."""
+    return 0.0 if area_before <= 0.0 and area > 0.0 else before
 
 
 cdef struct Interval:
@@ -124,6 +128,7 @@ cdef struct ByTheta:
     int64_t nozzle_bias
     int64_t nozzle_weight
     int64_t seat_bias
+    int64_t seat_weight
     const int64_t* nozzle  # (NOZZLE_NUMBERS,)
     const int64_t* valve  # (VALVE_NUMBERS,)
     const double* valve_sizes  # of theta = 1
@@ -133,19 +138,27 @@ cdef struct ByTheta:
     const double* slopes
 
 
+cdef enum:
+    BY_NOZZLE = 1
+    BY_SEAT = 2
+    BY_LINE = 4  # or valve
+
+
 # Derivatives carried with a state: of n states by m numbers, theta first; the rest is scratch.
 cdef struct Tangent:
     int64_t n
     int64_t m
     int64_t size  # coefficients of the line
-    int64_t neurons
+    const double* basis  # (CURVES, PIECES, 4, MOST_NEURONS): of the neurons
+    const int64_t* neurons  # (CURVES,)
     double* by  # (n, m)
     double* moved  # (n, m)
     double* by_state  # (4, n, n), of x' by x at the stages of a step
-    double* by_number  # (4, n, m), of x' by the numbers, x held
-    double* by_flow  # (n, 2): of x' by q_H, q_S
+    double* by_number  # (4, n, m), of x' by the numbers of line and valve, x held
+    double* by_flow  # (4, n, 2), of x' by q_H, q_S
+    double* of_flows  # (4, 2, m), of q_H, q_S by the numbers of phi, x held
+    const unsigned char* parts  # (m / WIDTH,): what the numbers of so many columns act by, sums of the following
     double* by_coefficient  # (n, size)
-    double* sigmas  # (neurons,)
     ByTheta theta
 
 

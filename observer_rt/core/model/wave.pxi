@@ -220,6 +220,7 @@ cdef void leapfrog(
     for i in range(steps):
         share = <double> i / steps
         mean.rail = last.rail = interval.start.rail + share * rise
+        mean.since = last.since = interval.start.since + share * interval.length
         move_line(x, mean.rail, step, c, t)
         for j in range(ends):
             first = share + j * part

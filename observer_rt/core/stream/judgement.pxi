@@ -21,15 +21,19 @@ cdef bint judged(Observer* observer) noexcept nogil:
     else:
         return False
     _count(observer)
-    look_at_learned_range(observer, memory.positions.processed)
+    look_at_learned_range(observer, memory.positions.processed, memory.needle.is_open)
     return True
 
 
-cdef void look_at_learned_range(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the flow is known at the rail pressure of a sample: looked at when either may have changed."""
-    point, in_force = &observer.memory.operating_point, &observer.memory.in_force
-    rail_pressure = observer.ring[position & MASK].rail_pressure
-    point.in_learned_range = in_force.rail_from <= rail_pressure <= in_force.rail_to
+cdef double RAIL_BIN = 0.08  # p_0
+
+
+cdef void look_at_learned_range(Observer* observer, int64_t position, bint flows) noexcept nogil:
+    """Whether the flow, if there is any, is known at the rail pressure of a sample: when either may have changed."""
+    cdef int64_t place = <int64_t> (observer.ring[position & MASK].rail_pressure / RAIL_BIN)
+    point, rails = &observer.memory.operating_point, observer.memory.in_force.rails
+    place = min(max(place, <int64_t> 0), <int64_t> RAIL_BINS - 1)
+    point.in_learned_range = not flows or rails[place] != 0
     point.sac_flow = point.line_flow = 0.0
 
 

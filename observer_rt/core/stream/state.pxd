@@ -3,6 +3,7 @@
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Seat
+from observer_rt.core.model.network cimport CURVES
 from observer_rt.core.model.sensor cimport SENSOR_GAIN, SENSOR_NUMBERS
 from observer_rt.core.model.valve cimport Valve
 
@@ -18,8 +19,8 @@ cdef enum:
     RAIL = 0
     LIFT = 1
     LINE = 2
-    HIDDEN = 5
-    ARGUMENTS = 6
+    RAIL_BINS = 32  # of the rail pressure
+    CURVE_NUMBERS = 128  # of a curve of the network: its pieces' cubics
     OUTPUTS = 2
     MOST_COEFFICIENTS = 24
 
@@ -79,6 +80,7 @@ cdef struct Sample:
     double lift_area  # normalised seat area when the lift was taken
     double seat_area  # u2
     double valve  # opening of the pilot valve, by what was seen of the lift so far (stepper.pyx)
+    double opened_since  # s
     unsigned char resting
     double innovation  # e~ of x~, in units of p_0; 0 where the line pressure is not known
     double indicated  # line pressure as the lagging sensor of x~ shows it, without offset
@@ -186,13 +188,12 @@ cdef struct Mode:
 
 # engine/observer.py: what is known before the first sample, and stays
 cdef struct Prior:
-    double hidden[HIDDEN][ARGUMENTS]
     double healthy_variance  # what e~ of a healthy injector has, over its square; 1 if the model is right
     double stated_noise[3]  # of rail and line pressure [p_0] and lift [m], until it is measured
 
 # judgement.pxi, from a verdict: theta as the loop carries it
 cdef struct Carried:
-    double output[OUTPUTS][HIDDEN]
+    double curves[CURVES][CURVE_NUMBERS]
     double bias[OUTPUTS]
     double nozzle[NOZZLE_NUMBERS]
     double learned_offset
@@ -204,6 +205,7 @@ cdef struct Carried:
     # where the flow is known well enough: rail pressures, and p_S / p_L
     double rail_from
     double rail_to
+    int64_t rails[RAIL_BINS]  # and bins of them, wherever something was learned
     double filled_to
 
 # judgement.pxi: what innovations are to be like

@@ -200,7 +200,7 @@ cdef void _move_needle(Observer* observer, int64_t position, bint opens) noexcep
     if opens:
         part_events(observer, position)
         open_from(observer, position)
-        look_at_learned_range(observer, position)
+        look_at_learned_range(observer, position, True)
         begin_injection(observer, position)
         if leaps_about(observer, position):
             contradict(observer, under_way.number)

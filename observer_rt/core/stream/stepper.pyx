@@ -9,11 +9,11 @@ from observer_rt.core.model.model cimport (
     needle_speed, predict, rest_line, shown_under_terms, trusted_under_terms, under_terms, valve_at
 )
 from observer_rt.core.model.records cimport (
-    SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of
+    SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of, opened_since
 )
 from observer_rt.core.model.valve cimport valve_edge
 from observer_rt.core.stream.state cimport (
-    HIDDEN, MASK, STEPPING_CORRECT, STEPPING_PREDICT, Sample
+    MASK, STEPPING_CORRECT, STEPPING_PREDICT, Sample
 )
 from observer_rt.core.stream.stream cimport Stream
 
@@ -34,8 +34,7 @@ cdef class Stepper(PairStepper):
         self.stream = stream
         self.terms_of_tilde, self.terms_of_hat = Terms(program), Terms(program)
         s.coefficients = s.forced.coefficients = model.coefficients
-        s.network.neurons, s.network.hidden = HIDDEN, &memory.prior.hidden[0][0]
-        s.network.output, s.network.bias = &memory.in_force.output[0][0], memory.in_force.bias
+        s.network.curves, s.network.bias = &memory.in_force.curves[0][0], memory.in_force.bias
         s.network.nozzle = memory.in_force.nozzle
         s.forced.network = s.network
         s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
@@ -82,7 +81,7 @@ cdef inline void _take_line(Stepping* s) noexcept nogil:
     memcpy(s.forced.coefficients.line.values, s.observer.memory.in_force.line, size)
 
 
-cdef inline void _force(Stepping* s, const Sample* ring, int64_t position, const double* x, Forcing* forcing) noexcept nogil:
+cdef inline void _force(Stepping* s, Sample* ring, int64_t position, const double* x, Forcing* forcing) noexcept nogil:
     """The interval before a sample, in which the area may bend, from a state x (n,) on with the terms in force."""
     cdef Interval interval
     cdef Knot knot
@@ -90,6 +89,8 @@ cdef inline void _force(Stepping* s, const Sample* ring, int64_t position, const
     interval.start, interval.end = inputs_of(before.rail_pressure, before.seat_area), inputs_of(row.rail_pressure, row.seat_area)
     interval.start.servo.opening, interval.end.servo.opening = before.valve, row.valve
     interval.end.servo.speed = needle_speed(before.seat_area, row.seat_area, s.interval, &s.coefficients.seat)
+    interval.start.since = opened_since(before.opened_since, before.seat_area, row.seat_area)
+    interval.end.since = row.opened_since = interval.start.since + s.interval
     interval.length, interval.substeps = s.interval, s.substeps
     knot.share, knot.area = before.lift_after, before.lift_area
     under_terms(x, &interval, knot, &s.coefficients, &s.network, forcing, &s.forced)
@@ -220,4 +221,5 @@ cdef void _read(Stepping* s, int64_t position, const Coefficients* c, const Netw
     row.injection_rate = 0.0
     if not row.resting or x_hat[SAC] != 0.0:  # a term may hold the needle open
         u = inputs_of(row.rail_pressure, max(row.seat_area, 0.0))
+        u.since = row.opened_since
         row.injection_rate = s.observer.memory.in_force.level * fault_and_rate(x_hat, u, c, network, row.phi)

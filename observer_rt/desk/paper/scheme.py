@@ -25,8 +25,9 @@ from observer_rt.core.paper.scheme import sweep
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.network import ARGUMENTS, HIDDEN, Network, constant_network
+from observer_rt.model.network import Network, constant_network
 
+HIDDEN, ARGUMENTS = 5, 6  # q; z = [x1 x2 x3 u1 u2 1]
 WELL_ABOVE = 4.0  # times the line mode, below which the target of phi is mostly the fault's derivative
 ROWS = 3  # m, one output for every state
 LANES = 8  # samples reckoned together

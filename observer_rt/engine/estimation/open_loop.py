@@ -18,7 +18,7 @@ class OpenLoop(NamedTuple):
     rate: (n,) Q_H^ [m3/s]; slopes: (n, m) its derivatives with respect to theta; gradient: (n, states + 1)
     with respect to x and A_S [m3/s]; transition: (n, states, states) derivatives of x with respect to x one sample
     before; relaxation: (n,) rate [1/s] at which p_S goes where the needle leads it; by_area: (n,) dp_S/dA_S there,
-    normalised by (24). All 0 where nothing flows.
+    normalised by (24); fullness: (n,) p_S over p_L. All 0 where nothing flows.
     """
 
     rate: NDArray[np.float64]
@@ -27,6 +27,7 @@ class OpenLoop(NamedTuple):
     transition: NDArray[np.float64]
     relaxation: NDArray[np.float64]
     by_area: NDArray[np.float64]
+    fullness: NDArray[np.float64]
 
 
 def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> OpenLoop:
@@ -40,8 +41,9 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
         transition=np.zeros((n, states, states)),
         relaxation=np.zeros(n),
         by_area=np.zeros(n),
+        fullness=np.zeros(n),
     )
-    gradient = gradient_of(theta, setting.coefficients, learned, states)
+    gradient = gradient_of(theta, setting.coefficients, states)
     follow(window, setting, learned, window.opening, np.empty(n), NO_RATE, gradient, NO_SLOPES, run=result)
     if setting.rail_share == 0.0:
         return result

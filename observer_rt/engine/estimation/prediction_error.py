@@ -23,7 +23,7 @@ from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
-TOLD = 1e-9  # of what an event tells of one parameter, below which it tells nothing of a direction
+TOLD = 1e-2  # of what is believed of a direction: where an event tells much less, it is no degree of freedom
 _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
 
 
@@ -85,23 +85,19 @@ class Linearisation:
         return Linearisation(self.theta, value, gradient, information)
 
     def score(self, covariance: NDArray[np.float64]) -> float:
-        """Score test of a prior belief with this covariance (m, m) and its mean here: g' (G + G C G)^-1 g.
+        """Score test of a belief with this covariance (m, m) and its mean here: chi2 over its degrees of freedom.
 
-        chi2, when the belief is right, with as many degrees of freedom as directions that the event tells of:
-        parameters that it cannot tell apart, or says nothing about, are no singularity. The sensor's gain, which is
-        held, is not asked.
+        Its mean is 1, when the belief is right. Degrees of freedom are the directions that the event tells of;
+        parameters that it cannot tell apart, or says nothing about, are none, and no singularity. The sensor's gain,
+        which is held, is not asked.
         """
-        scale = np.sqrt(np.diag(self.information))
-        scale[_GAIN:][:1] = 0.0
-        columns = np.flatnonzero(scale > 0.0)
-        both, scale = np.ix_(columns, columns), scale[columns]
-        told, directions = np.linalg.eigh(self.information[both] / np.outer(scale, scale))
-        roots = np.sqrt(told[told > TOLD])
-        directions = directions[:, told > TOLD]
-        pulls = (self.gradient[columns] / scale) @ directions / roots
-        known = (scale[:, None] * directions) * roots
-        spread = np.eye(roots.size) + known.T @ covariance[both] @ known
-        return float(pulls @ np.linalg.solve(spread, pulls))
+        asked = np.arange(covariance.shape[0]) != _GAIN
+        root = np.linalg.cholesky(covariance[asked][:, asked])
+        information, gradient = self.information[asked][:, asked], self.gradient[asked]
+        told, pull, known = root.T @ information @ root, root.T @ gradient, np.eye(root.shape[0])
+        weights = np.linalg.inv(told + TOLD * known)
+        chi2 = float(pull @ weights @ np.linalg.solve(known + told, pull))
+        return float(chi2 / max(root.shape[0] - TOLD * np.trace(weights), 1.0))
 
 
 class EventCost:

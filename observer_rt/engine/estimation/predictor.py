@@ -70,9 +70,9 @@ class Gradient(NamedTuple):
     error: NDArray[np.float64]  # of the innovation
 
 
-def gradient_of(theta: NDArray[np.float64], c: Coefficients, learned: Learned, beside: int = 0) -> Gradient:
+def gradient_of(theta: NDArray[np.float64], c: Coefficients, beside: int = 0) -> Gradient:
     """A gradient of 0 for theta (m,) on the model `c`, with so many columns beside those of theta."""
-    tangent = tangent_of(c, learned.network, by_theta(theta, c), theta.size + beside)
+    tangent = tangent_of(c, by_theta(theta, c), theta.size + beside)
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
     sensor[np.arange(SENSOR_NUMBERS), SCALARS.sensor.columns] = SCALARS.sensor.sizes
@@ -93,5 +93,5 @@ def innovations_with_sensitivity(
 ) -> None:
     """`innovations` for theta (m,) and their derivatives de~/dtheta into `slopes` (n, m): the filtered gradient."""
     learned = learned_of(theta, setting.coefficients)
-    gradient = gradient_of(theta, setting.coefficients, learned)
+    gradient = gradient_of(theta, setting.coefficients)
     follow(window, setting, learned, window.output.size, result, NO_RATE, gradient, slopes)

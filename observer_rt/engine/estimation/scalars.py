@@ -16,7 +16,16 @@ from observer_rt.engine.estimation.gating import Gate
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.line.interface import stiffened
-from observer_rt.model.network import HIDDEN, Network, constant_network, zero_network
+from observer_rt.model.network import (
+    BASIS,
+    GROUPS,
+    HIDDEN,
+    NEURONS,
+    OF_NOZZLE,
+    Network,
+    constant_network,
+    network_with,
+)
 from observer_rt.model.right_hand_side import ByTheta
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.model.valve import AT, Valve
@@ -29,6 +38,7 @@ NOZZLE, SEAT, OFFSET = "orifice_area", "seat_area", "line_pressure_sensor_offset
 
 EXACTLY = 1e-6  # standard deviation of a gain that is none
 GAIN_DRIFT = 1e-3  # from event to event, of the gain's prior
+WEIGHT_DRIFT = 0.006  # of their prior: drift of the network's weights
 _TINY = 1e-100  # step of a complex derivative, which loses nothing by being small
 
 _several = lru_cache(maxsize=8, typed=True)
@@ -39,15 +49,16 @@ class Parameter(IntEnum):
     """Columns of theta by name."""
 
     NOZZLE_BIAS = 0  # b_H
-    NOZZLE_WEIGHT = 1  # w_1; w_2 .. w_q follow
-    SEAT_BIAS = 1 + HIDDEN  # b_S
-    LINE_PRESSURE_OFFSET = 2 + HIDDEN  # o, in units of p_0; acts in the sensor only
-    LINE_FRICTION = 3 + HIDDEN  # k
-    GUIDE_LEAKAGE = 4 + HIDDEN  # c p_0 / Q_0
-    BULK_MODULUS = 5 + HIDDEN  # r
-    SENSOR_LAG = 6 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
-    ENTRAINED_AIR = 7 + HIDDEN  # K g / p_0
-    BACK_PRESSURE = 8 + HIDDEN  # rise of p_C while injecting, in units of p_0; with the seat area follows
+    NOZZLE_WEIGHT = 1  # w_1; the others of the nozzle follow
+    BACK_PRESSURE = 1 + OF_NOZZLE  # rise of p_C while injecting, in units of p_0; with the seat area follows
+    SEAT_BIAS = 3 + OF_NOZZLE  # b_S
+    SEAT_WEIGHT = 4 + OF_NOZZLE  # of its first neuron; the others follow
+    LINE_PRESSURE_OFFSET = 4 + HIDDEN  # o, in units of p_0; acts in the sensor only
+    LINE_FRICTION = 5 + HIDDEN  # k
+    GUIDE_LEAKAGE = 6 + HIDDEN  # c p_0 / Q_0
+    BULK_MODULUS = 7 + HIDDEN  # r
+    SENSOR_LAG = 8 + HIDDEN  # tau, in units of LAG_UNIT; acts in the sensor only
+    ENTRAINED_AIR = 9 + HIDDEN  # K g / p_0
     LINE_PRESSURE_GAIN = 10 + HIDDEN  # of its sensor over the rail's; acts in the sensor only
     CONTROL_FLOW = 11 + HIDDEN  # c, in units of Q_0 at p_0, beyond that of the file; and so on
     CONTROL_START = 12 + HIDDEN  # in units of LAG_UNIT
@@ -241,14 +252,30 @@ def _control_flow(c: Coefficients) -> float:
     return c.flow_scale * math.sqrt(AT / c.pressure_scale)
 
 
+def _weights(name: str, column: int, **priors: float) -> Iterator[Scalar]:
+    """Rows of the weights of the neurons over each input, from a column on, with their priors (one sigma)."""
+    groups = GROUPS[:4] if name == "nozzle" else GROUPS[4:]
+    for (of, prior), group in zip(priors.items(), groups, strict=True):
+        yield Scalar(
+            f"{name}_{of}",
+            column,
+            prior=prior,
+            drift=WEIGHT_DRIFT * prior,
+            longest_step=1.0,
+            bounds=(-1.0, 1.0),
+            columns=group.neurons,
+        )
+        column += group.neurons
+
+
 # fmt: off
 SCALARS = Scalars((
     Scalar("nozzle_bias", Parameter.NOZZLE_BIAS, prior=0.45, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=ShownIndicator(NOZZLE, key="nozzle_v_H")),
-    Scalar("nozzle_weight", Parameter.NOZZLE_WEIGHT, prior=0.05, drift=3e-4, longest_step=1.0, bounds=(-1.0, 1.0),
-           columns=HIDDEN),
+    *_weights("nozzle", Parameter.NOZZLE_WEIGHT, drop=0.03, area=0.015, time=0.015, rail=0.015),
     Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=ShownIndicator(SEAT, key="seat_v_S")),
+    *_weights("seat", Parameter.SEAT_WEIGHT, area=0.01, drop=0.01),
     Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
            gated_from=-0.95, shown=ShownIndicator("line_friction", label="line friction k"),
            change=lambda line, k: line._replace(a4=line.a4 * (1.0 + k))),
@@ -304,9 +331,11 @@ def with_gain(vector: NDArray[np.float64], gain: float) -> NDArray[np.float64]:
     return vector
 
 
-_NOZZLE, _WEIGHTS, _SEAT = (
-    int(each) for each in (Parameter.NOZZLE_BIAS, Parameter.NOZZLE_WEIGHT, Parameter.SEAT_BIAS)
+_NOZZLE, _SEAT = int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)
+WEIGHTS = np.delete(
+    np.arange(Parameter.NOZZLE_WEIGHT, Parameter.LINE_PRESSURE_OFFSET), range(OF_NOZZLE, OF_NOZZLE + 3)
 )
+"""Columns of the network's weights, in the order of its neurons."""
 
 
 class Learned(NamedTuple):
@@ -335,11 +364,10 @@ def sensor_lag(theta: NDArray[np.float64]) -> float:
 
 def network_of(theta: NDArray[np.float64]) -> Network:
     """The network in a parameter vector (m,)."""
-    network = zero_network()
-    network.output[0, :] = theta[_WEIGHTS : _WEIGHTS + HIDDEN]
-    network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
-    network.nozzle[:] = SCALARS.nozzle.of(theta)
-    return network
+    found = network_with(theta[WEIGHTS])
+    found.bias[0], found.bias[1] = theta[_NOZZLE], theta[_SEAT]
+    found.nozzle[:] = SCALARS.nozzle.of(theta)
+    return found
 
 
 def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
@@ -372,8 +400,11 @@ def _by_values(line: Any, values: tuple[float, ...]) -> ByTheta:
     columns, numbers, slopes = zip(*entries, strict=True)
     return ByTheta(
         _NOZZLE,
-        _WEIGHTS,
+        int(Parameter.NOZZLE_WEIGHT),
         _SEAT,
+        int(Parameter.SEAT_WEIGHT),
+        NEURONS,
+        BASIS,
         SCALARS.nozzle.columns,
         SCALARS.valve.columns,
         SCALARS.valve.sizes,

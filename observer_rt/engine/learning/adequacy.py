@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.phases import phases_of
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE, Phase, PhaseStatistics, phase_statistics
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta, sensor_lag
+from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
 from observer_rt.engine.learning.disturbances.colour import Colour
 from observer_rt.engine.learning.disturbances.noise_levels import mask_of
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
@@ -34,6 +34,8 @@ UNTOLD = 2.5  # standard deviations of what of a gain may be an offset, which is
 # Of the logarithm of 1 + r; and standard deviations of the line's own inertance.
 LEAST_SCALE, LINE_SCALE = 0.03, 3.0
 LARGEST_LAG = 0.2e-3  # s
+# Mean square of the network's weights over their prior, and lag [s] and friction that no such law brings along
+MOST_OF_LAWS, LAG_OF_LAWS, FRICTION_OF_LAWS = 0.5, 10e-6, -0.1
 CLIP = 4.0  # standard deviations for which a single innovation counts at most: an outlier is no colour
 BURN_IN = 0.5e-3  # s of an event's window before innovations count
 EDGES = (Phase.OPENING, Phase.CLOSING)
@@ -134,6 +136,17 @@ def is_worn_beyond_limits(theta: NDArray[np.float64]) -> bool:
     """
     limits = ((theta[row.column], row.bounds) for row in SCALARS.rows if row.column in WEAR)
     return any(not lowest < value < highest for value, (lowest, highest) in limits)
+
+
+def is_no_law(theta: Theta, wide: Theta) -> bool:
+    """Whether what the network learned is no law of nozzle or seat, for line or sensor seem to be better than new.
+
+    A late channel, a line that remembers, or one whose inertance goes with its flow: each is taken for a lag, or for
+    less friction, and the network makes up for the rest. wide: standard deviations (m,) before any event.
+    """
+    square = float(np.mean((theta[WEIGHTS] / wide[WEIGHTS]) ** 2))
+    is_other = sensor_lag(theta) > LAG_OF_LAWS or theta[Parameter.LINE_FRICTION] < FRICTION_OF_LAWS
+    return square > MOST_OF_LAWS and bool(is_other)
 
 
 def looks_like_inertance(nozzle_change: float, stiffness_change: float, line: float = 0.0) -> bool:

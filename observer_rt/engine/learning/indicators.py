@@ -7,16 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import changes_and_activations
-from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, Parameter, network_of
+from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, WEIGHTS, Parameter
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
-from observer_rt.model.network import HIDDEN
+from observer_rt.model.network import OF_NOZZLE, activations
 
 LEAST_SAC_PRESSURE = 0.05  # of p_0, below which a change of the nozzle flow is not spoken of
 SIGNIFICANT = 2.0  # standard deviations, beyond which a nozzle changed otherwise at another rail pressure
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
 LEAST_SEAT_SIGMA = 0.008
-_NOZZLE, _WEIGHTS = int(Parameter.NOZZLE_BIAS), int(Parameter.NOZZLE_WEIGHT)
+OPENED_SINCE = 1e-3  # s, at which a change of the nozzle flow is stated
+SEAT_AREA, SEAT_DROP = (
+    0.3,
+    0.2,
+)  # of A_0 and p_0, at which that of the seat flow is: there events tell most of it
+_NOZZLE, _SEAT = int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)
 _RISE, _RISE_WITH_SEAT = SCALARS.nozzle.columns.tolist()
 
 
@@ -52,21 +56,22 @@ def indicators_of(
     None but those of nozzle and seat enters Q_H^; these are no better known than the level, by `calibration`. rails:
     pressures [p_0] of recent events; by what the nozzle's change is another there, it is no wear.
     """
-    nozzle, slopes = nozzle_change(theta, x, u)
+    nozzle, by_nozzle = nozzle_change(theta, x, u)
+    of_flows = {NOZZLE: (float(nozzle), by_nozzle), SEAT: _seat_change(theta)}
 
     def estimate(effect: str, column: int) -> Estimate:
+        value, slopes = of_flows.get(effect) or (float(theta[column]), np.eye(theta.size)[column])
+        if covariance is None:
+            return Estimate(value, None)
+        variance = float(slopes @ covariance @ slopes)
+        if effect in of_flows:
+            variance += calibration.wear**2
+        if effect == SEAT:
+            variance += LEAST_SEAT_SIGMA**2
         if effect == NOZZLE:
-            value, variance = nozzle, None
-            if covariance is not None:
-                elsewhere = [_elsewhere(theta, covariance, x, u, rail) for rail in rails]
-                variance = slopes @ covariance @ slopes + max(elsewhere, default=0.0)
-        else:
-            value, variance = theta[column], None if covariance is None else covariance[column, column]
-            if variance is not None and effect == SEAT:
-                variance = variance + LEAST_SEAT_SIGMA**2
-        if variance is not None and effect in (NOZZLE, SEAT):
-            variance = variance + calibration.wear**2
-        return Estimate(float(value), None if variance is None else float(np.sqrt(variance)))
+            elsewhere = [_elsewhere(theta, covariance, x, u, rail) for rail in rails]
+            variance += max(elsewhere, default=0.0)
+        return Estimate(value, math.sqrt(variance))
 
     return {shown.effect: estimate(shown.effect, column) for column, shown in SCALARS.shown()}
 
@@ -89,21 +94,29 @@ def _elsewhere(
 def nozzle_change(
     theta: NDArray[np.float64],
     x: Sequence[float] | NDArray[np.float64],
-    u: Sequence[float] | NDArray[np.float64],
-) -> tuple[float, NDArray[np.float64]]:
-    """Relative change of the nozzle flow at a state x (3,) and inputs u (2,), needle open; derivatives (m,).
+    u: Sequence[float | NDArray[np.float64]] | NDArray[np.float64],
+    since: float = OPENED_SINCE,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Relative change of the nozzle flow at states x (3, ...) and inputs u (2, ...), needle open; slopes (..., m).
 
-    (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, the equivalent of v_H in (27).
+    since: the needle opened [s]. (1 + N_H) sqrt((x3 - d)/x3) - 1: network and back-pressure d together, v_H of (27).
     """
-    network, slopes, area = network_of(theta), np.zeros(theta.size), float(u[1])
-    change, _, activations = changes_and_activations(x, u, network)
-    factor = 1.0 + change
-    x_3 = max(float(x[2]), LEAST_SAC_PRESSURE)
-    back_pressure = float(network.nozzle[0] + network.nozzle[1] * area)
-    against_chamber = math.sqrt(max(1.0 - back_pressure / x_3, 0.0))
-    slopes[_NOZZLE] = against_chamber
-    slopes[_WEIGHTS : _WEIGHTS + HIDDEN] = against_chamber * np.array(activations)
-    if against_chamber > 0.0:
-        slopes[_RISE] = -0.5 * factor / (x_3 * against_chamber)
-        slopes[_RISE_WITH_SEAT] = slopes[_RISE] * area
+    sigmas, area = activations(x, (u[0], u[1], since))[..., :OF_NOZZLE], u[1]
+    factor = 1.0 + theta[_NOZZLE] + sigmas @ theta[WEIGHTS[:OF_NOZZLE]]
+    x_3, rises = np.maximum(x[2], LEAST_SAC_PRESSURE), SCALARS.nozzle.of(theta)
+    against_chamber = np.sqrt(np.maximum(1.0 - (rises[0] + rises[1] * area) / x_3, 0.0))
+    slopes = np.zeros((*sigmas.shape[:-1], theta.size))
+    slopes[..., _NOZZLE] = against_chamber
+    slopes[..., WEIGHTS[:OF_NOZZLE]] = np.multiply(against_chamber[..., None], sigmas)
+    some = np.where(against_chamber > 0.0, against_chamber, np.inf)
+    slopes[..., _RISE] = -0.5 * factor / (x_3 * some)
+    slopes[..., _RISE_WITH_SEAT] = slopes[..., _RISE] * area
     return factor * against_chamber - 1.0, slopes
+
+
+def _seat_change(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Relative change N_S of the seat flow, and its derivatives (m,)."""
+    slopes = np.zeros(theta.size)
+    slopes[_SEAT] = 1.0
+    slopes[WEIGHTS[OF_NOZZLE:]] = activations((SEAT_DROP, 0.0, 0.0), (0.0, SEAT_AREA, 0.0))[OF_NOZZLE:]
+    return float(slopes @ theta), slopes

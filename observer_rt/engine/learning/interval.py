@@ -113,7 +113,7 @@ def is_revised(event: Resimulated, window: slice, volume: float) -> bool:
 def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
     """Standard deviation [m3/s] of the rate published at the samples of a window of the event."""
     slopes = event.run.slopes[window]
-    by_parameters = np.einsum("ki,ij,kj->k", slopes, event.carried_covariance, slopes)
+    by_parameters = ((slopes @ event.carried_covariance) * slopes).sum(axis=1)
     by_hold = HOLD_SHARE * np.gradient(event.run.rate)[window]
     by_model = math.hypot(event.model_share, event.calibration.rate) * event.run.rate[window]
     variance = by_parameters + event.by_inputs.rate[window] + by_hold**2 + by_model**2

@@ -22,9 +22,11 @@ UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still get
 # Standard deviation of a flow, as a share, up to which it is known well enough: away from the event, where it may be
 # larger than at the event by this factor in any case; and at the event.
 FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.012, 1.3, 0.03
-_LOWEST, _HIGHEST = 0.05, 2.5  # p_0, of any rail
+RAIL_BINS, RAIL_BIN = 32, 0.08  # bins of the rail pressure, and how wide they are [p_0]
+_RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)
 _FILLED = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
+_LIKE = 0.03  # by which a sac may be fuller than the event's
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
 _HALVINGS = 8
 
@@ -67,15 +69,20 @@ def remembered(learned_at: Sequence[EventPoint], point: EventPoint) -> tuple[Eve
 
 
 class KnownFlow(NamedTuple):
-    """Range in which the flow is known well enough: of rail pressure [p_0], and up to which mean p_S / p_L."""
+    """Range in which the flow is known well enough.
+
+    rail_from, rail_to: of rail pressure [p_0], around the event's; filled_to: up to which mean p_S / p_L; rails
+    (RAIL_BINS,): bins of rail pressures, wherever something was learned.
+    """
 
     rail_from: float
     rail_to: float
     filled_to: float
+    rails: tuple[bool, ...]
 
 
-EVERYWHERE = KnownFlow(-math.inf, math.inf, math.inf)
-NOWHERE = KnownFlow(math.inf, -math.inf, 0.0)
+EVERYWHERE = KnownFlow(-math.inf, math.inf, math.inf, (True,) * RAIL_BINS)
+NOWHERE = KnownFlow(math.inf, -math.inf, 0.0, (False,) * RAIL_BINS)
 
 
 def known_flow(
@@ -86,38 +93,41 @@ def known_flow(
     Of what was injected it is known how it changes with theta. The fuller the sac, the more of that is the nozzle's
     doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.
     """
-
-    def by_nozzle(rail_pressure: float) -> NDArray[np.float64]:
-        state = np.array([rail_pressure, 0.0, _FILLED * rail_pressure])
-        change, slopes = nozzle_change(theta, state, np.array([rail_pressure, point.area]))
-        return slopes / max(1.0 + change, _LEAST_FLOW)
-
-    injected, full = float(event.run.rate.sum()), by_nozzle(point.rail_pressure)
+    pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.open_time)
+    states = np.array([pressures, np.zeros_like(pressures), _FILLED * pressures])
+    change, slopes = nozzle_change(theta, states, (pressures, point.area), middle)
+    by_nozzle = (
+        slopes / np.maximum(1.0 + change, _LEAST_FLOW)[:, None]
+    )  # the last at the event's rail pressure
+    injected, full = float(event.run.rate.sum()), by_nozzle[-1]
     if not (injected > 0.0 and full[_NOZZLE] > 0.0):
         return NOWHERE
     here = event.run.slopes.sum(axis=0) / injected
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), _FILLED)
 
-    def sigma(rail_pressure: float, fullness: float) -> float:
+    def sigma(fullness: float, beside: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
         share = (fullness - filled) / (1.0 - filled)
-        slopes = here + share * (full - here)
-        if rail_pressure != point.rail_pressure:
-            slopes += fullness * (by_nozzle(rail_pressure) - full)
-        return math.sqrt(max(slopes @ covariance @ slopes, 0.0))
+        slopes = here + share * (full - here) + fullness * beside
+        return np.asarray(np.sqrt(np.maximum(((slopes @ covariance) * slopes).sum(axis=-1), 0.0)))
 
     def enough(fullness: float) -> float:
-        return max(FLOW_KNOWN, FURTHER * sigma(point.rail_pressure, fullness))
+        return max(FLOW_KNOWN, FURTHER * float(sigma(fullness)))
 
-    if sigma(point.rail_pressure, filled) > FLOW_LEARNED:
+    if sigma(filled) > FLOW_LEARNED:
         return NOWHERE
-    filled_to = _last(lambda fullness: sigma(point.rail_pressure, fullness) <= enough(filled), filled, 1.0)
+    filled_to = _last(lambda fullness: bool(sigma(fullness) <= enough(filled)), filled, 1.0)
+    passed = np.maximum(np.cumsum(event.run.rate), np.finfo(float).tiny)
+    own = float(np.max(np.cumsum(event.run.rate * event.run.fullness) / passed))
+    filled_to = max(filled_to, own + _LIKE)  # with one as the last, whatever the flow is far from steady
     fullness = filled if math.isfinite(filled_to) else max(filled, _LONG)
-    most = enough(fullness)
-    lowest, highest = (
-        _last(lambda rail_pressure: sigma(rail_pressure, fullness) <= most, point.rail_pressure, limit)
-        for limit in (_LOWEST, _HIGHEST)
-    )
-    return KnownFlow(lowest, highest, filled_to)
+    known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
+    place = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
+    known[place] = True
+    unknown = np.flatnonzero(~known)
+    below, above = unknown[unknown < place], unknown[unknown > place]
+    rail_from = RAIL_BIN * (int(below[-1]) + 1) if below.size else -math.inf
+    rail_to = RAIL_BIN * int(above[0]) if above.size else math.inf
+    return KnownFlow(rail_from, rail_to, filled_to, tuple(known.tolist()))
 
 
 def _last(holds: Callable[[float], bool], first: float, limit: float) -> float:

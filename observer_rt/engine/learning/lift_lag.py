@@ -17,15 +17,19 @@ from observer_rt.core.learning.whitening import HUBER
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
-from observer_rt.engine.estimation.scalars import SCALARS, SERVO, Theta, learned_of
+from observer_rt.engine.estimation.scalars import SCALARS, SERVO, WEIGHTS, Theta, learned_of
 from observer_rt.engine.learning.adequacy import RELEVANT_VARIANCE, Objection
 from observer_rt.engine.learning.fitting import EventFit, EventFitter, freed, theta_limits
 from observer_rt.engine.stream.state import Reason
+from observer_rt.model.network import GROUPS
 
 UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.CONTRADICTED)
 STEP = 5e-6  # s, either way, by which the lift is moved for a slope
 FARTHEST = 30e-6  # s, by which one step goes at most
 USUAL = 20e-6  # s, of an amplifier or a filter ahead of a converter
+_LAWS = WEIGHTS[
+    GROUPS[0].neurons :
+].tolist()  # of the network's neurons, all but those over the pressure drop
 CLOSE = 1e-6  # s: no more steps
 STEPS = 4
 SHORTER = 0.4  # a step that explained no more
@@ -65,13 +69,14 @@ def lift_lag_of(
 ) -> LiftLag:
     """The lag of its lift that explains an event best, all else fitted from the prior.
 
-    But for a pilot valve and what the needle displaces, which are the file's: a late lift looks like them.
+    But for a pilot valve, what the needle displaces, and laws of nozzle and seat that are others with the area or in
+    time, which are the file's: a late lift looks like them.
 
     cost_of: a window's cost; expected: lag [s] from which it is sought, too, for with a model that is far off the
     slope at 0 leads nowhere. Raises numpy.linalg.LinAlgError when singular.
     """
     scale = setting.coefficients.pressure_scale
-    limits, wide, held = theta_limits(setting.coefficients), SCALARS.prior(scale), list(SERVO)
+    limits, wide, held = theta_limits(setting.coefficients), SCALARS.prior(scale), [*SERVO, *_LAWS]
     wide[held] = SCALARS.drift(scale)[held]
     prior = prior_belief(np.zeros(SCALARS.width), np.diag(wide**2))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.prediction_error import Linearisation
 
-USUAL_SCORE = 16.0  # of events that scatter by noise alone: on the paper's line the mean is 13
+USUAL_SCORE = 1.2  # of events that scatter by noise alone; their mean is 1
 REMEMBERED = 0.95  # weight of the scores before an event
 PRIOR_EVENTS = 10.0  # for which the factor of the fit counts at first
 LARGEST_RATIO = 2.5  # of a score to the usual one, up to which it is scatter and no change of the injector

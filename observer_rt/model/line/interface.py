@@ -3,26 +3,13 @@
 The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's further states], normalised by (24).
 """
 
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from observer_rt.model.parameters import Departures, InjectorParameters
-
-
-class Slopes(NamedTuple):
-    """Derivatives of x' [1/s] of n states, scratch of compiled code."""
-
-    by_flow: NDArray[np.float64]  # (n, 2): q_H, q_S
-    by_coefficient: NDArray[np.float64]  # (n, k), k coefficients of the line
-
-
-def no_slopes(line: Any) -> Slopes:
-    """Slopes of 0, to be filled."""
-    n = 3 + line.further
-    return Slopes(np.zeros((n, 2)), np.zeros((n, len(line._fields))))
 
 
 class Line(Protocol):

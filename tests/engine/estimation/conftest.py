@@ -12,7 +12,7 @@ from observer_rt.core.model.laws import lagged
 from observer_rt.core.model.model import advance_state
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
-from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of
+from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, learned_of
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.network import HIDDEN
@@ -89,7 +89,7 @@ def worn_theta(seed: int = 1) -> NDArray[np.float64]:
     random = np.random.default_rng(seed)
     theta = np.zeros(PARAMETERS)
     theta[Parameter.NOZZLE_BIAS] = 0.25
-    theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = random.uniform(0.02, 0.08, HIDDEN)
+    theta[WEIGHTS] = random.uniform(0.004, 0.016, HIDDEN)
     theta[Parameter.SEAT_BIAS] = -0.15
     theta[Parameter.LINE_PRESSURE_OFFSET] = 0.004
     theta[Parameter.LINE_FRICTION] = 0.8
@@ -109,6 +109,13 @@ def event_inputs(rail: float = RAIL, samples: int = 600) -> NDArray[np.float64]:
     return np.column_stack([np.full(samples, rail), area])
 
 
+def with_time(inputs: NDArray[np.float64], interval: float) -> list[list[float]]:
+    """Inputs (n, 2) with the time since the needle opened [s]."""
+    opened = np.arange(len(inputs)) - np.argmax(inputs[:, 1] > 0.0) + 1.0
+    listed: list[list[float]] = np.column_stack((inputs, np.maximum(opened, 0.0) * interval)).tolist()
+    return listed
+
+
 def simulated_event(
     case: Case, theta: NDArray[np.float64], inputs: NDArray[np.float64], seed: int | None = None
 ) -> Window:
@@ -118,7 +125,7 @@ def simulated_event(
     x = settled_line(c, float(inputs[0, 0]))
     start = np.array([*x, x[0]])
     indicated = [x[0]]
-    for u_start, u_end in pairwise((float(rail), float(area)) for rail, area in inputs):
+    for u_start, u_end in pairwise(with_time(inputs, setting.interval)):
         before = x[0]
         advance_state(
             x, Interval(u_start, u_end, setting.interval, setting.substeps), c, learned.network, None

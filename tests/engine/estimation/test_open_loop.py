@@ -9,7 +9,7 @@ from observer_rt.engine.estimation.open_loop import open_loop
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of
 from tests.differences import assert_columns_agree, differences
-from tests.engine.estimation.conftest import Case, event_inputs, simulated_event, worn_theta
+from tests.engine.estimation.conftest import Case, event_inputs, simulated_event, with_time, worn_theta
 from tests.intervals import Interval
 
 HEALTHY = np.zeros(PARAMETERS)
@@ -59,7 +59,7 @@ def test_rate_is_that_of_the_observer_in_open_loop(case: Case) -> None:
     learned = learned_of(theta, case.c)
     c = learned.coefficients
     x = window.start[:3].copy()
-    inputs = [(float(rail), float(area)) for rail, area in window.inputs]
+    inputs = with_time(window.inputs, case.setting.interval)
     expected = [0.0]
     for k in range(1, window.output.size):
         between = Interval(inputs[k - 1], inputs[k], 1e-5, case.setting.substeps)

@@ -22,10 +22,7 @@ from tests.engine.estimation.conftest import (
 )
 
 HEALTHY = np.zeros(PARAMETERS)
-FLOW = [
-    *range(Parameter.LINE_PRESSURE_OFFSET),
-    *range(Parameter.BACK_PRESSURE, Parameter.LINE_PRESSURE_GAIN),
-]  # nozzle and seat
+FLOW = list(range(Parameter.LINE_PRESSURE_OFFSET))  # nozzle and seat
 VALVE = list(range(Parameter.CONTROL_START, Parameter.DISPLACEMENT))  # does nothing without flow
 SERVO = worn_theta()
 SERVO[Parameter.CONTROL_FLOW : Parameter.DISPLACEMENT + 1] = 0.08, 0.3, -0.4, 0.2, -0.3, 0.02

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 
 from observer_rt.core.model.model import fault_with_rate
-from observer_rt.engine.estimation.scalars import NOZZLE, PARAMETERS, SEAT, Parameter, network_of
-from observer_rt.engine.learning.indicators import LEAST_SEAT_SIGMA, indicators_of, nozzle_change
+from observer_rt.engine.estimation.scalars import NOZZLE, PARAMETERS, SEAT, WEIGHTS, Parameter, network_of
+from observer_rt.engine.learning.indicators import (
+    LEAST_SEAT_SIGMA,
+    OPENED_SINCE,
+    indicators_of,
+    nozzle_change,
+)
 from observer_rt.model.effective import coefficients
 from observer_rt.model.network import HIDDEN, zero_network
 from tests.differences import differences
@@ -17,7 +22,7 @@ X, U = (0.9, 1.0, 0.8), (0.95, 0.6)
 def worn() -> np.ndarray:
     theta = np.zeros(PARAMETERS)
     theta[Parameter.NOZZLE_BIAS] = 0.2
-    theta[Parameter.NOZZLE_WEIGHT : Parameter.NOZZLE_WEIGHT + HIDDEN] = np.linspace(-0.05, 0.08, HIDDEN)
+    theta[WEIGHTS] = np.linspace(-0.01, 0.016, HIDDEN)
     theta[Parameter.BACK_PRESSURE : Parameter.BACK_PRESSURE + 2] = 0.03, 0.05
     return theta
 
@@ -25,7 +30,7 @@ def worn() -> np.ndarray:
 def test_nozzle_change_is_that_of_the_injection_rate() -> None:
     c = coefficients(NOMINAL)
     c = c._replace(nozzle=c.nozzle._replace(transition=1e-9))
-    changed = fault_with_rate(X, U, c, network_of(worn()))[1]
+    changed = fault_with_rate(X, (*U, OPENED_SINCE), c, network_of(worn()))[1]
     assert nozzle_change(worn(), X, U)[0] == pytest.approx(
         changed / fault_with_rate(X, U, c, zero_network())[1] - 1.0
     )

@@ -29,6 +29,7 @@ def event(seed: int) -> Resimulated:
         transition=np.zeros((SAMPLES, 3, 3)),
         relaxation=np.zeros(SAMPLES),
         by_area=np.zeros(SAMPLES),
+        fullness=np.zeros(SAMPLES),
     )
     exact = InputVariance(np.zeros(SAMPLES), np.zeros(SAMPLES))
     return Resimulated(run, exact, NOTHING, NOTHING, INTERVAL)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
-from observer_rt.core.model.model import changes_and_activations
+from observer_rt.core.model.model import changes_of_flows
 from observer_rt.desk.evaluation.evaluate import History, evaluate
 from observer_rt.desk.simulation.plant import Truth
 from observer_rt.desk.simulation.schedule import make_schedule
@@ -21,6 +21,7 @@ from observer_rt.engine.estimation.scalars import (
     NOZZLE,
     OFFSET,
     PARAMETERS,
+    SCALARS,
     SEAT,
     Parameter,
     network_of,
@@ -158,7 +159,7 @@ def nozzle_wear(v_h: float) -> Vector:
 
 def wear_of(theta: Vector) -> float:
     """v_H that theta means with the needle open at 95 MPa: bias and hidden neurons share it."""
-    return float(changes_and_activations((0.9, 1.0, 0.8), (0.95, 0.9), network_of(theta))[0])
+    return float(changes_of_flows((0.9, 1.0, 0.8), (0.95, 0.9, 1e-3), network_of(theta))[0])
 
 
 def event(v_h: float, seed: int | None = None) -> Window:
@@ -179,7 +180,8 @@ def learner_with(belief: Belief, in_force: Vector) -> Learner:
 
 
 def belief_in(v_h: float, sigma: float) -> Belief:
-    return prior_belief(nozzle_wear(v_h), sigma**2 * np.eye(PARAMETERS))
+    wide = SCALARS.prior(NOMINAL.scaling.pressure)
+    return prior_belief(nozzle_wear(v_h), np.diag(np.minimum(wide, sigma) ** 2))
 
 
 def test_better_phi_is_adopted() -> None:

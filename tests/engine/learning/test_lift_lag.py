@@ -89,12 +89,14 @@ def test_a_lag_that_differs_from_event_to_event_is_none() -> None:
 
 @pytest.mark.parametrize(("pressure", "lag"), [(15e6, 0.0), (25e6, 0.0), (5e6, 15e-6)])
 def test_a_sac_that_rests_at_another_pressure_is_no_late_lift(pressure: float, lag: float) -> None:
-    """The file says 5 MPa."""
+    """The file says 5 MPa; by how little the nozzle's law is another then, the network may learn."""
     events = tuple(
         Event(rail, (Shot(0.0, 1.5e-3),), Faults(lift_sensor_lag=lag)) for rail in (60e6, 100e6, 140e6) * 3
     )
-    reports = observed(Bench(Injector(chamber_pressure=pressure), Needle(), events, seed=2)).reports[2:]
-    assert not any(report.valid for report in reports)
+    run = observed(Bench(Injector(chamber_pressure=pressure), Needle(), events, seed=2))
+    reports = run.reports[2:]
+    errors = np.abs(run.errors[2:])[[report.valid for report in reports]]
+    assert errors.max(initial=0.0) < 0.02
     assert any(report.reason is Reason.LIFT_SENSOR_LAG for report in reports) is (lag > 0.0)
 
 

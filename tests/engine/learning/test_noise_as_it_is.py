@@ -92,7 +92,7 @@ def test_a_noise_that_grows_costs_two_events(after: float) -> None:
     )
     reports = evaluate(bench_at(100e3), [recording_of(replace(recorded(EVENTS, SEED), measured=louder))])
     valid = [report.valid for report in reports.evaluations[0].reports]
-    assert valid[2:].count(False) <= 2
+    assert valid[3:].count(False) <= 2
 
 
 def test_all_channels_through_an_anti_alias_filter() -> None:

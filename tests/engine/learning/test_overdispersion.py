@@ -14,12 +14,12 @@ from observer_rt.engine.learning.overdispersion import (
 )
 
 EVENTS = 400
-SIZE = int(USUAL_SCORE)  # parameters, all well determined by one event
+SIZE = 13  # parameters, all well determined by one event
 
 
 def scores(factor: float, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Of events that scatter so much, by an exact model."""
-    return factor * np.random.default_rng(seed).chisquare(SIZE, EVENTS)
+    return factor * USUAL_SCORE * np.random.default_rng(seed).chisquare(SIZE, EVENTS) / SIZE
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.0, 2.0, 4.0])
@@ -59,7 +59,9 @@ def test_the_factor_of_known_events_makes_their_scores_the_usual_ones(factor: fl
     information = np.diag(random.uniform(1e2, 1e4, SIZE))
     events = []
     for _ in range(100):
-        gradient = np.sqrt(factor * np.diag(information)) * random.normal(size=SIZE)
+        spread = USUAL_SCORE * (factor + 0.1)
+        gradient = np.sqrt(spread * np.diag(information)) * random.normal(size=SIZE)
         cost = Linearisation(np.zeros(SIZE), 0.0, gradient, information)
-        events.append(TemperedEvent(cost, np.zeros((SIZE, SIZE))))
+        known = np.diag(0.1 / np.diag(information))  # as sure as ten events make it
+        events.append(TemperedEvent(cost, known))
     assert overdispersion_of(events) == pytest.approx(factor, rel=0.15)

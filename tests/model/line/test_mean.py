@@ -118,7 +118,7 @@ def test_derivatives_of_the_lump(opened: float) -> None:
         return np.asarray(after / np.array([1.0, 1.0, 1.0, PERIOD]), np.float64)
 
     learned = learned_of(theta, c)
-    tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + 4)
+    tangent = tangent_of(c, by_theta(theta, c), PARAMETERS + 4)
     tangent.by[:, PARAMETERS : PARAMETERS + 4] = np.eye(4)
     x = start.copy()
     advance_state(x, interval, learned.coefficients, learned.network, tangent)

@@ -129,7 +129,7 @@ def test_derivatives(
         return after
 
     learned = learned_of(theta, c)
-    tangent = tangent_of(c, learned.network, by_theta(theta, c), PARAMETERS + c.states)
+    tangent = tangent_of(c, by_theta(theta, c), PARAMETERS + c.states)
     tangent.by[:, PARAMETERS : PARAMETERS + c.states] = np.eye(c.states)
     x = start.copy()
     advance_state(x, interval, learned.coefficients, learned.network, tangent, knot)

@@ -19,6 +19,7 @@ INADEQUATE_BEGINS, INADEQUATE_STAYS = 1 / 1000, 0.9  # of the model
 QUICKER = 8.0  # usual drifts an event, of quick wear beside its velocity; M
 SPEED, TURNS = 6.0, 0.5  # usual drifts an event: prior of the velocity, and its own change; M
 SHIFT = 30.0  # usual drifts, of all; M
+LAWS_CHANGE = 0.15  # of any change, by which the network's weights change with it; M
 NUDGE = 0.03  # of a flow: the prior as a whole pays so much for its width that it hides such a change; M
 
 # Which hypotheses are gone into.
@@ -52,7 +53,7 @@ LEAST_PART = 0.005  # weight, below which a hypothesis is no part of an interval
 # What a model does not know of a volume.
 UNEXPLAINED_KEPT, UNEXPLAINED_COUNTS = 0.85, 2.0  # weight of the events before; once in the event, once in theta; M
 SCATTER_KEPT, SCATTER_PRIOR = 0.9, 5.0  # weight of the events before; events of the usual score at first; M
-USUAL_SCORE, LARGEST_SCORE = 13.0, 5.0  # of an event as believed: columns that it tells of; ratio to it at most; M
+LARGEST_SCORE = 5.0  # of an event as believed, whose mean is 1; M
 WANDER_LEAST, WANDER_STEPS = 0.0025, 9  # grid of its standard deviation: half an octave a step; M
 WANDER_PRIOR, WANDER_KEPT = 0.1, 0.99  # that there is any; weight of what was believed an event before; M
 REALLY_CHANGED, CHANGE_SIZE = 0.01, 0.1  # probability that a mass has really changed, and by how much; M

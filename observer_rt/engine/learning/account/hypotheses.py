@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.scalars import SCALARS, Parameter, Theta
+from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.velocity import FLOWS, Velocity
 from observer_rt.engine.learning.learned_injector import LearnedInjector
@@ -16,7 +16,7 @@ from observer_rt.engine.stream.state import Reason
 
 P = Parameter
 _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
-WEAR = (int(P.NOZZLE_BIAS), *range(P.NOZZLE_WEIGHT, P.SEAT_BIAS), int(P.SEAT_BIAS), *_BACK_PRESSURE)
+WEAR = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS), *WEIGHTS.tolist(), *_BACK_PRESSURE)
 SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
 LINE = tuple(column for column, _ in SCALARS.laws)
 VALVE = tuple(SCALARS.valve.columns.tolist())
@@ -66,6 +66,7 @@ class Kind:
         """Standard deviations (m,) by which theta moves; wide, drift: of the prior, and of usual drift."""
         columns, result = list(self.columns), np.zeros_like(wide)
         result[columns] = np.hypot(np.hypot(self.of_prior * wide, self.drifts * drift), self.size)[columns]
+        result[WEIGHTS] *= c.LAWS_CHANGE  # else what other operating points taught is forgotten
         return result
 
 

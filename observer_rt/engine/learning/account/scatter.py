@@ -19,5 +19,6 @@ class Scatter:
 
     def after(self, score: float) -> "Scatter":
         """Adds the score of an event before it was fitted."""
-        ratio = min(score / c.USUAL_SCORE, c.LARGEST_SCORE)
-        return Scatter(c.SCATTER_KEPT * self.events + 1.0, c.SCATTER_KEPT * self.ratios + ratio)
+        return Scatter(
+            c.SCATTER_KEPT * self.events + 1.0, c.SCATTER_KEPT * self.ratios + min(score, c.LARGEST_SCORE)
+        )

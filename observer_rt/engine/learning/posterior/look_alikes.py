@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from observer_rt.engine.estimation.phases import no_statistics
+from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of, sensor_lag
 from observer_rt.engine.learning.account import constants as c
@@ -19,6 +19,7 @@ from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.adequacy import (
     Objection,
     inadequate_phase,
+    is_no_law,
     looks_like_inertance,
     of_standstill,
     sensor_objections,
@@ -202,6 +203,8 @@ def _objections(
         reasons.append(Reason.AMBIGUOUS_SCALE)
     objections = tuple(Objection(reason) for reason in reasons)
     phase = inadequate_phase(learned.statistics)
+    if phase is None and is_no_law(theta, reader.wide):
+        phase = Phase.OPENING
     if phase is not None or not reader.healthy.adequate:
         return (*objections, Objection(Reason.MODEL_INADEQUATE, phase))
     return objections
@@ -211,7 +214,7 @@ def _open_nozzle_change(theta: Theta, window: Window) -> float:
     """N_H with the needle as open as it was in an event, at the steady sac pressure of the rail pressure."""
     widest = int(np.argmax(window.inputs[:, 1]))
     u = window.inputs[widest]
-    return nozzle_change(theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0]
+    return float(nozzle_change(theta, np.array([u[0], 0.0, 0.9 * u[0]]), u)[0])
 
 
 def _lift_lag(

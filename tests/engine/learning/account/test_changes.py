@@ -95,4 +95,4 @@ def test_doubt_of_masses_is_forgotten_with_what_came_after() -> None:
 
     found = seen(faults, BEGINS + 16)
     assert "as when settled" in {report.posterior[0][0] for report in found.reports}
-    assert all(found.valid[BEGINS + 5 :])
+    assert all(found.valid[BEGINS + 8 :])

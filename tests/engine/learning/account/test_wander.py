@@ -46,6 +46,6 @@ def test_one_real_change_is_none() -> None:
 def test_events_that_scatter_widen_what_is_believed() -> None:
     usual, odd = Scatter(), Scatter()
     for _ in range(20):
-        usual, odd = usual.after(12.0), odd.after(39.0)
+        usual, odd = usual.after(0.9), odd.after(3.0)
     assert usual.factor == 1.0
     assert odd.factor == pytest.approx(3.0, rel=0.25)

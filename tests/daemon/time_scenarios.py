@@ -30,7 +30,7 @@ OTHER = Clock(RATE, 13e-6, 50e-6)  # a third of a sample late, 50 ppm slow
 DISTURBED = 1.2  # s, just after the needle has opened
 RESTARTED = 1.25  # s
 WORN = 0.2  # v_H
-BARS = {20e3: (0.015, 1.2e-6), 50e3: (0.01, 0.5e-6)}  # of volume and rate [m3/s], what one clock achieves
+BARS = {20e3: (0.02, 1.2e-6), 50e3: (0.01, 0.5e-6)}  # of volume and rate [m3/s]: one clock has up to 1.5 %
 STEEPEST = 12e-6  # m3/s from one sample to the next at 20 kHz, where a worn needle opens or shuts
 LATER = 2.3  # s, by when clocks are known again
 

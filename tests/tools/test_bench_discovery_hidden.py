@@ -22,11 +22,11 @@ def cases_of(name: str, with_rate: bool, count: int) -> list[HiddenCase]:
     return [case for case in cases if case.name == name]
 
 
-NOTHING_TO_SEE = {"rail_pressure_skew"}  # where the rail is at rest
+NOT_HIDDEN = {"rail_pressure_skew", "control_flow"}  # the rail is at rest; a valve is a law of the plants
 
 
 def test_every_effect_of_the_vocabulary_is_hidden_within_its_bounds() -> None:
-    assert set(HIDDEN) == set(VOCABULARY) - NOTHING_TO_SEE
+    assert set(HIDDEN) == set(VOCABULARY) - NOT_HIDDEN
     for name, effect in HIDDEN.items():
         bounds = VOCABULARY[name].parameters
         assert [p.name for p in effect.parameters] == [p.name for p in bounds]

@@ -42,13 +42,12 @@ _SOLVER = {"rtol": 1e-8, "atol": 1e-8, "hmax": 10e-6, "mxstep": 100_000}
 class Departure(NamedTuple):
     """Deviation of the injector from the equations; by default it has none.
 
-    nozzle: factor of its flow by the time since the opening [ms]; seat: by the speed of the needle [m/s]; loss: of
-    pressure along the line [MPa] by its flow [mm3/ms]; stiffening: n in K = K_0 + n (p - 100 MPa); rail_gain: of the
-    sensor, less 1; hidden_lift: by which the lift is recorded too low [m].
+    nozzle: factor of its flow; loss: of pressure along the line [MPa] by its flow [mm3/ms]; stiffening: n in
+    K = K_0 + n (p - 100 MPa); rail_gain: of the sensor, less 1; hidden_lift: by which the lift is recorded too
+    low [m].
     """
 
-    nozzle: Callable[[float], float] = lambda _: 1.0
-    seat: Callable[[float], float] = lambda _: 1.0
+    nozzle: float = 1.0
     loss: Callable[[float], float] = lambda _: 0.0
     stiffening: float = 0.0
     rail_gain: float = 0.0
@@ -76,22 +75,20 @@ class BenchOperation:
             pressure -= dip * math.exp(-max(since - energizing, 0.0) / RAIL_RECOVERY)
         return pressure
 
-    def lift(self, time: float) -> tuple[float, float, float]:
-        """Needle lift [m], its speed [m/s], and the time since it left its seat [s]; 0 while it is shut."""
+    def lift(self, time: float) -> float:
+        """Needle lift [m]."""
         number, since, energizing = self._event(time)
         since -= OPENING_DELAY
         if number < 0 or since <= 0.0:
-            return 0.0, 0.0, 0.0
+            return 0.0
         relative = self._set_pressure(number) / REFERENCE_PRESSURE
         speed = OPENING_SPEED * relative**0.4
         falling = since - energizing - CLOSING_DELAY + OPENING_DELAY
         if falling <= 0.0:
-            lift = speed * _travelled(since)
-            return (lift, speed, since) if lift < HIGHEST_LIFT else (HIGHEST_LIFT, 0.0, since)
+            return float(min(speed * _travelled(since), HIGHEST_LIFT))
         highest = min(speed * _travelled(since - falling), HIGHEST_LIFT)
         speed = CLOSING_SPEED * relative**0.3
-        lift = highest - speed * _travelled(falling)
-        return (lift, -speed, since) if lift > 0.0 else (0.0, 0.0, 0.0)
+        return float(max(highest - speed * _travelled(falling), 0.0))
 
     def _event(self, time: float) -> tuple[int, float, float]:
         """Number of the event, -1 before the first, the time since its energizing, and how long that lasts [s]."""
@@ -123,9 +120,8 @@ def record(operation: BenchOperation, departure: Departure, sample_rate: float, 
     rail = np.array([operation.rail_pressure(t) for t in time.tolist()])
     initial = [rail[0], 0.0, CHAMBER_PRESSURE] / _SCALES
     states = odeint(_rates, initial, time, (operation, departure), **_SOLVER) * _SCALES
-    lift, _, opened = np.array([operation.lift(t) for t in time.tolist()]).T
-    flows = zip(states[:, 2].tolist(), opened.tolist(), strict=True)
-    rate = np.array([_nozzle_flow(sac, since, departure) for sac, since in flows])
+    lift = np.array([operation.lift(t) for t in time.tolist()])
+    rate = np.array([_nozzle_flow(sac, departure) for sac in states[:, 2].tolist()])
     shown_lift = np.where(lift > 0.0, np.maximum(lift - departure.hidden_lift, 0.0), 0.0)
     noise = np.random.default_rng(seed)
     recording = Recording(
@@ -142,12 +138,12 @@ def _rates(
 ) -> tuple[float, float, float]:
     """Rates of p_L, Q_L and p_S [1/s], each over its scale."""
     line, flow, sac = (x * _SCALES).tolist()
-    lift, speed, since = operation.lift(time)
+    lift = operation.lift(time)
     seat_area = (
         math.pi * lift * math.sin(HALF_CONE) * (SEAT_DIAMETER - 0.5 * lift * math.sin(2.0 * HALF_CONE))
     )
-    seat = departure.seat(speed) * SEAT_FLOW * seat_area * _velocity(line - sac)  # (21)
-    nozzle = _nozzle_flow(sac, since, departure)
+    seat = SEAT_FLOW * seat_area * _velocity(line - sac)  # (21)
+    nozzle = _nozzle_flow(sac, departure)
     lost = 1e6 * departure.loss(flow * 1e6)
     stiffness = STIFFNESS + departure.stiffening * (line - REFERENCE_PRESSURE)
     driven = LINE_AREA / (DENSITY * LINE_LENGTH) * (operation.rail_pressure(time) - lost - line)
@@ -159,9 +155,9 @@ def _rates(
     )
 
 
-def _nozzle_flow(sac: float, since: float, departure: Departure) -> float:
+def _nozzle_flow(sac: float, departure: Departure) -> float:
     """Injection rate [m3/s] of (23)."""
-    return departure.nozzle(1e3 * since) * NOZZLE_AREA * _velocity(sac - CHAMBER_PRESSURE)
+    return departure.nozzle * NOZZLE_AREA * _velocity(sac - CHAMBER_PRESSURE)
 
 
 def _velocity(drop: float) -> float:

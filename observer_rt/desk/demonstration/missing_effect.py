@@ -59,7 +59,7 @@ class HiddenEffect(NamedTuple):
 def hidden_effect(seed: int, outside: bool) -> HiddenEffect:
     """Draw an effect that the daemon cannot learn; outside: a law that is in no vocabulary."""
     drawn = random.Random(seed)
-    return _drawn_law(drawn, drawn.randrange(3)) if outside else _drawn_effect(drawn, drawn.randrange(3))
+    return _drawn_law(drawn) if outside else _drawn_effect(drawn, drawn.randrange(3))
 
 
 def _drawn_effect(drawn: random.Random, kind: int) -> HiddenEffect:
@@ -75,17 +75,8 @@ def _drawn_effect(drawn: random.Random, kind: int) -> HiddenEffect:
     return HiddenEffect(Departure(hidden_lift=x_0 * 1e-6), f"a needle lift recorded {x_0:.1f} um too low")
 
 
-def _drawn_law(drawn: random.Random, kind: int) -> HiddenEffect:
-    if kind == 0:
-        share, within = drawn.uniform(0.15, 0.3), drawn.uniform(0.25, 0.6)
-        coking = Departure(nozzle=lambda since: 1.0 - share * since / (since + within))
-        return HiddenEffect(coking, f"a nozzle that loses up to {100 * share:.0f} % within each injection")
-    if kind == 1:
-        share = drawn.uniform(0.15, 0.25)
-        words = (
-            f"a seat that passes {100 * share:.0f} % less while the needle opens, and more while it closes"
-        )
-        return HiddenEffect(Departure(seat=lambda speed: 1.0 - share * math.tanh(speed / 0.3)), words)
+def _drawn_law(drawn: random.Random) -> HiddenEffect:
+    """A law of the line: those of nozzle and seat the network learns, as it should."""
     loss, from_flow = drawn.uniform(0.04, 0.1), drawn.uniform(20.0, 30.0)
     words = f"a line that loses {loss:.3f} MPa per mm3/ms above {from_flow:.0f} mm3/ms"
     return HiddenEffect(Departure(loss=lambda flow: loss * max(flow - from_flow, 0.0)), words)

@@ -85,7 +85,7 @@ class Demo:
         self.link = demo_link()
         self.bench = _on_link(load_bench(), self.link)
         operation = BenchOperation(RAIL_PRESSURES, [ENERGIZING_TIME], injections, PERIOD)
-        worn = Departure(nozzle=lambda _: 1.0 + wear)
+        worn = Departure(nozzle=1.0 + wear)
         self._truth = record(operation, worn, self.bench.injector.config.sampling.rate_hz, seed)
         self.recording = self._truth.recording
         self._nominal = NominalInjection(self.bench.injector)

@@ -15,7 +15,7 @@ from tests.daemon.end_to_end import command
 LONGEST = 600.0  # s, in a machine within a machine
 UNLEARNED = 1  # injections before the first that may be valid
 REFUSED = 0.5  # of the injections before, at the least
-RIGHT = 0.005  # of the mass
+RIGHT = 0.01  # of the mass
 
 
 def true_masses(hidden: HiddenEffect, printed: str) -> list[float]:

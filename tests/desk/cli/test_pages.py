@@ -436,11 +436,11 @@ def the_fit_is_as_the_page_says() -> None:
 
 
 def the_worn_injector_is(injections: list[dict[str, float]]) -> None:
-    """Every mass from the third on, beside the truth."""
-    assert [bool(injection["valid"]) for injection in injections] == [False, False, *[True] * 4]
+    """Every mass from the fourth on, beside the truth."""
+    assert [bool(injection["valid"]) for injection in injections] == [False] * 3 + [True] * 3
     with Path("worn.csv.truth.csv").open() as file:
         rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
-    for injection in injections[2:]:
+    for injection in injections[3:]:
         first = int(injection["start_index"])
         rates = [row["injection_rate_mm3_per_ms"] for row in rows[first - 100 : first + 2000]]
         assert injection["mass_mg"] == pytest.approx(sum(rates) * 0.01 * 0.83, rel=0.006)

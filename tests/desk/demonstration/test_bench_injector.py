@@ -66,17 +66,14 @@ def test_the_shut_line_rings_at_its_mode_and_nothing_is_injected(healthy: BenchR
 
 
 def test_a_nozzle_lets_through_what_its_departure_says(healthy: BenchRecording) -> None:
-    worn = recorded(Departure(nozzle=lambda since: 1.2 if since > 0.5 else 1.0))
-    opened = round((FIRST_EVENT + 0.3e-3) * RATE)
+    worn = recorded(Departure(nozzle=1.2))
     ratio = worn.injection_rate / np.where(healthy.injection_rate > 5e-6, healthy.injection_rate, np.nan)
-    assert np.nanmax(np.abs(ratio[opened : opened + 49] - 1.0)) < 1e-3
-    assert np.nanmin(ratio[opened + 60 : opened + 100]) > 1.1
+    assert 1.1 < np.nanmedian(ratio) < 1.2  # the sac is emptier
 
 
 @pytest.mark.parametrize(
     "departure",
     [
-        Departure(seat=lambda speed: 1.0 - 0.2 * math.tanh(speed / 0.3)),
         Departure(loss=lambda flow: 0.08 * max(flow - 20.0, 0.0)),
         Departure(stiffening=8.0),
     ],

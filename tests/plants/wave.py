@@ -109,12 +109,7 @@ class WavePlant:
     """An injector on a line with waves, at rest at first."""
 
     def __init__(
-        self,
-        part: Injector,
-        line: WaveLine,
-        rail_pressure: float,
-        steps: int = STEPS,
-        laws: Laws = NO_LAWS,
+        self, part: Injector, line: WaveLine, rail_pressure: float, steps: int = STEPS, laws: Laws = NO_LAWS
     ) -> None:
         n = line.elements * NODES
         parts = KAGAWA_RATES.size if line.viscosity > 0.0 else 0

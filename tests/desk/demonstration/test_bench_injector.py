@@ -72,11 +72,7 @@ def test_a_nozzle_lets_through_what_its_departure_says(healthy: BenchRecording) 
 
 
 @pytest.mark.parametrize(
-    "departure",
-    [
-        Departure(loss=lambda flow: 0.08 * max(flow - 20.0, 0.0)),
-        Departure(stiffening=8.0),
-    ],
+    "departure", [Departure(loss=lambda flow: 0.08 * max(flow - 20.0, 0.0)), Departure(stiffening=8.0)]
 )
 def test_a_departure_shows_in_the_line_pressure(healthy: BenchRecording, departure: Departure) -> None:
     departed = recorded(departure).recording.line_pressure  # with the same noise

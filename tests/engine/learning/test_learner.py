@@ -27,11 +27,7 @@ from observer_rt.engine.estimation.scalars import (
     network_of,
 )
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.knowledge import (
-    Adoption,
-    Knowledge,
-    no_knowledge,
-)
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.learning.memory import plain, restored
 from observer_rt.engine.learning.state import LearningState
@@ -212,9 +208,7 @@ def test_adopted_phi_takes_force() -> None:
     ],
     ids=["one sample no number", "infinite"],
 )
-def test_event_that_cannot_be_learned_from_changes_nothing(
-    damage: Callable[[Vector], Vector],
-) -> None:
+def test_event_that_cannot_be_learned_from_changes_nothing(damage: Callable[[Vector], Vector]) -> None:
     learner = learner_with(belief_in(0.1, 0.3), nozzle_wear(0.1))
     broken = event(0.3, seed=1)
     outcome = learner.learn(broken._replace(output=damage(broken.output)), NO_STANDSTILL, nozzle_wear(0.1))

@@ -73,10 +73,8 @@ def test_results_beside_the_inputs_are_not_sent_again(tmp_path: Path) -> None:
     bench, path = load_bench(), tmp_path / "bus.log"
     mapped = map_bench(bench)
     inputs, results = mapped.injectors[0].input_layouts, mapped.sent
-    lines = [
-        f"({number}.0) can0 {layout.frame_id:03X}##100" for number, layout in enumerate([*results, *inputs])
-    ]
-    path.write_text("".join(f"{line}\n" for line in lines))
+    sent = [layout.frame_id for layout in [*results, *inputs]]
+    path.write_text("".join(f"({number}.0) can0 {each:03X}##100\n" for number, each in enumerate(sent)))
     source = log_source(bench, path, {}, None, None, 1, Console(quiet=True))
     assert [frame.frame_id for frame in source.frames] == [layout.frame_id for layout in inputs]
 

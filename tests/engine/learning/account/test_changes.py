@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import Reason
 from tests.observed_plants import ObservedRun, bench_at, observed
+from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import FIRST_EVENT, LINE, PERIOD, Bench, Event, Needle, Shot, Surroundings, seen_as
 
@@ -24,13 +25,14 @@ def seen(
     events: int,
     around: Surroundings = Surroundings(),  # noqa: B008
     accuracy_percent: float = 0.0,
+    laws: Laws = NO_LAWS,
 ) -> ObservedRun:
     """Single injections at changing operating points, of an injector with such faults."""
     schedule = tuple(
         Event(RAIL_PRESSURES[k % 5], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), faults_at(k))
         for k in range(events)
     )
-    bench = Bench(Injector(), Needle(), schedule, seed=23, around=around)
+    bench = Bench(Injector(), Needle(), schedule, seed=23, around=around, laws=laws)
     run = observed(bench, bench_at(bench.sample_rate, accuracy_percent=accuracy_percent))
     assert not (run.valid & (np.abs(run.errors) > WRONG)).any()
     return run
@@ -93,6 +95,27 @@ def test_doubt_of_masses_is_forgotten_with_what_came_after() -> None:
         low = -0.1 if k in (BEGINS, BEGINS + 1) else 0.0
         return Faults(orifice_area=0.008 * max(k - BEGINS - 4, 0), line_pressure_sensor_gain=low)
 
-    found = seen(faults, BEGINS + 16)
-    assert "as when settled" in {report.posterior[0][0] for report in found.reports}
-    assert all(found.valid[BEGINS + 8 :])
+    run = seen(faults, BEGINS + 16)
+    assert "as when settled" in {report.posterior[0][0] for report in run.reports}
+    assert all(run.valid[BEGINS + 8 :])
+
+
+LAWS = {
+    "area grows with the rail pressure": (Laws(rail_growth=0.3), HEALTHY),
+    "a hole shuts at a large drop": (Laws(shut_by_drop=0.3), HEALTHY),
+    "coking within an injection": (Laws(coking=0.3), HEALTHY),
+    "a seat throttled at its stop": (Laws(stop_loss=0.5), HEALTHY),
+    "a seat laminar at small lift": (NO_LAWS, Faults(seat_lift_loss=0.4)),
+    "a chamber that fills": (Laws(filling=5e9), HEALTHY),
+    "a seat with a dip": (Laws(middle_loss=0.3), HEALTHY),
+    "holes covered at small lift": (NO_LAWS, Faults(nozzle_lift_loss=0.3)),
+    "a nozzle by Reynolds number": (Laws(viscous_loss=0.05), HEALTHY),
+}
+
+
+@pytest.mark.parametrize(("laws", "faults"), LAWS.values(), ids=LAWS)
+def test_a_law_of_nozzle_or_seat_is_learned(laws: Laws, faults: Faults) -> None:
+    run = seen(lambda _: faults, 24, laws=laws)
+    assert all(run.valid[WARM:])
+    assert np.abs(run.errors[WARM:]).max() < 0.02
+    assert np.mean(run.inside) >= 0.7  # a laminar seat: .71, others .95 and more

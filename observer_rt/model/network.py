@@ -76,11 +76,6 @@ def network_with(weights: NDArray[np.float64]) -> Network:
     return Network(curves.reshape(CURVES, PIECES, 4), np.zeros(2), np.zeros(NOZZLE_NUMBERS))
 
 
-def zero_network() -> Network:
-    """The network at start."""
-    return network_with(np.zeros(HIDDEN))
-
-
 def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
     """No hidden neurons: flows changed by the constant factors 1 + v_H and 1 + v_S of (27)."""
     return Network(np.zeros((0, PIECES, 4)), np.array([nozzle, seat]), np.zeros(NOZZLE_NUMBERS))

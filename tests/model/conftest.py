@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import advance_state
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.network import Network, zero_network
+from observer_rt.model.network import Network, constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from tests.intervals import Interval
 
@@ -38,7 +38,7 @@ def integrate() -> Trajectory:
     ) -> NDArray[np.float64]:
         states = np.empty((len(inputs), c.states))
         states[0] = start
-        network = network or zero_network()
+        network = network or constant_network()
         for n in range(len(inputs) - 1):
             u_start = (float(inputs[n, 0]), float(inputs[n, 1]))
             u_end = (float(inputs[n + 1, 0]), float(inputs[n + 1, 1]))

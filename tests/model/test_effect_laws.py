@@ -12,11 +12,11 @@ from observer_rt.core.model.model import rates_of_change
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.hydraulics import full_lift_area
-from observer_rt.model.network import zero_network
+from observer_rt.model.network import constant_network
 
 NOMINAL = load_injector()
 P_0, P_C, P_V, K_L = 1e8, 5e6, 2e3, 1.6e9
-NOTHING_LEARNED = zero_network().nozzle
+NOTHING_LEARNED = constant_network().nozzle
 pressures = st.floats(20e6, 200e6)
 
 
@@ -55,7 +55,7 @@ def test_a_share_of_the_rise_grows_with_the_area_of_the_seat(
 def stiffness_of(pressure: float, c: Coefficients) -> float:
     """K_eff/K_L, by which the pressure of the shut line rises faster than that of the nominal one."""
     x, shut = [x_of(pressure), 0.5, 0.0], (1.0, 0.0)
-    changed, nominal = (rates_of_change(x, shut, each, zero_network())[0] for each in (c, model()))
+    changed, nominal = (rates_of_change(x, shut, each, constant_network())[0] for each in (c, model()))
     return changed / nominal
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from observer_rt.config.bench import load_injector
 from observer_rt.model.effective import coefficients
-from observer_rt.model.network import zero_network
+from observer_rt.model.network import constant_network
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
 from tests.model.conftest import advanced, advanced_over
@@ -27,11 +27,11 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
         areas = np.interp(np.linspace(0.0, 1.0, 4001), [0.0, share, 1.0], [start, knot, end])
         for before, after in pairwise(float(area) for area in areas):
             fine = advanced(
-                fine, Interval((0.95, before), (0.95, after), interval / 4000, 1), C, zero_network()
+                fine, Interval((0.95, before), (0.95, after), interval / 4000, 1), C, constant_network()
             )
         interval_of_sample = Interval(u_start, u_end, interval, substeps)
-        bent = advanced_over(x, interval_of_sample, (share, knot), C, zero_network())
-        straight = advanced(x, interval_of_sample, C, zero_network())
+        bent = advanced_over(x, interval_of_sample, (share, knot), C, constant_network())
+        straight = advanced(x, interval_of_sample, C, constant_network())
         assert bent == pytest.approx(fine, abs=1e-4)
         assert np.abs(np.subtract(straight, fine)).max() > 4e-3
 
@@ -39,7 +39,7 @@ def test_a_bend_between_samples_is_followed(share: float) -> None:
 def test_no_bend_changes_nothing() -> None:
     ends = (0.95, 0.2), (0.94, 0.5)
     interval_of_sample = Interval(*ends, 5e-5, 21)
-    plain = advanced((0.8, 0.6, 0.5), interval_of_sample, C, zero_network())
-    assert advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.0, 0.7), C, zero_network()) == plain
-    on_the_line = advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.5, 0.35), C, zero_network())
+    plain = advanced((0.8, 0.6, 0.5), interval_of_sample, C, constant_network())
+    assert advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.0, 0.7), C, constant_network()) == plain
+    on_the_line = advanced_over((0.8, 0.6, 0.5), interval_of_sample, (0.5, 0.35), C, constant_network())
     assert on_the_line == pytest.approx(plain, abs=1e-4)

@@ -10,13 +10,13 @@ from scipy.integrate import solve_ivp
 
 from observer_rt.core.model.model import advance_state, fault_with_rate
 from observer_rt.model.effective import Coefficients, coefficients
-from observer_rt.model.network import constant_network, zero_network
+from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
 from tests.model.conftest import State, Trajectory, physical_rates
 
-NO_FAULT = zero_network()
+NO_FAULT = constant_network()
 SAMPLE = 1e-5  # s
 RAIL = 0.95
 

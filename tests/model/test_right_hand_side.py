@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from observer_rt.core.model.model import fault_with_rate, rates_of_change
 from observer_rt.model.effective import coefficients
-from observer_rt.model.network import HIDDEN, Network, constant_network, network_with, zero_network
+from observer_rt.model.network import HIDDEN, Network, constant_network, network_with
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from tests.intervals import Interval
 from tests.model.conftest import advanced, physical_rates
 
-NO_FAULT = zero_network()
+NO_FAULT = constant_network()
 PRESSURE = st.floats(-0.5, 2.5)
 FLOW = st.floats(-2, 2)
 AREA = st.one_of(st.just(0.0), st.floats(0.0, 1.5))

@@ -13,7 +13,7 @@ from observer_rt.engine.service.constants import bench_constants
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area
-from observer_rt.model.network import constant_network, zero_network
+from observer_rt.model.network import constant_network
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import fastest_rate, substeps_needed
 from tests.differences import differences
@@ -38,7 +38,7 @@ def test_fastest_rate_bounds_every_mode(
     u = (0.95, opened * full_lift_area(injector) / c.area_scale)
 
     def rates(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.array(rates_of_change((x[0], x[1], x[2]), u, c, zero_network()))
+        return np.array(rates_of_change((x[0], x[1], x[2]), u, c, constant_network()))
 
     modes = np.linalg.eigvals(differences(rates, np.array([x1, x2, x3]), 1e-6))
     assert np.abs(modes).max() <= fastest_rate(injector) * (1 + 1e-6)

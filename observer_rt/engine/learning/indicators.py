@@ -16,10 +16,8 @@ SIGNIFICANT = 2.0  # standard deviations, beyond which a nozzle changed otherwis
 # Of v_S: the flanks tell it, where what sensors do within a few samples (resonance, bounce) looks like wear.
 LEAST_SEAT_SIGMA = 0.008
 OPENED_SINCE = 1e-3  # s, at which a change of the nozzle flow is stated
-SEAT_AREA, SEAT_DROP = (
-    0.3,
-    0.2,
-)  # of A_0 and p_0, at which that of the seat flow is: there events tell most of it
+# Of A_0 and p_0, at which a change of the seat flow is stated: there events tell most of it.
+SEAT_AREA, SEAT_DROP = 0.3, 0.2
 _NOZZLE, _SEAT = int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)
 _RISE, _RISE_WITH_SEAT = SCALARS.nozzle.columns.tolist()
 

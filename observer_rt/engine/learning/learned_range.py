@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter
 from observer_rt.engine.learning.indicators import nozzle_change
@@ -22,8 +23,7 @@ UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still get
 # Standard deviation of a flow, as a share, up to which it is known well enough: away from the event, where it may be
 # larger than at the event by this factor in any case; and at the event.
 FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.012, 1.3, 0.03
-RAIL_BINS, RAIL_BIN = 32, 0.08  # bins of the rail pressure, and how wide they are [p_0]
-_RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)
+_RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of the rail pressure
 _FILLED = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
 _LIKE = 0.03  # by which a sac may be fuller than the event's
@@ -96,9 +96,8 @@ def known_flow(
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.open_time)
     states = np.array([pressures, np.zeros_like(pressures), _FILLED * pressures])
     change, slopes = nozzle_change(theta, states, (pressures, point.area), middle)
-    by_nozzle = (
-        slopes / np.maximum(1.0 + change, _LEAST_FLOW)[:, None]
-    )  # the last at the event's rail pressure
+    # the last row is at the event's rail pressure
+    by_nozzle = slopes / np.maximum(1.0 + change, _LEAST_FLOW)[:, None]
     injected, full = float(event.run.rate.sum()), by_nozzle[-1]
     if not (injected > 0.0 and full[_NOZZLE] > 0.0):
         return NOWHERE

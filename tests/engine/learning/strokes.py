@@ -6,7 +6,7 @@ from observer_rt.core.model.model import advance_state
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.model.effective import Coefficients
-from observer_rt.model.network import Network, zero_network
+from observer_rt.model.network import Network, constant_network
 from tests.engine.sample_stream import NOISE, NOMINAL
 from tests.intervals import Interval
 
@@ -16,7 +16,7 @@ SCALE = CONSTANTS.coefficients.pressure_scale
 
 def stroke_of(
     c: Coefficients = CONSTANTS.coefficients,
-    network: Network = zero_network(),  # noqa: B008
+    network: Network = constant_network(),  # noqa: B008
     samples: int = 700,
     seed: int | None = None,
 ) -> Window:

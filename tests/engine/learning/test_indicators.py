@@ -12,7 +12,7 @@ from observer_rt.engine.learning.indicators import (
     nozzle_change,
 )
 from observer_rt.model.effective import coefficients
-from observer_rt.model.network import HIDDEN, zero_network
+from observer_rt.model.network import HIDDEN, constant_network
 from tests.differences import differences
 from tests.engine.sample_stream import NOMINAL
 
@@ -32,7 +32,7 @@ def test_nozzle_change_is_that_of_the_injection_rate() -> None:
     c = c._replace(nozzle=c.nozzle._replace(transition=1e-9))
     changed = fault_with_rate(X, (*U, OPENED_SINCE), c, network_of(worn()))[1]
     assert nozzle_change(worn(), X, U)[0] == pytest.approx(
-        changed / fault_with_rate(X, U, c, zero_network())[1] - 1.0
+        changed / fault_with_rate(X, U, c, constant_network())[1] - 1.0
     )
 
 

@@ -113,11 +113,6 @@ def test_agrees_with_an_adaptive_solver(rail_pressure: float) -> None:
     assert np.sum(truth.injection_rate[samples]) == pytest.approx(np.sum(rate), rel=2e-4)
 
 
-@pytest.mark.parametrize(("rail_pressure", "peak"), [(60e6, 53e-6), (100e6, 69e-6), (140e6, 82e-6)])
-def test_peaks_of_the_nominal_injector(rail_pressure: float, peak: float) -> None:
-    assert once(rail_pressure=rail_pressure).truth.injection_rate.max() == pytest.approx(peak, rel=0.01)
-
-
 def ringing_frequency(outcome: Outcome) -> float:
     """Of the line pressure 2-12 ms after the needle shut, by its crossings of the rail pressure."""
     shut = int(outcome.openings[-1, 1])
@@ -136,28 +131,6 @@ def test_lump_rings_at_its_mode_and_a_wave_line_at_its_quarter_wave() -> None:
     assert ringing_frequency(once(injector=wave_injector())) == pytest.approx(
         1.0 / (4.0 * travel_time), rel=0.02
     )
-
-
-@pytest.mark.parametrize(
-    ("faults", "stiffness_to_mass"),
-    [
-        (Faults(bulk_modulus_slope=5.0), (1.6e9 + 5.0 * 40e6) / 1.6e9),  # at 140 MPa
-        (Faults(line_volume=-0.2), 1.0 / 0.8),
-        (Faults(fuel_density=0.05), 1.0 / 1.05),
-    ],
-)
-def test_mode_follows_what_makes_it(faults: Faults, stiffness_to_mass: float) -> None:
-    healthy, faulty = (ringing_frequency(once(f, rail_pressure=140e6)) for f in (Faults(), faults))
-    assert faulty / healthy == pytest.approx(math.sqrt(stiffness_to_mass), rel=2e-3)
-
-
-def test_wave_line_drained_by_its_seat_injects_what_the_rail_delivers() -> None:
-    outcome = once(injector=wave_injector(), duration=1.0e-3)
-    injected = np.sum(outcome.truth.injection_rate) * 1e-5
-    part = wave_injector()
-    settled = np.mean(outcome.truth.line_pressure[-500:]) - outcome.truth.rail_pressure[0]
-    assert injected > 2e-8
-    assert abs(settled) * part.line_volume / part.bulk_modulus_line < 1e-3 * injected
 
 
 @pytest.mark.parametrize("name", PLANT_FAULTS)
@@ -184,55 +157,6 @@ def test_every_fault_of_a_sensor_changes_what_is_measured_only(name: str) -> Non
 def test_all_faults_are_tested() -> None:
     shapes = {"seat_lift_scale", "chamber_pressure_share"}
     assert set(SENSOR_FAULTS) | set(PLANT_FAULTS) | shapes == set(Faults._fields)
-
-
-@pytest.mark.parametrize(
-    ("faults", "density", "back_pressure"),
-    [
-        (Faults(), 1.0, 0.0),
-        (Faults(fuel_density=0.05), 1.05, 0.0),
-        (Faults(chamber_pressure_step=8e6), 1.0, 8e6),
-    ],
-)
-def test_the_jet_is_that_of_its_head_and_density(
-    faults: Faults, density: float, back_pressure: float
-) -> None:
-    part, outcome = Injector(), once(faults)
-    first, last = outcome.openings[0]
-    opened = slice(first + 5, last - 5)
-    head = outcome.truth.sac_pressure[opened] - part.chamber_pressure - back_pressure
-    expected = part.nozzle_area * np.sqrt(2.0 * head / (density * part.density))
-    np.testing.assert_allclose(outcome.truth.injection_rate[opened], expected, rtol=1e-3)
-    assert outcome.truth.sac_pressure[first - 3] == part.chamber_pressure
-
-
-def test_a_chamber_that_steps_by_its_whole_with_the_lift_rises() -> None:
-    """Half of it lies between the two."""
-    step, half, full = (
-        once(Faults(chamber_pressure_step=8e6, chamber_pressure_share=share)).truth.injection_rate
-        for share in (0.0, 0.5, 1.0)
-    )
-    rise = once(Faults(chamber_pressure_rise=8e6)).truth.injection_rate
-    np.testing.assert_allclose(full, rise, rtol=1e-9, atol=1e-12)
-    assert np.sum(step) < np.sum(half) < np.sum(rise)
-
-
-def test_lagging_sensor_obeys_its_law() -> None:
-    lag = 40e-6
-    outcome = once(Faults(line_pressure_sensor_lag=lag))
-    seen, true = outcome.measured.line_pressure, outcome.truth.line_pressure
-    slope = (seen[2:] - seen[:-2]) / 2e-5
-    swing = np.max(true) - np.min(true)
-    error = seen[1:-1] + lag * slope - true[1:-1]
-    assert np.sqrt(np.mean(error**2)) < 0.01 * swing
-
-
-@pytest.mark.parametrize("skew", [25e-6, -25e-6])
-def test_a_late_channel_records_an_earlier_pressure(skew: float) -> None:
-    truth, late = once().truth, once(Faults(channel_skew=skew)).measured
-    expected = np.interp(late.time - skew, late.time, truth.line_pressure)
-    inside = slice(1, -3)  # beyond, what is recorded lies outside the recording
-    assert np.max(np.abs(late.line_pressure - expected)[inside]) < 0.02e6
 
 
 def test_noise_and_codes_are_those_of_sensors_and_bus() -> None:

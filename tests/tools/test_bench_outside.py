@@ -2,32 +2,23 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
-from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.engine.estimation.phases import Phase
-from observer_rt.files.formats import read_recording
-from observer_rt.identification.discovery.search.results import Proposal
+from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.identification.discovery.search.search import representatives
-from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.model.effects import VOCABULARY, effective_model, sized
+from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import Row, frame_of, judged
-from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches, outside_cases
+from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_cases
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.outside import bars, facts_of, score_outside
 from tools.benchmarks.discovery.outside_answers import (
     Misfit,
     OutsideAnswer,
     ProposedTerms,
-    misfit,
-    taken,
     vocabulary_without,
 )
-from tools.benchmarks.discovery.rigs import FURTHER, write_all
 
 GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2), "after")
 SEAT = replace(GOOD, equations=("needle_lift",))
@@ -175,34 +166,6 @@ def test_a_vocabulary_without_a_name_has_it_again_afterwards() -> None:
         assert set(names) - set(VOCABULARY) == {"seat_area", "line_volume"}
         assert "seat_area" not in {effect.id for effect in representatives()}
     assert tuple(VOCABULARY) == names
-
-
-def test_a_proposal_is_taken_as_plain_values_and_its_model_meets_the_plant(tmp_path: Path) -> None:
-    case = HiddenCase("0", Query.SINGLE, (("orifice_area", (0.1,)),), False, None, 1)
-    files = write_all(outside_benches(case, FURTHER, 0.0)[:1], True, tmp_path)
-    further = measurements([read_recording(path) for path in files])
-    nominal = effective_model(load_injector())
-
-    class OneTermProposal:
-        terms = (SimpleNamespace(equation="nozzle_flow", law="1", coefficient=0.1),)
-        may_enter = True
-        effects = ("line_friction",)
-        phase = Phase.OPEN
-
-        def model(self, nominal: object) -> object:
-            return effective_model(load_injector(), (sized("orifice_area", v_H=0.1),))
-
-    (proposed,) = taken([cast(Proposal, OneTermProposal())], nominal, further)
-    assert (proposed.equations, proposed.effects, proposed.phase) == (
-        ("nozzle_flow",),
-        ("line_friction",),
-        "open",
-    )
-    assert proposed.misfit.pressure_mpa < 0.05
-    assert proposed.misfit.mass_mg < 0.1
-    before = misfit(nominal, further)
-    assert before.pressure_mpa > 0.3
-    assert before.mass_mg > 3.0
 
 
 def test_a_law_without_a_name_is_recorded_asked_about_and_judged() -> None:

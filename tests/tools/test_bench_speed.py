@@ -5,7 +5,6 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import map_bus
@@ -14,7 +13,6 @@ from tests.observed_plants import bench_at
 from tools.benchmarks.speed import native
 from tools.benchmarks.speed.observers import observer
 from tools.benchmarks.speed.pace import Pacer, Passage
-from tools.benchmarks.speed.roundtrip import ECHO, PARTIES, command_of
 from tools.benchmarks.speed.traffic import (
     DATA_ID,
     RATE_ID,
@@ -66,16 +64,6 @@ def test_echo_answers_when_the_observer_would(folder: Path, traffic: Traffic) ->
         assert latencies.size >= 400 * SAMPLES // RATES - 1
         assert np.min(latencies) > 0.0
         assert np.median(latencies) < 10.0  # as it is sent, even on a machine with much else to do
-
-
-@pytest.mark.vcan
-@pytest.mark.parametrize("party", [ECHO])
-def test_peers_answer_on_a_bus(folder: Path, traffic: Traffic, vcan: str, party: str) -> None:
-    ids = PARTIES[party]
-    with observer(command_of(folder, vcan, party, traffic)):
-        passage = Pacer(folder, traffic, vcan, ids).send(100, 5e-3)
-    assert passage.lost(traffic) == passage.repeated == 0
-    assert np.median(passage.latencies(traffic, open_only=False)) < 0.1
 
 
 def test_latency_counts_from_the_frame_that_was_needed(traffic: Traffic) -> None:

@@ -62,29 +62,6 @@ def test_output_exit_code_environment_and_folder_pass_through(tmp_path: Path) ->
     assert leftovers(temporary) == []
 
 
-def test_output_arrives_as_it_is_written() -> None:
-    command = [sys.executable, str(VCAN), "bash", "-c", "echo first; sleep 2; echo second"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"first\n"
-        first = time.monotonic()
-        assert process.stdout.readline() == b"second\n"
-        assert time.monotonic() - first > 1.0
-
-
-def test_two_at_once_keep_their_results_apart() -> None:
-    commands = [
-        [sys.executable, str(VCAN), "bash", "-c", f"sleep 1; echo {code}; exit {code}"] for code in (3, 4)
-    ]
-    processes = [
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) for command in commands
-    ]
-    outputs = [process.communicate(timeout=LIMIT_S)[0] for process in processes]
-
-    assert [process.returncode for process in processes] == [3, 4]
-    assert outputs == [b"3\n", b"4\n"]
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_reaches_the_command_which_ends_in_its_own_way(number: signal.Signals) -> None:
     name = number.name.removeprefix("SIG")
@@ -129,18 +106,6 @@ def test_a_command_that_hangs_is_killed() -> None:
     assert done.returncode == 124
     assert "VCAN_TIMEOUT" in done.stderr
     assert time.monotonic() - start < 60.0
-
-
-def test_a_command_that_does_not_exist_is_reported_as_a_shell_does() -> None:
-    done = run("no-such-command")
-    assert done.returncode == 127
-    assert "no-such-command" in done.stderr
-
-
-def test_how_names_the_way_without_taking_it() -> None:
-    done = run("--how")
-    assert done.returncode == 0
-    assert done.stdout.strip() in {"host", "create", "uml"}
 
 
 def test_a_wrong_command_line_is_the_users_mistake() -> None:

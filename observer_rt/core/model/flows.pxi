@@ -1,6 +1,9 @@
 # The network part of phi, N = W sigma(V z) + b, and the flows through seat and nozzle with it, with their slopes.
 
 cdef double[NOZZLE_NUMBERS] NOTHING_LEARNED  # zeros
+cdef enum:
+    NEXT = MOST_NEURONS // WIDTH  # from a coefficient of neurons to the next
+
 cdef double[CURVES] REACH = [2.0, 1.5, 3e-3, 2.0, 1.5, 1.2]  # of an input, from 0 on: in p_0, A_0, s; beyond it curves are level
 
 
@@ -134,7 +137,9 @@ cdef void flow_numbers(
     cdef double within, change
     cdef double* column = of_h + t.theta.nozzle_weight
     cdef const double* cubic
-    cdef int64_t neuron, number
+    cdef const Columns* of_neurons
+    cdef Columns* result
+    cdef int64_t part, number
     cdef int curve
     theta = &t.theta
     of_h[theta.nozzle_bias], of_s[theta.seat_bias] = flows.h_change, flows.s_change
@@ -145,11 +150,10 @@ cdef void flow_numbers(
         if curve == SEAT_AREA:
             column = of_s + theta.seat_weight
         cubic = t.basis + 4 * MOST_NEURONS * piece_at(curve, values[curve], &within)
-        for neuron in range(t.neurons[curve]):
-            column[neuron] = change * (cubic[neuron] + within * (
-                cubic[MOST_NEURONS + neuron] + within * (
-                    cubic[2 * MOST_NEURONS + neuron] + within * cubic[3 * MOST_NEURONS + neuron]
-                )
+        of_neurons, result = <const Columns*> cubic, <Columns*> column
+        for part in range(1 + (t.neurons[curve] - 1) // <int64_t> WIDTH):  # beyond them is 0, and the next curve goes over it
+            result[part] = change * (of_neurons[part] + within * (
+                of_neurons[NEXT + part] + within * (of_neurons[2 * NEXT + part] + within * of_neurons[3 * NEXT + part])
             ))
         column += t.neurons[curve]
     for number in range(<int64_t> NOZZLE_NUMBERS):

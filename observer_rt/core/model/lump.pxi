@@ -205,10 +205,10 @@ cdef inline void _move_tangent(Tangent* t, double step, int n) noexcept nogil:
     cdef double[4][16] after  # of a stage's rates (n, n)
     cdef double[16] whole  # of the state
     cdef double[4][2][4] through  # a flow at a stage
-    cdef double[4][WIDTH] start
-    cdef double[4][WIDTH] result
+    cdef Columns[4] start
+    cdef Columns[4] result
+    cdef Columns along
     cdef double total
-    cdef const double* along
     cdef bint flows = False
     cdef int stage, row, i, j, k
     cdef int64_t chunk, column
@@ -236,32 +236,26 @@ cdef inline void _move_tangent(Tangent* t, double step, int n) noexcept nogil:
     for chunk in range(t.m // <int64_t> WIDTH):
         part, column = t.parts[chunk], chunk * <int64_t> WIDTH
         for row in range(n):
-            for j in range(WIDTH):
-                start[row][j] = t.by[row * t.m + column + j]
+            start[row] = (<Columns*> (t.by + row * t.m + column))[0]
         for row in range(n):
-            for j in range(WIDTH):
-                result[row][j] = whole[row * n] * start[0][j]
+            result[row] = whole[row * n] * start[0]
             for i in range(1, n):
-                for j in range(WIDTH):
-                    result[row][j] = result[row][j] + whole[row * n + i] * start[i][j]
+                result[row] = result[row] + whole[row * n + i] * start[i]
         for k in range(2):
             if not (flows and part & (BY_SEAT if k else BY_NOZZLE)):
                 continue
             for stage in range(4):
-                along = t.of_flows + (2 * stage + k) * t.m + column
+                along = (<Columns*> (t.of_flows + (2 * stage + k) * t.m + column))[0]
                 for row in range(n):
-                    for j in range(WIDTH):
-                        result[row][j] = result[row][j] + through[stage][k][row] * along[j]
+                    result[row] = result[row] + through[stage][k][row] * along
         if part & BY_LINE:
             for stage in range(4):
                 for i in range(2):  # p_L and Q_L
-                    along = t.by_number + (stage * n + i) * t.m + column
+                    along = (<Columns*> (t.by_number + (stage * n + i) * t.m + column))[0]
                     for row in range(n):
-                        for j in range(WIDTH):
-                            result[row][j] = result[row][j] + after[stage][row * n + i] * along[j]
+                        result[row] = result[row] + after[stage][row * n + i] * along
         for row in range(n):
-            for j in range(WIDTH):
-                t.by[row * t.m + column + j] = result[row][j]
+            (<Columns*> (t.by + row * t.m + column))[0] = result[row]
 
 
 cdef inline Inputs between(Inputs start, Inputs end, double share) noexcept nogil:

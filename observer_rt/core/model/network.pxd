@@ -10,7 +10,7 @@ cdef enum:
     SEAT_DROP = 5  # p_L - p_S
     CURVES = 6
     PIECES = 32  # of a curve, a cubic each
-    MOST_NEURONS = 12  # of a curve
+    MOST_NEURONS = 16  # of a curve, whole vectors of them
 
 
 cdef inline double fast_tanh(double argument) noexcept nogil:

@@ -12,6 +12,12 @@ cdef enum:
     MEMORIES = 3  # states of a wave's line that remember its flow
     WIDTH = 8  # columns of a tangent reckoned together; tangents are a multiple of it wide
 
+cdef extern from *:
+    """
+    typedef double columns_of_a_tangent __attribute__((vector_size(64), aligned(8), may_alias));
+    """
+    ctypedef double Columns "columns_of_a_tangent"  # WIDTH numbers as one: the compiler makes no vectors of a loop over them
+
 
 # How a line softens, the same fields of every line.
 cdef struct Softness:

@@ -1,7 +1,4 @@
-"""Recipes of docs/CONTRIBUTING.md, followed: a value of an injection, a line model, a learned scalar, a reason.
-
-Formats from outside: `tests/desk/cli/test_formats.py`.
-"""
+"""Recipes of docs/CONTRIBUTING.md, followed: a value of an injection, a line model, a learned scalar, a reason."""
 
 import json
 import os

@@ -13,7 +13,6 @@ import pytest
 from observer_rt import __version__
 from observer_rt.desk.cli.app import EXIT_CODES, app_of
 from tests.desk.cli.conftest import Command, module
-from tests.pages import Page
 
 
 def test_help_fits_80_columns(command: Command) -> None:
@@ -126,25 +125,6 @@ def test_the_list_of_commands_cuts_no_sentence() -> None:
     assert all(sentence.rstrip().endswith(".") and "..." not in sentence for sentence in sentences)
 
 
-def test_the_page_of_commands_lists_every_one_as_the_program_does() -> None:
-    text = Page("docs/commands.md").text
-    rows = re.findall(r"^## (.*)$|^\| `observer-rt ([\w-]+)` \| (.*) \|$", text, re.MULTILINE)
-    heading, listed = "", []
-    for title, name, sentence in rows:
-        heading = title or heading
-        if name:
-            listed.append((heading, name, sentence))
-    assert listed == [(command.rich_help_panel, command.name, command.short_help) for command in REGISTERED]
-
-
-def test_the_page_of_commands_names_options_that_several_have() -> None:
-    """As the help of a command that has the option does, without its name."""
-    listed = re.findall(r"^\| `(--[\w-]+)`", Page("docs/commands.md").text, re.MULTILINE)
-    assert len(listed) > 5
-    for option in listed:
-        assert sum(f"{option} " in helps()[f"{command} -h"] for command in COMMANDS) > 1, option
-
-
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_names_no_types_and_has_an_example(command: str) -> None:
     text = helps()[f"{command} -h"]
@@ -152,7 +132,3 @@ def test_help_names_no_types_and_has_an_example(command: str) -> None:
     assert not re.search(r"<\w+(\[\w+\])?( range)?>", text)
     assert f"Example: observer-rt {command}" in text
     assert EXIT_CODES in " ".join(text.split())
-
-
-def test_completion_can_be_installed() -> None:
-    assert "--install-completion" in helps()["--help"]

@@ -29,21 +29,6 @@ def test_what_check_prints(page: Page, name: str, command: Command, monkeypatch:
     assert [line for line in shown if line not in printed] == []
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("fast_daq_fd", "needle_lift: FD_Needle 0x18FEF002, 12 samples a frame in mm, -1000 to 1000 um"),
-        ("adc_multiplexed", "needle_lift: ADC_Data 0x500, 6 samples in 6 frames that take turns, in mm"),
-    ],
-)
-def test_check_says_how_samples_come(
-    name: str, said: str, command: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.chdir(DATABASES)
-    assert said in words(command("check", "--bench", f"{name}.toml").out)
-
-
 @pytest.mark.parametrize(("page", "name"), QUOTED)
 def test_the_files_say_what_the_page_quotes(page: Page, name: str) -> None:
     files = [DATABASES / f"{name}.toml", DATABASES / f"{name}.dbc"]

@@ -132,19 +132,6 @@ def test_one_that_is_not_there_after_all_costs_no_result(
     assert "mass" in outcome.out
 
 
-def test_several_recordings_share_their_axes(
-    command: Command, worn: Path, resting: Path, tmp_path: Path
-) -> None:
-    figure, again = tmp_path / "both.svg", tmp_path / "again.csv"
-    again.write_bytes(worn.read_bytes())
-    command.done("evaluate", worn, again, resting, "--plot", figure)
-    words = _words(figure)
-    assert "3 recordings" in words
-    assert re.findall(r"injection (\d)", words)[:3] == ["1", "3", "4"]
-    for path in (worn, again):
-        assert str(path) in words
-
-
 def test_traces_of_several_recordings_go_to_a_folder(
     command: Command, worn: Path, resting: Path, tmp_path: Path
 ) -> None:

@@ -69,14 +69,6 @@ def test_what_cannot_be_integrated_is_not_looked_at_further(tmp_path: Path) -> N
     assert [(one.topic, one.level) for one in findings] == [("integration", Level.ERROR)]
 
 
-def test_check_tells_of_the_cells(tmp_path: Path) -> None:
-    findings = observer_findings(load_bench(model=injector(tmp_path / "injector.toml", "wave")).injector)
-    (integration,) = (one for one in findings if one.topic == "integration")
-    assert re.search(
-        r"a line of \d+ cells, of which sound crosses 0\.\d+ in its step of 10 us", integration.text
-    )
-
-
 @pytest.mark.parametrize(
     ("adequate", "rate", "said"),
     [

@@ -16,7 +16,6 @@ from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.desk.cli.app import app_of
 from observer_rt.foundation.options import Standing, Writes
 from tests.desk.cli.conftest import Command, module
-from tests.pages import Page
 
 # how each output is asked for; {out}: the file without its suffix, or the folder; {worn}: a recording
 ASKED = {
@@ -264,16 +263,6 @@ def test_an_end_in_the_midst_of_writing_leaves_the_old_file_whole(
     assert process.returncode == code
     assert out.read_bytes() == SAMPLES
     assert number is signal.SIGKILL or not list(folder.glob(".out*"))
-
-
-def test_the_page_of_commands_says_what_is_written() -> None:
-    rows = [
-        f"| `{command} {option}` | {', '.join((writes.what, *(f'`{name}`' for name in writes.names)))} "
-        f"| {' | '.join(writes.standing.value)} |"
-        for (command, option), writes in DECLARED.items()
-    ]
-    section = Page("docs/commands.md").text.partition("## What commands write\n")[2].partition("\n## ")[0]
-    assert [line for line in section.splitlines() if line.startswith("| `")] == rows
 
 
 def test_what_holds_nothing_is_in_nobodys_way(command: Command, folder: Path, worn: Path) -> None:

@@ -66,16 +66,3 @@ def test_fit_and_discover_refuse_what_shows_nothing(
     made = resampled(tmp_path / "made.csv", source[: len(source) // 2], rate)
     out = ("--output", tmp_path / "fitted.toml") if name == "fit" else ("--out", tmp_path / "out")
     assert not has_result_or_remedy(command, name, made, "--model", model(tmp_path, "fitted"), *out)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", list(KINDS))
-@pytest.mark.parametrize("rate", [10e3, 300e3, 1e6])
-def test_discover(
-    command: Command, tmp_path: Path, source: NDArray[np.float64], kind: str, rate: float
-) -> None:
-    made = resampled(tmp_path / "made.csv", source, rate)
-    bench = tmp_path / "layout.toml"
-    bench.write_text(f'[sampling]\nrate_hz = {rate:g}\nmeaning = "mean"\n')
-    of = ("--model", model(tmp_path, kind), "--bench", bench, "--out", tmp_path / "out")
-    has_result_or_remedy(command, "discover", made, *of)

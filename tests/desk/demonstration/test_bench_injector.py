@@ -13,13 +13,10 @@ from observer_rt.desk.demonstration.bench_injector import (
     HALF_CONE,
     HIGHEST_LIFT,
     LINE_AREA,
-    LINE_LENGTH,
-    LINE_VOLUME,
     LOSS_FACTOR,
     NOZZLE_AREA,
     SEAT_DIAMETER,
     SEAT_FLOW,
-    STIFFNESS,
     BenchOperation,
     BenchRecording,
     Departure,
@@ -54,29 +51,6 @@ def test_a_long_injection_ends_at_the_flow_at_which_all_pressure_is_used_up() ->
 
     steady = brentq(left, 0.0, 1e-3)
     assert np.mean(long.injection_rate[last - 50 : last]) == pytest.approx(steady, rel=5e-3)
-
-
-def test_the_shut_line_rings_at_its_mode_and_nothing_is_injected(healthy: BenchRecording) -> None:
-    shut = slice(round((FIRST_EVENT + 5e-3) * RATE), round((FIRST_EVENT + 25e-3) * RATE))
-    line = healthy.recording.line_pressure[shut] - healthy.recording.rail_pressure[shut]
-    spectrum = np.abs(np.fft.rfft(line - line.mean(), 1 << 16))
-    mode = math.sqrt(LINE_AREA * STIFFNESS / (DENSITY * LINE_LENGTH * LINE_VOLUME)) / (2.0 * math.pi)
-    assert np.argmax(spectrum) * RATE / (1 << 16) == pytest.approx(mode, rel=0.01)
-    assert np.abs(healthy.injection_rate[shut]).max() < 1e-9
-
-
-def test_a_nozzle_lets_through_what_its_departure_says(healthy: BenchRecording) -> None:
-    worn = recorded(Departure(nozzle=1.2))
-    ratio = worn.injection_rate / np.where(healthy.injection_rate > 5e-6, healthy.injection_rate, np.nan)
-    assert 1.1 < np.nanmedian(ratio) < 1.2  # the sac is emptier
-
-
-@pytest.mark.parametrize(
-    "departure", [Departure(loss=lambda flow: 0.08 * max(flow - 20.0, 0.0)), Departure(stiffening=8.0)]
-)
-def test_a_departure_shows_in_the_line_pressure(healthy: BenchRecording, departure: Departure) -> None:
-    departed = recorded(departure).recording.line_pressure  # with the same noise
-    assert np.abs(departed - healthy.recording.line_pressure).max() > 0.5e6
 
 
 def test_sensors_show_what_their_departures_say(healthy: BenchRecording) -> None:

@@ -87,11 +87,6 @@ def test_what_is_kept_is_of_one_run_and_of_no_machine(name: str) -> None:
     assert (FOLDER / name).stat().st_size < LARGEST
 
 
-def test_every_notebook_is_run() -> None:
-    named = test_a_notebook_shows_what_it_is_about.pytestmark[0].args[1]  # type: ignore[attr-defined]
-    assert sorted(name for name, _ in named) == NOTEBOOKS
-
-
 def main() -> None:
     """Run all notebooks, and write them with what they show."""
     for name in NOTEBOOKS:

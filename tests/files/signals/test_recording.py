@@ -14,19 +14,6 @@ TIME = np.arange(100) / 20e3
 SIGNAL = np.ones(100)
 
 
-def test_samples_and_rate() -> None:
-    recording = Recording(TIME, SIGNAL, SIGNAL, SIGNAL)
-    assert recording.samples == 100
-    assert recording.sample_rate == 20e3
-    assert list(recording.signals) == ["rail_pressure", "needle_lift", "line_pressure"]
-
-
-def test_nan_is_accepted_as_not_available() -> None:
-    missing = SIGNAL.copy()
-    missing[3] = np.nan
-    assert np.isnan(Recording(TIME, missing, missing, missing, missing).rail_pressure[3])
-
-
 INFINITE = np.where(np.arange(100) == 5, np.inf, 1.0)
 
 

@@ -19,9 +19,6 @@ NAME_PLACE = "{injector}"  # in texts at the top of the file
 MOST_CPUS = 8192  # that Linux knows
 RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
 
-# Keys of files that earlier versions printed, which could have one value only: with it they are passed over.
-ONLY_VALUES: dict[str, dict[str, Any]] = {"learning": {"lookahead": 4, "training": "prediction_error"}}
-
 
 class LinkConfig(Section):
     """CAN bus by which frames are received and sent."""
@@ -181,9 +178,6 @@ class BenchFile:
             before = together.get(section, {})
             is_both = isinstance(before, dict) and isinstance(content, dict)
             together[section] = {**before, **content} if is_both else content
-        for section, only in ONLY_VALUES.items():
-            if isinstance(content := together.get(section), dict):
-                together[section] = {key: value for key, value in content.items() if only.get(key) != value}
         return validated(BenchConfig, together, self.location, "bench")
 
     def _by_rule(self) -> dict[str, Any]:

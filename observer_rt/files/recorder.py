@@ -13,27 +13,19 @@ from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
 from observer_rt.files.formats import open_recorder, recorded, suffixes_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import begin_stream, check_folder, check_output
+from observer_rt.foundation.outputs import begin_stream, check_output
 
 FLUSH_PERIOD = 1_000_000_000  # ns: no more than this is lost with the power
 REPORT_PERIOD = 250_000_000  # ns
-NUMBER_DIGITS = 4  # of the files of a series
 RECEIVE_TIMEOUT = 0.1  # s, after which the loop looks at its clock and its stop signal
 
 
 @dataclass(frozen=True)
 class RecordLimits:
-    """Limits at which recording ends and a new file begins; None: never. Durations in s, sizes in bytes."""
+    """Limits at which recording ends, duration [s]; None: never."""
 
     duration: float | None = None
     frames: int | None = None
-    file_size: int | None = None
-    file_duration: float | None = None
-
-    @property
-    def rotates(self) -> bool:
-        """Whether there may be several files, which are then numbered."""
-        return self.file_size is not None or self.file_duration is not None
 
 
 @dataclass
@@ -67,11 +59,8 @@ class RecordStatistics:
         }
 
 
-def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
-    """Raise `UserError` for a format that is not safe while recording, and for a file that is there already.
-
-    force: a log may be replaced; never a numbered series, for its rest would seem to belong to the new one.
-    """
+def check_recording_path(path: Path, force: bool) -> None:
+    """Raise `UserError` for a format that is not safe while recording, and for a log that is there without force."""
     suffixes = suffixes_of(recorded())
     if path.suffix.lower() not in suffixes:
         raise UserError(
@@ -79,14 +68,7 @@ def check_recording_path(path: Path, limits: RecordLimits, force: bool) -> None:
             f"'{path.suffix}' cannot be recorded into safely",
             f"record into {' or '.join(suffixes)}, then convert",
         )
-    if limits.rotates and (existing := sorted(path.parent.glob(_numbered(path, "[0-9]" * NUMBER_DIGITS)))):
-        raise UserError(
-            f"--out {existing[0]}", "exists already", "name another series, or move this one away"
-        )
-    if limits.rotates:
-        check_folder("--out", path.parent)
-    else:
-        check_output("--out", path, force)
+    check_output("--out", path, force)
 
 
 def record(
@@ -106,9 +88,9 @@ def record(
     Raises `RunError`: the link failed for good, or the disk is full; what was written before can be read.
     """
     channels = list(links)
-    files = _Files(path, limits, force)
+    log = _Log(path, force)
     receiver = EnduringReading(list(links.values()))
-    statistics = RecordStatistics(files=files.paths)
+    statistics = RecordStatistics(files=log.paths)
     start = time.monotonic_ns()
     next_flush, next_report = start + FLUSH_PERIOD, start
     lost_before = receiver.dropped
@@ -127,13 +109,13 @@ def record(
                 statistics.duration = (now - start) / NANOSECONDS
                 lost = receiver.dropped - lost_before
                 if lost > statistics.lost:
-                    files.lost += lost - statistics.lost
+                    log.lost += lost - statistics.lost
                     statistics.lost = lost
                 if received is not None:
-                    files.write(received.frame, channels[received.bus], now)
+                    log.write(received.frame, channels[received.bus])
                     statistics.frames += 1
                 if now >= next_flush:
-                    files.flush()
+                    log.flush()
                     next_flush = now + FLUSH_PERIOD
                 if now >= next_report:
                     report(statistics)
@@ -144,40 +126,27 @@ def record(
                     break
         finally:
             receiver.close()
-            files.close()
+            log.close()
     return statistics
 
 
-class _Files:
-    """The file being written, and its successors."""
+class _Log:
+    """The file being written, begun with its first frame."""
 
-    def __init__(self, path: Path, limits: RecordLimits, force: bool) -> None:
+    def __init__(self, path: Path, force: bool) -> None:
         self.paths: list[Path] = []
-        self._path = path
-        self._limits = limits
-        self._force = force and not limits.rotates
+        """The file, once it is begun."""
+        self._path, self._force = path, force
         self._writer: LogRecorder | None = None
-        self._begun = 0
         self.lost = 0
         """Number of lost frames that are noted before the next one."""
 
-    def write(self, frame: Frame, channel: str, now: int) -> None:
-        """Append a frame of a channel; `now`: monotonic time [ns]."""
-        limits = self._limits
-        if self._writer is not None and (
-            (limits.file_size is not None and self._writer.size >= limits.file_size)
-            or (
-                limits.file_duration is not None and (now - self._begun) / NANOSECONDS >= limits.file_duration
-            )
-        ):
-            self.close()
+    def write(self, frame: Frame, channel: str) -> None:
+        """Append a frame of a channel."""
         if self._writer is None:
-            number = f"{len(self.paths) + 1:0{NUMBER_DIGITS}d}"
-            path = self._path.with_name(_numbered(self._path, number)) if limits.rotates else self._path
-            begin_stream(path, self._force)
-            self._writer = open_recorder(path, frame.stamp_ns)
-            self._begun = now
-            self.paths.append(path)
+            begin_stream(self._path, self._force)
+            self._writer = open_recorder(self._path, frame.stamp_ns)
+            self.paths.append(self._path)
         self._say_lost(self._writer)
         self._writer.write(LogFrame(frame, channel))
 
@@ -186,7 +155,7 @@ class _Files:
             self._writer.flush()
 
     def close(self) -> None:
-        """Complete the file, if one is open."""
+        """Complete the file, if it is begun."""
         if self._writer is not None:
             self._say_lost(self._writer)
             self._writer.close()
@@ -196,7 +165,3 @@ class _Files:
         if self.lost:
             writer.write_lost(self.lost)
             self.lost = 0
-
-
-def _numbered(path: Path, number: str) -> str:
-    return f"{path.stem}_{number}{path.suffix}"

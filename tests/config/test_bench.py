@@ -120,15 +120,6 @@ def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path
     assert load_bench(bench_file(tmp_path, BENCH)).databases == (tmp_path / "observer_fd.dbc",)
 
 
-def test_keys_of_earlier_versions_are_passed_over_with_the_one_value_they_could_have(tmp_path: Path) -> None:
-    bench = load_bench(
-        bench_file(tmp_path, f'{BENCH}[learning]\nlookahead = 4\ntraining = "prediction_error"\n')
-    )
-    assert bench.injector.config == with_real_sensors(load_bench())
-    error = bench_refusal(tmp_path, f"{BENCH}[learning]\nlookahead = 2\n")
-    assert (error.place.endswith(": learning.lookahead"), error.problem) == (True, "unknown key")
-
-
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file") as refused:
         load_bench(tmp_path / "none.toml")

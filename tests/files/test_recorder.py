@@ -1,4 +1,4 @@
-"""Recording a link: limits, rotation, lost frames, and files that can be read whatever happened."""
+"""Recording a link: limits, lost frames, and files that can be read whatever happened."""
 
 import errno
 import threading
@@ -52,9 +52,6 @@ class Source(FakeLink):
         raise AssertionError("a recorder sends nothing")
 
 
-NO_LIMITS, ROTATED = RecordLimits(), RecordLimits(file_size=10**6)
-
-
 def run(path: Path, source: Source, stop: threading.Event, limits: RecordLimits) -> RecordStatistics:
     return record({"can0": source}, path, limits, stop)
 
@@ -93,28 +90,6 @@ def test_limits_end_it(tmp_path: Path, suffix: str) -> None:
     run(tmp_path / f"b{suffix}", Source(10**9, stop), stop, RecordLimits(duration=0.2))
     assert time.monotonic() - begun < 5.0
     assert not stop.is_set()
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_files_are_rotated_by_size(tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("can.BLFWriter.max_container_size", 1000)
-    stop = threading.Event()
-    statistics = run(tmp_path / f"bus{suffix}", Source(1000, stop), stop, RecordLimits(file_size=4000))
-    names = [path.name for path in statistics.files]
-    assert len(names) > 2
-    assert names == [f"bus_{n:04d}{suffix}" for n in range(1, len(names) + 1)]
-    stamps = [f.frame.stamp_ns for path in statistics.files for f in open_log(path)]
-    assert stamps == pytest.approx([START + n * 1000 for n in range(1, 1001)], abs=999)
-    assert all(path.stat().st_size < 6000 for path in statistics.files)
-
-
-def test_files_are_rotated_by_time(tmp_path: Path) -> None:
-    stop = threading.Event()
-    source = Source(6, stop)
-    source.during = lambda: time.sleep(0.05)
-    statistics = run(tmp_path / "bus.log", source, stop, RecordLimits(file_duration=0.12))
-    assert 2 <= len(statistics.files) <= 3
-    assert sum(len(list(open_log(path))) for path in statistics.files) == 6
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -193,23 +168,17 @@ def test_without_a_frame_there_is_no_file(tmp_path: Path) -> None:
 def test_paths_that_are_refused(tmp_path: Path) -> None:
     for suffix in (".mf4", ".asc", ".trc", ".csv", ".db"):
         with pytest.raises(UserError, match="cannot be recorded into safely"):
-            check_recording_path(tmp_path / f"bus{suffix}", RecordLimits(), force=True)
+            check_recording_path(tmp_path / f"bus{suffix}", force=True)
     path = tmp_path / "bus.log"
-    check_recording_path(path, RecordLimits(), force=False)
+    check_recording_path(path, force=False)
     path.touch()
-    check_recording_path(path, RecordLimits(frames=1, file_size=1000), force=False)
     with pytest.raises(UserError, match="exists already"):
-        check_recording_path(path, RecordLimits(), force=False)
-    for name in ("bus_0007.log", "bus_0012.log", "bus_last.log"):
-        (tmp_path / name).touch()
-    with pytest.raises(UserError, match=r"bus_0007\.log: exists already"):
-        check_recording_path(path, RecordLimits(file_size=1000), force=True)
+        check_recording_path(path, force=False)
 
 
-@pytest.mark.parametrize(("name", "limits"), [("bus.log", NO_LIMITS), ("bus_0001.log", ROTATED)])
-def test_a_log_that_came_meanwhile_is_not_replaced(tmp_path: Path, name: str, limits: RecordLimits) -> None:
-    (tmp_path / name).write_text("mine")
+def test_a_log_that_came_meanwhile_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "bus.log").write_text("mine")
     stop = threading.Event()
-    with pytest.raises(RunError, match=f"{name}: File exists"):
-        run(tmp_path / "bus.log", Source(20, stop), stop, limits)
-    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
+    with pytest.raises(RunError, match=r"bus\.log: File exists"):
+        run(tmp_path / "bus.log", Source(20, stop), stop, RecordLimits())
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("bus.log", "mine")]

@@ -147,7 +147,7 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "check": ("live", "--bench bench.toml --recording mine.csv"),
         "monitor": ("live", "--bench bench.toml"),
         "take-over": ("live", "missing/amended.toml --bench bench.toml"),
-        "record": ("logs", "--bench bench.toml --out bus.blf --rotate-size 500"),
+        "record": ("logs", "--bench bench.toml --out bus.blf --duration 3600"),
         "replay": ("logs", "recording.csv --bench bench.toml --speed 0.1"),
     },
     "Offline": {

@@ -37,7 +37,6 @@ Interface = Annotated[
         "[LINK=]INTERFACE",
     ),
 ]
-MEGABYTE = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -102,17 +101,13 @@ class RecordOptions:
     out: Annotated[
         Path,
         Option(f"Log to write ({RECORDED})."),
-        Writes("log, begun at the first frame; with `--rotate-…` a series `*_0001`, …, which is always new"),
+        Writes("log, begun at the first frame"),
     ]
     bench: shared.BenchFile = EXAMPLE_BENCH
     channel: Channel = ()
     interface: Interface = ()
     duration: Annotated[float | None, Option("Stop after this time [s].", minimum=0.0)] = None
     frames: Annotated[int | None, Option("Stop after this number of frames.", minimum=1)] = None
-    rotate_size: Annotated[float | None, Option("Begin a new file at this size [MB].", minimum=0.001)] = None
-    rotate_time: Annotated[float | None, Option("Begin a new file after this time [s].", minimum=0.001)] = (
-        None
-    )
     force: shared.Force = False
     json: shared.Json = False
 
@@ -123,14 +118,8 @@ def record(options: RecordOptions) -> None:
     from observer_rt.files.recorder import RecordLimits, check_recording_path
     from observer_rt.files.recorder import record as record_links
 
-    limits = RecordLimits(
-        options.duration,
-        options.frames,
-        None if options.rotate_size is None else round(options.rotate_size * MEGABYTE),
-        options.rotate_time,
-    )
     buses = _with_links(load_bench(options.bench), options).config.buses
-    check_recording_path(options.out, limits, options.force)
+    check_recording_path(options.out, options.force)
     channels = [bus.config.channel for bus in buses]
     names = [
         bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
@@ -148,6 +137,7 @@ def record(options: RecordOptions) -> None:
             for name, link in zip(names, (bus.config for bus in buses), strict=True)
         }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
+        limits = RecordLimits(options.duration, options.frames)
         statistics = record_links(links, options.out, limits, stop, _FrameCount(live), options.force)
     print(json.dumps(statistics.as_json(), indent=2) if options.json else statistics.as_text())
 

@@ -198,11 +198,6 @@ class LogRecorder(LogWriter):
     def write_lost(self, frames: int) -> None:
         """Note in the log that frames were lost before the next one."""
 
-    @property
-    @abstractmethod
-    def size(self) -> int:
-        """Bytes written so far."""
-
     @abstractmethod
     def flush(self) -> None:
         """Hand everything written so far to the disk."""

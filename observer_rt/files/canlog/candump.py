@@ -148,7 +148,6 @@ class CandumpWriter(LogRecorder):
         """See `LogWriter`."""
         super().__init__(path, start_ns)
         self._file = path.open("w", encoding="utf-8", newline="\n")
-        self._size = 0
 
     def write(self, entry: LogFrame) -> None:
         frame = entry.frame
@@ -163,17 +162,10 @@ class CandumpWriter(LogRecorder):
             mark = f"##{flags:X}"
         identifier = f"{frame.frame_id:08X}" if frame.is_extended else f"{frame.frame_id:03X}"
         direction = " T" if entry.is_sent else ""
-        self._write(f"({stamp}) {channel} {identifier}{mark}{frame.payload.hex().upper()}{direction}\n")
+        self._file.write(f"({stamp}) {channel} {identifier}{mark}{frame.payload.hex().upper()}{direction}\n")
 
     def write_lost(self, frames: int) -> None:
-        self._write(f"# {lost_note(frames)}\n")
-
-    def _write(self, line: str) -> None:
-        self._size += self._file.write(line)
-
-    @property
-    def size(self) -> int:
-        return self._size
+        self._file.write(f"# {lost_note(frames)}\n")
 
     def flush(self) -> None:
         self._file.flush()

@@ -69,10 +69,5 @@ class BlfWriter(PythonCanWriter, LogRecorder):
     def write_lost(self, frames: int) -> None:
         self._writer.log_event(lost_note(frames))
 
-    @property
-    def size(self) -> int:
-        """Bytes in the file, without the objects that are not packed yet."""
-        return self._writer.file.tell()
-
     def flush(self) -> None:
         self._writer.flush()

@@ -85,7 +85,10 @@ def activations(
     x: Sequence[float] | NDArray[np.float64], u: Sequence[float | NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     """Outputs (..., HIDDEN) of the neurons at states x (3, ...), inputs u = [p_R, A_S, time since the opening]."""
-    inputs = np.stack(np.broadcast_arrays(x[2], u[1], u[2], u[0], u[1], x[0] - x[2]), axis=-1)
+    by_curve = x[2], u[1], u[2], u[0], u[1], x[0] - x[2]
+    inputs = np.empty((*np.broadcast(*by_curve).shape, CURVES))
+    for curve, values in enumerate(by_curve):
+        inputs[..., curve] = values
     places = np.minimum(np.maximum(inputs * _PER_PIECE, 0.0), PIECES)
     pieces = np.minimum(places.astype(np.int64), PIECES - 1)
     cubics, t = BASIS[np.arange(CURVES), pieces], (places - pieces)[..., None]

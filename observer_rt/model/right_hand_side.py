@@ -54,13 +54,13 @@ def tangent_of(c: Coefficients, theta: ByTheta, columns: int) -> Tangent:
     of_nozzle, of_seat = theta.neurons[:4].sum(), theta.neurons[4:].sum()
     nozzle = (theta.nozzle_bias, *theta.nozzle, *range(theta.nozzle_weight, theta.nozzle_weight + of_nozzle))
     seat = (theta.seat_bias, *range(theta.seat_weight, theta.seat_weight + of_seat))
-    parts = np.zeros(m // COLUMNS, np.uint8)
+    parts = np.zeros(m, np.uint8)
     for part, acting in (
         (BY_NOZZLE, nozzle),
         (BY_SEAT, seat),
         (BY_LINE, (*theta.line_columns, *theta.valve)),
     ):
-        parts[np.unique(np.array(acting) // COLUMNS)] |= part
+        parts[list(acting)] |= part
     return Tangent(
         np.zeros((n, m)),
         np.zeros((n, m)),
@@ -68,7 +68,7 @@ def tangent_of(c: Coefficients, theta: ByTheta, columns: int) -> Tangent:
         np.zeros((4, n, m)),
         np.zeros((4, n, 2)),
         np.zeros((4, 2, m)),
-        parts,
+        np.bitwise_or.reduce(parts.reshape(-1, COLUMNS), axis=1),
         np.zeros((n, len(c.line._fields))),
         theta,
     )

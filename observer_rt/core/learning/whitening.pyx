@@ -5,11 +5,13 @@ from libc.stdint cimport int64_t
 
 from numpy import empty, zeros
 
+from observer_rt.core.model.records cimport WIDTH, Columns
+
 cdef int64_t LEVEL_SAMPLES = 20  # from whose mean the high pass starts: a start from 0 would ring for many samples
 cdef double NO_HIGH_PASS = -1.0
 cdef double HUBER = 4.0  # sigma beyond which an innovation counts linearly
 cdef enum:
-    WIDTH = 4  # numbers in a vector of the processor: rows of sums are filled up to it
+    ROWS = 4  # of slopes, added up before the sums are met again
 
 globals().update(NO_HIGH_PASS=NO_HIGH_PASS, HUBER=HUBER, LEVEL_SAMPLES=LEVEL_SAMPLES)
 
@@ -70,7 +72,7 @@ def robust_cost(const double[:] e, int64_t first, double sigma, int64_t together
 
 def weigh(
     const double[:] e,
-    const double[:, :] slopes,
+    const double[:, ::1] slopes,
     int64_t first,
     double sigma,
     int64_t together,
@@ -78,19 +80,22 @@ def weigh(
     double[:, ::1] information,
 ) -> None:
     """Gradient (m,) and Gauss-Newton information (m, m) of `robust_cost`; slopes (n, m)."""
-    cdef int64_t m = gradient.shape[0], width = (m + WIDTH - 1) // WIDTH * WIDTH, start = first, i, j, k
-    cdef double[::1] row = zeros(width)
-    cdef double[:, ::1] total = zeros((m, width))
-    cdef double spread = sigma * sqrt(<double> together), error, z, weight, scale, weighted
-    cdef double* sums
+    cdef int64_t m = gradient.shape[0], parts = (m + WIDTH - 1) // WIDTH, start = first, at = 0, i, j, k
+    cdef double[:, ::1] rows = zeros((ROWS, parts * WIDTH)), total = zeros((m, parts * WIDTH))
+    cdef double spread = sigma * sqrt(<double> together), error, z
+    cdef double[ROWS] scale
+    cdef double* row
+    cdef Columns* sums
+    cdef const Columns* parts_of = <const Columns*> &rows[0, 0]
     if slopes.shape[0] != e.shape[0] or slopes.shape[1] != m:
         raise ValueError("slopes do not fit the errors")
     if information.shape[0] != m or information.shape[1] != m:
         raise ValueError("the information does not fit the gradient")
     gradient[:] = 0.0
+    scale[:] = [0.0, 0.0, 0.0, 0.0]
     with nogil:
         while start < e.shape[0] - together + 1:
-            error = e[start]
+            row, error = &rows[at, 0], e[start]
             for j in range(m):
                 row[j] = slopes[start, j]
             for k in range(start + 1, start + together):
@@ -98,15 +103,21 @@ def weigh(
                 for j in range(m):
                     row[j] += slopes[k, j]
             z = error / spread
-            weight = 1.0 if fabs(z) <= HUBER else HUBER / fabs(z)
-            scale = weight / (spread * spread)
+            scale[at] = (1.0 if fabs(z) <= HUBER else HUBER / fabs(z)) / (spread * spread)
             for i in range(m):
-                weighted = scale * row[i]
-                gradient[i] += weighted * error
-                sums = &total[i, 0]
-                for j in range((i // WIDTH + 1) * WIDTH):  # what is beyond the diagonal is alike
-                    sums[j] += weighted * row[j]
-            start += together
+                gradient[i] += scale[at] * row[i] * error
+            start, at = start + together, at + 1
+            if at < ROWS and start < e.shape[0] - together + 1:
+                continue
+            for i in range(m):
+                sums = <Columns*> &total[i, 0]
+                for j in range(i // WIDTH + 1):  # what is beyond the diagonal is alike
+                    sums[j] = sums[j] + (
+                        scale[0] * rows[0, i] * parts_of[j] + scale[1] * rows[1, i] * parts_of[parts + j]
+                        + scale[2] * rows[2, i] * parts_of[2 * parts + j] + scale[3] * rows[3, i] * parts_of[3 * parts + j]
+                    )
+            scale[0] = scale[1] = scale[2] = scale[3] = 0.0
+            at = 0
         for i in range(m):
             for j in range(i + 1):
                 information[i, j] = information[j, i] = total[i, j]

@@ -5,11 +5,12 @@ cdef enum:
     NEXT = MOST_NEURONS // WIDTH  # from a coefficient of neurons to the next
 
 cdef double[CURVES] REACH = [2.0, 1.5, 3e-3, 2.0, 1.5, 1.2]  # of an input, from 0 on: in p_0, A_0, s; beyond it curves are level
+cdef double[CURVES] PER_PIECE = [PIECES / reach for reach in REACH]
 
 
 cdef inline int64_t piece_at(int curve, double value, double* within) noexcept nogil:
     """Place, among the pieces of all curves, of that at a value of a curve's input, and how far into it that lies (0..1)."""
-    cdef double place = min(max(value * (PIECES / REACH[curve]), 0.0), <double> PIECES)
+    cdef double place = min(max(value * PER_PIECE[curve], 0.0), <double> PIECES)
     cdef int64_t piece = min(<int64_t> place, <int64_t> PIECES - 1)
     within[0] = place - piece
     return PIECES * curve + piece
@@ -17,9 +18,9 @@ cdef inline int64_t piece_at(int curve, double value, double* within) noexcept n
 
 cdef inline double curve_at(int curve, double value, const double* curves, double* slope) noexcept nogil:
     """A curve at a value of its input, and its slope there."""
-    cdef double t, per_piece = PIECES / REACH[curve]
+    cdef double t
     cdef const double* cubic = curves + 4 * piece_at(curve, value, &t)
-    slope[0] = (cubic[1] + t * (2.0 * cubic[2] + t * 3.0 * cubic[3])) * (per_piece if 0.0 < value < REACH[curve] else 0.0)
+    slope[0] = (cubic[1] + t * (2.0 * cubic[2] + t * 3.0 * cubic[3])) * (PER_PIECE[curve] if 0.0 < value < REACH[curve] else 0.0)
     return cubic[0] + t * (cubic[1] + t * (cubic[2] + t * cubic[3]))
 
 

@@ -164,7 +164,7 @@ class SecondLook:
         """An event run with what all events teach of it."""
         event, run = self._events[number], self._runs[number]
         gate = theta_limits(run.setting.coefficients).gate
-        theta, active = best_subset(belief.information, belief.information @ belief.mean, gate, self._active)
+        theta, active = best_subset(belief.mean, belief.covariance, gate, self._active)
         gated = GatedBelief(belief, gate, active)
         carried = gated.carried(theta) + event.by_coil
         again = resimulated(run.window, run.setting, event.noise, theta, carried, carried)

@@ -64,7 +64,9 @@ class Belief:
         covariance = symmetric(np.asarray(np.linalg.inv(total), np.float64))
         kept = covariance @ before
         error = kept @ self.error_covariance @ kept.T + covariance @ information @ covariance
-        return Belief(covariance @ (before @ self.mean + vector), covariance, symmetric(error))
+        after = Belief(covariance @ (before @ self.mean + vector), covariance, symmetric(error))
+        vars(after)["information"] = total
+        return after
 
 
 def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> Belief:
@@ -75,12 +77,6 @@ def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> 
 def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """A covariance (m, m) without what rounding made unequal."""
     return np.asarray(0.5 * (matrix + matrix.T), np.float64)
-
-
-def covariance_given(covariance: NDArray[np.float64], column: int) -> NDArray[np.float64]:
-    """The covariance (m, m) of all parameters once that in a column is known exactly."""
-    along = covariance[:, column]
-    return np.asarray(covariance - np.outer(along, along) / along[column])
 
 
 @dataclass(frozen=True)
@@ -99,23 +95,22 @@ class Gate:
 
 
 def best_subset(
-    information: NDArray[np.float64], vector: NDArray[np.float64], gate: Gate, active: frozenset[int]
+    mean: NDArray[np.float64], covariance: NDArray[np.float64], gate: Gate, active: frozenset[int]
 ) -> tuple[NDArray[np.float64], frozenset[int]]:
     """Parameters (m,) and active columns that maximise the likelihood less the price of the active scalars.
 
-    information (m, m) and vector (m,) = information @ mean are those of the joint belief; columns left out are 0.
+    mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0.
     All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
     """
-    gated, free = list(gate.columns), [i for i in range(vector.size) if i not in gate.columns]
-    across, prices = information[free][:, gated], np.array([STAY if i in active else ENTER for i in gated])
-    undone = np.linalg.solve(information[free][:, free], np.column_stack((across, vector[free])))
-    left = information[gated][:, gated] - across.T @ undone[:, :-1]  # by the free ones
-    theta, best = np.zeros_like(vector), np.zeros(len(gated))
-    remaining = vector[gated] - across.T @ undone[:, -1]
-    subset = search_subsets(left, remaining, np.array(gate.lowest), prices, best)
+    gated, best = list(gate.columns), np.zeros(len(gate.columns))
+    prices, along = np.array([STAY if i in active else ENTER for i in gated]), covariance[gated]
+    # their information, all others estimated with them
+    left = np.asarray(np.linalg.inv(along[:, gated]), np.float64)
+    subset = search_subsets(left, left @ mean[gated], np.array(gate.lowest), prices, best)
     if subset < 0:
-        raise np.linalg.LinAlgError("information is not positive definite")
-    theta[gated], theta[free] = best, undone[:, -1] - undone[:, :-1] @ best
+        raise np.linalg.LinAlgError("covariance is not positive definite")
+    theta = mean + (left @ (best - mean[gated])) @ along
+    theta[gated] = best
     return theta, frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
 
 
@@ -158,10 +153,10 @@ class GatedBelief:
         """
         covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
         out = [column for column in self.gate.columns if column not in self.active]
-        for column in self.gate.held:
-            covariance = covariance_given(covariance, column)
         if out:
-            rows = covariance[out]
+            rows, held = covariance[out], list(self.gate.held)
+            if held:
+                rows = rows - rows[:, held] @ np.linalg.solve(covariance[held][:, held], covariance[held])
             result[:, out] = -np.linalg.solve(rows[:, out], rows).T
             result[out] = 0.0
         return result

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, covariance_given, symmetric
+from observer_rt.engine.estimation.gating import Belief, symmetric
 
 _EXACTLY = 1e-14  # variance of what is held
 
@@ -31,7 +31,10 @@ class HeldBelief:
 
     def updated(self, information: NDArray[np.float64], vector: NDArray[np.float64]) -> Belief:
         """The belief after an event, by its `information` (m, m) and vector (m,), as `Belief.updated`."""
-        after = self.given.updated(information, vector)
+        return self.considered(self.given.updated(information, vector), information)
+
+    def considered(self, after: Belief, information: NDArray[np.float64]) -> Belief:
+        """The same, where `after` is what an event makes of the given belief."""
         if self.column is None:
             return after
         toward = self.given.information @ _but(self.by, self.column) - information[:, self.column]
@@ -55,7 +58,8 @@ def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldB
     away = value - float(belief.mean[column])
     parts = []
     for matrix in (belief.covariance, belief.error_covariance):
-        part = symmetric(covariance_given(matrix, column))
+        along = matrix[:, column]
+        part = symmetric(matrix - np.outer(along, along) / along[column])
         part[column, :] = part[:, column] = 0.0
         part[column, column] = _EXACTLY
         parts.append(part)

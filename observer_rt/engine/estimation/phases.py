@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,8 @@ EDGE = 0.3e-3  # s after the needle leaves its seat, and before it is back on it
 AFTERGLOW = 0.05e-3  # s after it is shut that still count as closing
 BLOCKS = (8, 20)  # samples in a block; the means of blocks show what single samples hide
 _BLOCKS = np.array(BLOCKS)
+_FEWEST = 1e-300  # of samples or blocks, where there are any
+Sums = TypeVar("Sums", float, NDArray[np.float64])
 
 
 class Phase(IntEnum):
@@ -65,31 +69,43 @@ class PhaseStatistics:
             self.squares / variance, self.samples, self.block_squares / colour, self.blocks
         )
 
+    @cached_property
+    def quotients(self) -> NDArray[np.float64]:
+        """Mean squares (PHASES, 1 + len(BLOCKS)) of samples, and of scaled means of blocks; 1 without any."""
+        sums, counts = self._sums
+        return np.where(counts > 0.0, sums / np.maximum(counts, _FEWEST), 1.0)
+
+    @cached_property
+    def deviates(self) -> NDArray[np.float64]:
+        """`deviate` of each, 0 without any."""
+        sums, counts = self._sums
+        return np.where(counts > 0.0, deviate(sums, np.maximum(counts, _FEWEST)), 0.0)
+
+    @property
+    def _sums(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        sums = np.concatenate((self.squares[:, None], self.block_squares), axis=1)
+        return sums, np.concatenate((self.samples[:, None], self.blocks), axis=1)
+
     def variance(self, phase: Phase) -> float:
         """Mean square of the normalised innovations, 1 without samples."""
-        return float(_quotient(self.squares[phase], self.samples[phase]))
+        return float(self.quotients[phase, 0])
 
     def colour(self, phase: Phase) -> float:
         """Largest mean square of scaled block means over the block lengths, 1 without blocks."""
-        quotients = (
-            _quotient(squares, count)
-            for squares, count in zip(self.block_squares[phase], self.blocks[phase], strict=True)
-        )
-        return float(max(quotients))
+        return float(self.quotients[phase, 1:].max())
 
     def excess_beyond(self, colour: float, variance: NDArray[np.float64]) -> NDArray[np.float64]:
         """`excess` (PHASES,) where the colour is above a limit or the variance above one (PHASES,); 0 elsewhere."""
-        sums = self.squares, self.samples, self.block_squares, self.blocks
-        return np.asarray(_excess_beyond(*sums, colour, variance), np.float64)
+        quotients = self.quotients
+        is_beyond = (quotients[:, 0] > variance) | (quotients[:, 1:].max(axis=1) > colour)
+        return np.where(is_beyond, self.deviates.max(axis=1), 0.0)
 
     def excess(self, phase: Phase) -> float:
         """Improbability of the largest of variance and colours for white noise, in standard deviations.
 
         0 without samples. The sums of few blocks have a long tail, which a normal distribution would ignore.
         """
-        of_blocks = zip(self.block_squares[phase], self.blocks[phase], strict=True)
-        deviates = (deviate(squares, count) for squares, count in of_blocks)
-        return float(max(deviate(self.squares[phase], self.samples[phase]), *deviates))
+        return float(self.deviates[phase].max())
 
 
 def no_statistics() -> PhaseStatistics:
@@ -129,43 +145,17 @@ def phase_statistics(
     return result
 
 
-def _excess_beyond(
-    squares: NDArray[np.float64],
-    samples: NDArray[np.float64],
-    block_squares: NDArray[np.float64],
-    blocks: NDArray[np.float64],
-    colour: float,
-    variance: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    result = np.zeros(PHASES)
-    for phase in range(PHASES):
-        largest = deviate(squares[phase], samples[phase])
-        is_beyond = _quotient(squares[phase], samples[phase]) > variance[phase]
-        for i in range(blocks.shape[1]):
-            is_beyond |= _quotient(block_squares[phase, i], blocks[phase, i]) > colour
-            largest = max(largest, deviate(block_squares[phase, i], blocks[phase, i]))
-        if is_beyond:
-            result[phase] = largest
-    return result
-
-
-def _quotient(total: float, count: float) -> float:
-    return total / count if count > 0 else 1.0
-
-
 def _capped(sums: NDArray[np.float64], deviate: float, count: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sums of `count` squares, at most those whose `deviate` is `deviate` (but for counts below 1)."""
     variance = 2.0 / (9.0 * np.maximum(count, 1.0))
     return np.minimum(sums, count * (1.0 - variance + deviate * np.sqrt(variance)) ** 3)
 
 
-def deviate(total: float, count: float) -> float:
-    """Normal deviate as improbable as a sum `total` of `count` squares of standard normal numbers.
+def deviate(total: Sums, count: Sums) -> Sums:
+    """Normal deviate as improbable as a sum `total` of `count` squares, some, of standard normal numbers.
 
     By the cube root of Wilson and Hilferty (1931), Proc. Natl. Acad. Sci. 17, 684.
     """
-    if not count > 0:
-        return 0.0
     variance = 2.0 / (9.0 * count)
-    deviation: float = (math.cbrt(total / count) - (1.0 - variance)) / math.sqrt(variance)
+    deviation: Sums = (np.cbrt(total / count) - (1.0 - variance)) / np.sqrt(variance)
     return deviation

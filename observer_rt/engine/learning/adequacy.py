@@ -26,6 +26,7 @@ RELEVANT_LOUDNESS = 2.0  # where it does not: what is white there is noise that 
 # colour beyond which an event's information counts for less, and how significant it must be
 TEMPER_ABOVE = 1.6
 TEMPER_SIGNIFICANT = 2.5
+_TEMPERS_ABOVE = np.array([RELEVANT_VARIANCE, TEMPER_ABOVE, TEMPER_ABOVE])  # blocks have two lengths
 POOLING = 0.85  # weight of the statistics before this event
 # Standard deviations up to which they count, so that a passing trouble is over with the next event.
 REMEMBERED = 5.0
@@ -97,13 +98,9 @@ def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
 
 def tempering(statistics: PhaseStatistics) -> float:
     """Factor on the variance of an event's innovations: above 1 when they are coloured, or louder than believed."""
-    tempers = [1.0]
-    for phase in Phase:
-        limits = (statistics.colour(phase), TEMPER_ABOVE), (statistics.variance(phase), RELEVANT_VARIANCE)
-        beyond = [value for value, limit in limits if value > limit]
-        if beyond and statistics.excess(phase) > TEMPER_SIGNIFICANT:
-            tempers.extend(beyond)
-    return max(tempers)
+    is_significant = statistics.deviates.max(axis=1, keepdims=True) > TEMPER_SIGNIFICANT
+    beyond = (statistics.quotients > _TEMPERS_ABOVE) & is_significant
+    return float(statistics.quotients.max(initial=1.0, where=beyond))
 
 
 def sensor_objections(offset: float, lag: float, untold: float = 0.0) -> list[Reason]:

@@ -105,9 +105,9 @@ class EventFitter:
         here, active = start, self.active
         here_total = total(here.theta, here.value)
         for _ in range(iterations):
-            best, active = best_subset(
-                prior_information + here.information, prior_vector + here.vector, self.limits.gate, active
-            )
+            covariance = np.asarray(np.linalg.inv(prior_information + here.information), np.float64)
+            joint = covariance @ (prior_vector + here.vector)
+            best, active = best_subset(joint, covariance, self.limits.gate, active)
             target = self._within_reach(here.theta, best)
             value = self.cost.value(target)
             as_expected = abs(value - here.expected(target)) < AGREEMENT

@@ -102,9 +102,11 @@ def implausible(window: Window, pressure_scale: float) -> Objection | None:
 
 def _unseen(event: ClosedEvent, reader: EventReader) -> Objection | None:
     """Objection to line pressures beyond those at which laws in force were seen, but for single samples."""
+    lowest, highest = reader.healthy.seen
+    if lowest == -highest:  # anywhere
+        return None
     chamber = event.constants.coefficients.chamber_pressure
     low, high = (chamber + reader.pressure_scale * end for end in np.quantile(event.window.output, _ENDS))
-    lowest, highest = reader.healthy.seen
     return None if lowest <= low and high <= highest else Objection(Reason.OUTSIDE_LEARNED_RANGE)
 
 

@@ -53,14 +53,12 @@ def moving(belief: Belief, drift: Matrix, velocity: Velocity | None) -> Moving:
     else:
         turned = velocity.covariance + np.diag((c.TURNS * usual) ** 2)
         velocity = Velocity(velocity.mean, velocity.across, turned)
-    by = np.zeros((drift.size, 2))
-    by[list(FLOWS), [0, 1]] = 1.0
-    moved = by @ velocity.across.T + velocity.across @ by.T + by @ velocity.covariance @ by.T
-    belief = Belief(
-        belief.mean + by @ velocity.mean,
-        symmetric(belief.covariance + moved),
-        symmetric(belief.error_covariance + moved),
-    )
-    return Moving(
-        belief, Velocity(velocity.mean, velocity.across + by @ velocity.covariance, velocity.covariance)
-    )
+    flows = list(FLOWS)
+    mean, across, moved = belief.mean.copy(), velocity.across.copy(), np.zeros_like(belief.covariance)
+    mean[flows] += velocity.mean
+    across[flows] += 0.5 * velocity.covariance
+    moved[flows] = across.T
+    moved[:, flows] += across
+    across[flows] += 0.5 * velocity.covariance
+    belief = Belief(mean, belief.covariance + moved, belief.error_covariance + moved)
+    return Moving(belief, Velocity(velocity.mean, across, velocity.covariance))

@@ -59,19 +59,21 @@ class Believing:
 
     def _learned(self, explanation: Explanation) -> LearnedInjector:
         before, cost, limits = explanation.hypothesis.learned, explanation.cost, self.reader.limits
+        held, information, vector = explanation.held, cost.information, cost.vector
+        belief = held.given.updated(information, vector)
         if explanation.fit is not None:
             theta, active = explanation.theta, explanation.fit.active
         else:
-            information, mean = explanation.held.given.information, explanation.held.given.mean
-            theta, active = best_subset(
-                information + cost.information, information @ mean + cost.vector, limits.gate, before.active
-            )
+            theta, active = best_subset(belief.mean, belief.covariance, limits.gate, before.active)
             theta = np.clip(theta, limits.lowest, limits.highest)
         reading = explanation.reading
         statistics = reading.leaves(explanation.theta, explanation.fit).statistics
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
+        if temper > 1.0:
+            information = information / temper
+            belief = held.given.updated(information, vector / temper)
         learned = LearnedInjector(
-            belief=explanation.held.updated(cost.information / temper, cost.vector / temper),
+            belief=held.considered(belief, information),
             theta=theta,
             statistics=pooled(before.statistics, statistics),
             active=active,

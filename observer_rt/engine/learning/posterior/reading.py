@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +24,23 @@ from observer_rt.engine.learning.posterior.reader import Follows
 from observer_rt.engine.learning.posterior.resting_pressure import RestingPressure
 
 
-class Left(NamedTuple):
-    """What innovations an event leaves: statistics against a healthy injector's, nats by being nearly white."""
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What innovations an event leaves, clipped, and a healthy injector; temper: what events scatter beyond noise."""
 
-    statistics: PhaseStatistics
-    nearly_white: float
+    clipped: PhaseStatistics
+    healthy: Healthy
+    temper: float
+
+    @property
+    def statistics(self) -> PhaseStatistics:
+        """Statistics against a healthy injector's."""
+        return self.healthy.relative(self.clipped)
+
+    @cached_property
+    def nearly_white(self) -> float:
+        """Nats by being nearly white."""
+        return nearly_white(self.clipped, self.temper, self.healthy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +86,7 @@ class EventReading:
         key = theta.tobytes()
         if key not in self._left:
             clipped = self._statistics(theta, fit, CLIP)
-            white = nearly_white(clipped, self.cost.temper, self.healthy)
-            self._left[key] = Left(self.healthy.relative(clipped), white)
+            self._left[key] = Left(clipped, self.healthy, self.cost.temper)
         return self._left[key]
 
     def at_fault(self, theta: Theta, fit: EventFit | None) -> float:

@@ -112,8 +112,8 @@ def check_terms(location: str, parameters: InjectorParameters) -> None:
         try:
             term = stated.term
         except UserError as error:
-            raise UserError(f"{here}.{error.place}", error.problem, error.remedy) from None
+            raise UserError(f"{here}.{error.location}", error.problem, error.remedy) from None
         try:
             refuse_unbounded(term, domain)
         except UserError as error:
-            raise UserError(f"{here}.law", f"'{error.place}' {error.problem}", error.remedy) from None
+            raise UserError(f"{here}.law", f"'{error.location}' {error.problem}", error.remedy) from None

@@ -37,7 +37,7 @@ from observer_rt.engine.reports.injection_report import (
     MASS_BOUND,
     InjectionReport,
     Output,
-    known,
+    none_if_nan,
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
@@ -139,12 +139,12 @@ class SnapshotKeeper:
         values = {
             **row_of(FIELDS, Output.JOURNAL, report, self._c),
             MASS_BOUND.name: MASS_BOUND.of(report, self._c),
-            "density_kg_per_m3": known(report.density),
+            "density_kg_per_m3": none_if_nan(report.density),
             "measured_mass_mg": None,
             "model": self._model,
             "verdict": report.validity if report.valid else f"{report.validity}: {named(report.reason)}",
         }
-        masses = {each.name: known(each.mass / MILLIGRAM) for each in compared}
+        masses = {each.name: none_if_nan(each.mass / MILLIGRAM) for each in compared}
         curves = {} if rows is None else self._curves(report, rows, compared)
         return ShownInjection(self._count, moment, values, masses, curves)
 

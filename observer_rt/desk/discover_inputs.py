@@ -47,8 +47,7 @@ def inputs_of_recordings(
     references = without_copies(healthy, console)
     read = partial(open_source, bench=decoder, from_channels=from_channel, console=console)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
-    given = [*paths, *references]
-    measured = read_measured(given, read, console, stated=stated, baseline=baseline)
+    measured = read_measured([*paths, *references], read, console, stated=stated, baseline=baseline)
     return DiscoverInputs(start, measured[: len(paths)], hashes(paths), measured[len(paths) :], stated)
 
 

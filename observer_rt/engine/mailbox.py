@@ -1,4 +1,4 @@
-"""Posts verdicts on closed events, and what is known at the start, into slots from which the stream takes them."""
+"""Posts verdicts on closed events, and the knowledge at the start, into slots from which the stream takes them."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ KNOWN_AFTER = 0.25e-3
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
-    """Carry what is known at the start."""
+    """Carry the knowledge at the start."""
     _write(observer, 0, knowledge, schedule, EVERYWHERE)
     observer.stream.carry_on(0)
     observer.memory["innovation_noise"]["sigma"] = schedule.innovation_sigma
@@ -56,7 +56,7 @@ def post_learned(observer: Observer, number: int, outcome: Outcome, is_coloured:
 
 def _write_learned(observer: Observer, slot: int, outcome: Outcome) -> None:
     verdict = observer.verdicts.slots[slot]
-    _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known)
+    _write(observer, slot, outcome.knowledge, outcome.schedule, outcome.known_flow)
     verdict["is_adopted"] = outcome.adoption is Adoption.ADOPTED
     verdict["innovation_sigma"] = outcome.schedule.innovation_sigma
 
@@ -94,7 +94,7 @@ def _at_rest(observer: Observer, number: int) -> float:
 
 
 def _write(
-    observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known: KnownFlow
+    observer: Observer, slot: int, knowledge: Knowledge, schedule: GainSchedule, known_flow: KnownFlow
 ) -> None:
     """Writes what the stream is to carry into a slot."""
     constants = observer.constants
@@ -105,7 +105,7 @@ def _write(
     carried["curves"] = learned.network.curves.reshape(carried["curves"].shape)
     carried["bias"] = learned.network.bias
     carried["nozzle"] = learned.network.nozzle
-    carried["rail_from"], carried["rail_to"], carried["filled_to"], carried["rails"] = known
+    carried["rail_from"], carried["rail_to"], carried["filled_to"], carried["rails"] = known_flow
     carried["learned_offset"] = constants.sensor.offset + learned.offset
     carried["sensor"] = learned.sensor
     carried["sensor"][0] += constants.sensor.lag

@@ -214,7 +214,7 @@ def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
         for kinds, advice in _ADVICE.items():
             if path.suffix.lower() in kinds:
                 remedy = f"{advice.format(path.stem, path.suffix)}; {error.remedy}"
-                raise UserError(error.place, error.problem, remedy) from None
+                raise UserError(error.location, error.problem, remedy) from None
         raise
 
 

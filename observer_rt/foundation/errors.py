@@ -26,16 +26,16 @@ class InterruptionError(ObserverError):
 class UserError(ObserverError):
     """The command line or a file the user supplied must change (exit code 2).
 
-    The message names the place (file, key or line), the problem (what was found, what was expected) and the remedy.
+    The message names the location (file, key or line), the problem (found against expected) and the remedy.
     """
 
     exit_code = 2
 
-    def __init__(self, place: str, problem: str, remedy: str = "") -> None:
-        self.place = place
+    def __init__(self, location: str, problem: str, remedy: str = "") -> None:
+        self.location = location
         self.problem = problem
         self.remedy = remedy
-        super().__init__(f"{place}: {problem}" + (f"{REMEDY}{remedy}" if remedy else ""))
+        super().__init__(f"{location}: {problem}" + (f"{REMEDY}{remedy}" if remedy else ""))
 
 
 def nearest(name: str, names: Iterable[str]) -> str | None:

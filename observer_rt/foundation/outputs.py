@@ -103,7 +103,7 @@ def replacing(target: Path) -> Iterator[Path]:
         to_disk(part)
         part.replace(final)
     except UserError as error:
-        raise UserError(error.place.replace(str(part), str(target)), error.problem, error.remedy) from None
+        raise UserError(error.location.replace(str(part), str(target)), error.problem, error.remedy) from None
     except RunError as error:
         raise RunError(str(error).replace(str(part), str(target))) from error
     finally:

@@ -208,7 +208,7 @@ def _work(request: _Request, answers: int) -> NoReturn:
                     write_message(pipe, (_Kind.ITEM, value))
                 end: tuple[Any, ...] = (_Kind.END, None)
             except UserError as error:
-                end = (_Kind.USER_ERROR, (error.place, error.problem, error.remedy))
+                end = (_Kind.USER_ERROR, (error.location, error.problem, error.remedy))
             except OSError as error:
                 if error.errno is None:
                     end = (_Kind.FAILURE, f"{type(error).__name__}: {error}")

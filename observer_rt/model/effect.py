@@ -42,8 +42,8 @@ class Equation(StrEnum):
     OUTPUT = "output"
 
 
-class Place(StrEnum):
-    """Place of an effect, however the line between the places is modelled."""
+class Component(StrEnum):
+    """Part of the bench on which an effect acts, however the line between them is modelled."""
 
     RAIL_INLET = "rail_inlet"
     LINE_FLOW = "line_flow"
@@ -58,16 +58,16 @@ class Place(StrEnum):
 
 
 _VIOLATED = {
-    Place.RAIL_INLET: Equation.LINE_FLOW,
-    Place.LINE_FLOW: Equation.LINE_FLOW,
-    Place.CLOSED_END: Equation.LINE_PRESSURE,
-    Place.SEAT: Equation.SAC_PRESSURE,
-    Place.SAC: Equation.SAC_PRESSURE,
-    Place.NOZZLE: Equation.LINE_PRESSURE,
-    Place.CHAMBER: Equation.INPUT,
-    Place.RAIL_SENSOR: Equation.INPUT,
-    Place.LIFT_SENSOR: Equation.INPUT,
-    Place.LINE_SENSOR: Equation.OUTPUT,
+    Component.RAIL_INLET: Equation.LINE_FLOW,
+    Component.LINE_FLOW: Equation.LINE_FLOW,
+    Component.CLOSED_END: Equation.LINE_PRESSURE,
+    Component.SEAT: Equation.SAC_PRESSURE,
+    Component.SAC: Equation.SAC_PRESSURE,
+    Component.NOZZLE: Equation.LINE_PRESSURE,
+    Component.CHAMBER: Equation.INPUT,
+    Component.RAIL_SENSOR: Equation.INPUT,
+    Component.LIFT_SENSOR: Equation.INPUT,
+    Component.LINE_SENSOR: Equation.OUTPUT,
 }
 
 
@@ -146,7 +146,7 @@ class Effect:
     """
 
     id: str
-    place: Place
+    component: Component
     parameters: tuple[EffectParameter, ...]
     apply: Law
     sentence: str
@@ -160,7 +160,7 @@ class Effect:
     @property
     def equation(self) -> Equation:
         """The equation that is violated while the effect is missing."""
-        return _VIOLATED[self.place]
+        return _VIOLATED[self.component]
 
     def relation_to(self, other: "Effect") -> Relation | None:
         """Relation to another effect, whichever of the two states it."""

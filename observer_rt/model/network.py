@@ -1,10 +1,10 @@
 """The network part of phi: N = W sigma(V z) + b, the relative changes of nozzle and seat flow.
 
 z = [p_S - p_C, A_S, time since the needle opened, p_R] for the nozzle, [A_S, p_L - p_S] for the seat. Every hidden
-neuron looks at one input, tanh of its distance from a centre: together they span what is known of how holes and
-seats depart from their laws, and what is not. The layer is fixed, so that phi is linear in what is learned; neurons
-that no event excited stay at their prior. What they add up to over an input is a curve, of pieces that are cubics: a
-look-up a stage of the integrator takes the place of the neurons.
+neuron is the tanh of the distance of one input from a centre. Together they span how holes and seats are known to
+depart from their laws, and other smooth departures. The layer is fixed, so that phi is linear in the learned weights;
+a neuron that no event excited stays at its prior. The sum of the neurons over an input is a curve of cubic pieces, so
+that a stage of the integrator looks up one piece instead of computing the neurons.
 """
 
 from collections.abc import Sequence
@@ -56,7 +56,7 @@ _PER_PIECE = PIECES / np.array(REACH)
 
 
 class Network(NamedTuple):
-    """What is learned of (7): `curves` (CURVES, PIECES, 4), (0, PIECES, 4) without hidden layer, and `bias` b (2,).
+    """The network of (7): `curves` (CURVES, PIECES, 4), (0, PIECES, 4) without hidden layer, and `bias` b (2,).
 
     nozzle (NOZZLE_NUMBERS,): rise of p_C seen by the nozzle law, in units of p_0: while the needle is open, and what
     comes on top in proportion to u2 = A_S/A_0. It bends the gate G(x, u) of the nozzle flow near p_S = p_C as no

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from observer_rt.model.effect import Effect, EffectParameter, Place
+from observer_rt.model.effect import Component, Effect, EffectParameter
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
@@ -16,16 +16,16 @@ EXACT_DIGITS = 3  # of a number within a law, beside its range
 DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
 
 _PLACES = {
-    TermEquation.LINE_FLOW: Place.LINE_FLOW,
-    TermEquation.LINE_PRESSURE: Place.CLOSED_END,
-    TermEquation.SEAT_FLOW: Place.SEAT,
-    TermEquation.NOZZLE_FLOW: Place.NOZZLE,
-    TermEquation.STIFFNESS: Place.CLOSED_END,
-    TermEquation.INERTANCE: Place.LINE_FLOW,
-    TermEquation.CHAMBER_PRESSURE: Place.CHAMBER,
-    TermEquation.LINE_PRESSURE_SENSOR: Place.LINE_SENSOR,
-    TermEquation.NEEDLE_LIFT: Place.LIFT_SENSOR,
-    TermEquation.RAIL_PRESSURE: Place.RAIL_SENSOR,
+    TermEquation.LINE_FLOW: Component.LINE_FLOW,
+    TermEquation.LINE_PRESSURE: Component.CLOSED_END,
+    TermEquation.SEAT_FLOW: Component.SEAT,
+    TermEquation.NOZZLE_FLOW: Component.NOZZLE,
+    TermEquation.STIFFNESS: Component.CLOSED_END,
+    TermEquation.INERTANCE: Component.LINE_FLOW,
+    TermEquation.CHAMBER_PRESSURE: Component.CHAMBER,
+    TermEquation.LINE_PRESSURE_SENSOR: Component.LINE_SENSOR,
+    TermEquation.NEEDLE_LIFT: Component.LIFT_SENSOR,
+    TermEquation.RAIL_PRESSURE: Component.RAIL_SENSOR,
 }
 
 

@@ -47,7 +47,7 @@ def bench_refusal(folder: Path, text: str) -> UserError:
     path = bench_file(folder, text)
     with pytest.raises(UserError) as refused:
         load_bench(path)
-    assert refused.value.place.startswith(str(path))
+    assert refused.value.location.startswith(str(path))
     assert refused.value.exit_code == 2
     return refused.value
 
@@ -56,7 +56,7 @@ def injector_refusal(folder: Path, old: str, new: str) -> UserError:
     path = injector_file(folder, old, new)
     with pytest.raises(UserError) as refused:
         load_injector(path)
-    assert refused.value.place.startswith(str(path))
+    assert refused.value.location.startswith(str(path))
     assert refused.value.remedy
     return refused.value
 
@@ -123,7 +123,7 @@ def test_database_beside_the_bench_file_wins_over_the_shipped_one(tmp_path: Path
 def test_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no such file") as refused:
         load_bench(tmp_path / "none.toml")
-    assert refused.value.place == str(tmp_path / "none.toml")
+    assert refused.value.location == str(tmp_path / "none.toml")
     with pytest.raises(UserError, match="cannot be read"):
         load_bench(tmp_path)
 
@@ -152,7 +152,7 @@ def test_mistakes_in_an_injector_file_are_named(
     tmp_path: Path, old: str, new: str, location: str, said: str
 ) -> None:
     error = injector_refusal(tmp_path, old, new)
-    assert error.place.endswith(f": {location}")
+    assert error.location.endswith(f": {location}")
     assert said in f"{error.problem} {error.remedy}"
 
 

@@ -67,7 +67,7 @@ def test_too_far_apart_for_recordings(tmp_path: Path) -> None:
     fitted = stated(tmp_path, line_pressure="filter_delay_us = 90", needle_lift="filter_delay_us = 20")
     with pytest.raises(UserError) as refused:
         effects_on_one_raster(fitted)
-    assert refused.value.place.endswith(": signals.line_pressure.filter_delay_us")
+    assert refused.value.location.endswith(": signals.line_pressure.filter_delay_us")
     assert "70 us" in refused.value.problem
 
 

@@ -27,7 +27,7 @@ def place_of_refusal(load: Load, path: Path) -> str | None:
     try:
         load(path)
     except UserError as error:
-        return error.place
+        return error.location
     return None
 
 
@@ -39,7 +39,7 @@ def test_injector_file_of_another_format(tmp_path: Path, number: int, said: str)
     path.write_text(text.replace("format = 1 ", f"format = {number} "))
     with pytest.raises(UserError, match=said) as refused:
         load_injector(path)
-    assert refused.value.place == f"{path}: format"
+    assert refused.value.location == f"{path}: format"
 
 
 def test_injector_file_from_before_there_were_formats(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def refusal(folder: Path, effects: str) -> UserError:
     path = injector_file(folder, effects)
     with pytest.raises(UserError) as refused:
         load_injector(path)
-    assert refused.value.place.startswith(f"{path}: effects.")
+    assert refused.value.location.startswith(f"{path}: effects.")
     assert refused.value.exit_code == 2
     assert refused.value.remedy
     return refused.value
@@ -86,13 +86,13 @@ def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
 def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
     assert ERODED.count(old) == 1
     error = refusal(tmp_path, ERODED.replace(old, new))
-    assert error.place.endswith(f": effects.{key}")
+    assert error.location.endswith(f": effects.{key}")
     assert said in f"{error.problem} {error.remedy}"
 
 
 def test_an_effect_given_twice(tmp_path: Path) -> None:
     error = refusal(tmp_path, ERODED + LATE + ERODED)
-    assert error.place.endswith(": effects.2.id")
+    assert error.location.endswith(": effects.2.id")
     assert "twice" in error.problem
 
 
@@ -101,7 +101,7 @@ def test_an_effect_of_the_bench_is_stated_there(tmp_path: Path) -> None:
         '\n[[effects]]\nid = "needle_lift_sensor_lag"\nparameters = { tau = { value = 16.0, unit = "us" } }\n'
     )
     error = refusal(tmp_path, slow)
-    assert error.place.endswith(": effects.0.id")
+    assert error.location.endswith(": effects.0.id")
     assert "lag of the lift sensor in the bench file" in error.remedy
 
 

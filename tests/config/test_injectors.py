@@ -68,7 +68,7 @@ def test_names_and_identifiers_by_rule(tmp_path: Path) -> None:
 )
 def test_a_step_needs_a_first_identifier(tmp_path: Path, outputs: str) -> None:
     error = bench_refusal(tmp_path, BOTH + f"[outputs]\n{outputs}\n")
-    assert error.place.endswith("bench.toml: outputs.id_step")
+    assert error.location.endswith("bench.toml: outputs.id_step")
     assert "all whole numbers" in error.problem
 
 
@@ -93,11 +93,11 @@ def test_mistakes_are_named_where_they_are(tmp_path: Path, wrong: str) -> None:
     new = f"{key} = {value}" if value else "[" + location.replace("a b", "'a b'") + "]"
     assert old in BOTH
     error = bench_refusal(tmp_path, BOTH.replace(old, new))
-    assert error.place.endswith(f"bench.toml: {location}")
+    assert error.location.endswith(f"bench.toml: {location}")
     assert said in str(error)
 
 
 def test_a_role_that_an_injector_has_not_is_missed(tmp_path: Path) -> None:
     error = bench_refusal(tmp_path, BOTH[: BOTH.index("[injectors.right.signals.line_pressure]")])
-    assert error.place.endswith("signals.line_pressure")
+    assert error.location.endswith("signals.line_pressure")
     assert error.problem == "is missing"

@@ -53,7 +53,7 @@ def test_what_a_further_bus_leaves_out_is_as_in_the_first(tmp_path: Path) -> Non
 def test_mistakes_are_named(tmp_path: Path, old: str, new: str, location: str, said: str) -> None:
     assert old in THREE
     error = bench_refusal(tmp_path, THREE.replace(old, new))
-    assert error.place.endswith(f"bench.toml: {location}")
+    assert error.location.endswith(f"bench.toml: {location}")
     assert said in str(error)
 
 

@@ -83,7 +83,7 @@ def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, sai
     path = injector_file(tmp_path, PLUGGED + LEAK.replace(old, new))
     with pytest.raises(UserError) as refused:
         load_injector(path)
-    assert refused.value.place == f"{path}: terms.1.{key}"
+    assert refused.value.location == f"{path}: terms.1.{key}"
     assert refused.value.remedy
     assert said in f"{refused.value.problem} {refused.value.remedy}"
 

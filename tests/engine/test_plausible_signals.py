@@ -72,7 +72,7 @@ def test_a_wrong_unit_names_signal_and_unit(
     wrong = changed(right, **{name: right.signals[name] * factor for name in signals})
     with pytest.raises(UserError) as raised:
         refuse_implausible(Path("a.csv"), HeldSignals(wrong).survey)
-    assert any(f"a.csv, {name}" in raised.value.place for name in signals)
+    assert any(f"a.csv, {name}" in raised.value.location for name in signals)
     assert unit in raised.value.remedy
 
 

@@ -132,7 +132,7 @@ def test_a_crash_is_an_error_after_what_came_before() -> None:
 def test_errors_of_the_user_and_of_the_system_come_as_they_are(tmp_path: Path) -> None:
     with pytest.raises(UserError) as raised:
         list(apart("refusing"))
-    assert (raised.value.place, raised.value.problem, raised.value.remedy) == (
+    assert (raised.value.location, raised.value.problem, raised.value.remedy) == (
         "nothing",
         "is damaged",
         "write it again",

@@ -87,7 +87,7 @@ def _bench_at(sample_rate: float) -> Bench:
 def test_too_slow_a_sample_rate_is_refused_with_one_that_works(sample_rate: float) -> None:
     with pytest.raises(UserError, match="integration steps a sample") as refusal:
         bench_constants(_bench_at(sample_rate).injector)
-    assert "sampling.rate_hz" in refusal.value.place
+    assert "sampling.rate_hz" in refusal.value.location
     enough = float(refusal.value.remedy.split("sample at ")[1].split(" Hz")[0])
     assert enough > sample_rate
     assert bench_constants(_bench_at(enough).injector).interval == pytest.approx(1 / enough)

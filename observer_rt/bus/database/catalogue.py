@@ -216,7 +216,7 @@ def named(location: str) -> Iterator[None]:
     try:
         yield
     except UserError as error:
-        raise UserError(location, f"{error.place} {error.problem}", error.remedy) from None
+        raise UserError(location, f"{error.location} {error.problem}", error.remedy) from None
 
 
 class RepairedDbc(NamedTuple):

@@ -26,8 +26,8 @@ _DATA_ID = "E2EDataId"
 class MessageLayout:
     """Layout of a message besides its signals.
 
-    `length` is in bytes. Where the database does not state the time between two samples, the time between two frames
-    or the number of samples in one, its field is None. `e2e_profile` is the AUTOSAR profile number, None without
+    `length` is in bytes. The time between two samples, the time between two frames and the number of samples in a
+    frame stay None unless the database states them. `e2e_profile` is the AUTOSAR profile number, None without
     protection.
     """
 

@@ -15,28 +15,28 @@ cdef double PERIOD = 0.1  # s between two changes of the model
 
 
 cdef void take_inputs(
-    InputMemory* heard, const Inputs* inputs, Observer* observer, int64_t number, const uint8_t* payload, int64_t status, int64_t stamp
+    InputMemory* input_memory, const Inputs* inputs, Observer* observer, int64_t number, const uint8_t* payload, int64_t status, int64_t stamp
 ) noexcept nogil:
     """Take what a good frame of a message says, before its samples; what stays away grows older with them.
 
     status: by its protection, OK without. A frame with the counter of the one before brings nothing new.
     """
     cdef bint follows
-    _grow_older(heard, observer)
+    _grow_older(input_memory, observer)
     message = &inputs.messages[number]
     if status != E2E_REPEATED:
         follows = status == E2E_OK or status == E2E_INITIAL
         for n in range(message.first_optional, message.first_optional + message.optional_count):
             row = &inputs.optional[n]
-            heard.newest[n].follows &= 1 if follows else 0
+            input_memory.newest[n].follows &= 1 if follows else 0
             if is_selected(payload, &inputs.selection, row.first_condition, row.condition_count):
-                _read(heard, inputs, observer, n, payload, stamp)
-    _take_effect(heard, inputs, observer)
+                _read(input_memory, inputs, observer, n, payload, stamp)
+    _take_effect(input_memory, inputs, observer)
 
 
-cdef void _grow_older(InputMemory* heard, Observer* observer) noexcept nogil:
+cdef void _grow_older(InputMemory* input_memory, Observer* observer) noexcept nogil:
     """Time is that of the samples, whose index may begin anew."""
-    memory = heard.memory
+    memory = input_memory.memory
     received = observer.memory.positions.received
     if received == 0:
         return
@@ -44,19 +44,19 @@ cdef void _grow_older(InputMemory* heard, Observer* observer) noexcept nogil:
     if memory.newest >= 0:
         elapsed = max(index - memory.newest, 0)
         memory.since_change += elapsed
-        for n in range(heard.newest_count):
-            heard.newest[n].left -= elapsed
+        for n in range(input_memory.newest_count):
+            input_memory.newest[n].left -= elapsed
     memory.newest = index
 
 
 cdef void _read(
-    InputMemory* heard, const Inputs* inputs, Observer* observer, int64_t n, const uint8_t* payload, int64_t stamp
+    InputMemory* input_memory, const Inputs* inputs, Observer* observer, int64_t n, const uint8_t* payload, int64_t stamp
 ) noexcept nogil:
     """Decode the input `n`: keep its value, or have its reading wait for Python."""
     cdef bint is_under_way
-    memory, stream = heard.memory, observer.memory
-    row, newest = &inputs.optional[n], &heard.newest[n]
-    values = heard.values + (memory.came % READINGS) * heard.width
+    memory, stream = input_memory.memory, observer.memory
+    row, newest = &inputs.optional[n], &input_memory.newest[n]
+    values = input_memory.values + (memory.came % READINGS) * input_memory.width
     decode(payload, inputs.signals + row.first_signal, row.signal_count, values)
     if row.is_placed and isnan(values[0]):
         return
@@ -72,7 +72,7 @@ cdef void _read(
     else:
         begun = stream.counts.injections_begun
         is_under_way = begun > 0 and observer.injections[(begun - 1) % INJECTIONS].end < 0
-        reading = &heard.readings[memory.came % READINGS]
+        reading = &input_memory.readings[memory.came % READINGS]
         reading.row = n
         reading.stamp = stamp
         reading.follows = newest.follows
@@ -82,15 +82,15 @@ cdef void _read(
         memory.came += 1  # last: from here on Python may read it
 
 
-cdef void _take_effect(InputMemory* heard, const Inputs* inputs, Observer* observer) noexcept nogil:
+cdef void _take_effect(InputMemory* input_memory, const Inputs* inputs, Observer* observer) noexcept nogil:
     """What counts now, of what is known and of what was for too long: whether to learn, and the fuel wanted.
 
     The model changes outside events only; nothing is valid while the fuel is not known.
     """
     cdef bint is_known, is_in_force, is_near, is_too_soon, is_fuel_known
-    memory, stream = heard.memory, observer.memory
-    for n in range(heard.newest_count):
-        value = heard.newest[n].value if heard.newest[n].left > 0.0 else NAN
+    memory, stream = input_memory.memory, observer.memory
+    for n in range(input_memory.newest_count):
+        value = input_memory.newest[n].value if input_memory.newest[n].left > 0.0 else NAN
         if inputs.optional[n].role == LEARNING_ENABLE:
             memory.learning = memory.may_learn and value != 0.0
         elif inputs.optional[n].role == FUEL_TEMPERATURE:

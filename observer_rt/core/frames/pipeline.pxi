@@ -34,7 +34,7 @@ cdef bint proceed(Pipeline* pipeline) noexcept nogil:
     (`engine.service.judging`).
     """
     cdef bint waiting
-    if pipeline.heard.memory.is_due:
+    if pipeline.input_memory.memory.is_due:
         return True
     waiting = advance_stream(pipeline.observer)
     publish(&pipeline.publisher, pipeline.observer)
@@ -57,8 +57,8 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
         return
     counter = frame_counter(payload, profile)
     if pipeline.inputs.optional_count > 0:
-        take_inputs(&pipeline.heard, &pipeline.inputs, pipeline.observer, number, payload, status, stamp)
-        pipeline.publisher.memory.learning = pipeline.heard.memory.learning
+        take_inputs(&pipeline.input_memory, &pipeline.inputs, pipeline.observer, number, payload, status, stamp)
+        pipeline.publisher.memory.learning = pipeline.input_memory.memory.learning
     if message.group_count == 0:
         return
     last = receiver.last_counter[number]

@@ -211,20 +211,20 @@ cdef class FramePath:
     cdef Pipeline pipeline
     cdef object lent
 
-    def __init__(self, inputs, receiver, supervised, heard, keeping, alignment, Stream stream, publisher) -> None:
+    def __init__(self, inputs, receiver, supervised, input_memory, keeping, alignment, Stream stream, publisher) -> None:
         cdef Receiver[::1] of_receiver = receiver
         cdef Supervision[::1] of_supervised = supervised
         p = &self.pipeline
         _lend_inputs(&p.inputs, inputs)
         _require(len(supervised) == p.inputs.message_count, "supervised messages")
         p.receiver, p.supervised = &of_receiver[0], &of_supervised[0]
-        _lend_heard(&p.heard, heard)
-        _require(p.heard.newest_count == p.inputs.optional_count, "optional inputs")
+        _lend_input_memory(&p.input_memory, input_memory)
+        _require(p.input_memory.newest_count == p.inputs.optional_count, "optional inputs")
         _lend_timekeeping(&p.keeping, keeping)
         _lend_alignment(&p.alignment, alignment)
         p.observer = &stream.observer
         _lend_publisher(&p.publisher, publisher)
-        self.lent = (inputs, receiver, supervised, heard, keeping, alignment, stream, publisher)
+        self.lent = (inputs, receiver, supervised, input_memory, keeping, alignment, stream, publisher)
 
     def listen(self, int64_t key, const uint8_t[::1] payload, int64_t stamp) -> None:
         """Take one frame, but observe nothing: its samples only go into the observer's ring."""
@@ -254,8 +254,8 @@ cdef class FramePath:
                     waits
                     or p.observer.memory.counts.events_closed != closed
                     or p.publisher.memory.frames >= full
-                    or p.heard.memory.looks_at_each
-                    or p.heard.memory.came != p.heard.memory.read
+                    or p.input_memory.memory.looks_at_each
+                    or p.input_memory.memory.came != p.input_memory.memory.read
                 )
         return number, waits
 
@@ -378,11 +378,11 @@ cdef void _lend_alignment(Alignment* lent, alignment) except *:
     lent.slots, lent.recorded = &slots[0], &recorded[0]
 
 
-cdef void _lend_heard(InputMemory* lent, heard) except *:
-    cdef HeardMemory[::1] memory = heard.memory
-    cdef HeardValue[::1] newest = heard.newest
-    cdef Reading[::1] readings = heard.readings
-    cdef double[:, ::1] values = heard.values
+cdef void _lend_input_memory(InputMemory* lent, input_memory) except *:
+    cdef OptionalMemory[::1] memory = input_memory.memory
+    cdef OptionalValue[::1] newest = input_memory.newest
+    cdef Reading[::1] readings = input_memory.readings
+    cdef double[:, ::1] values = input_memory.values
     _require(readings.shape[0] == values.shape[0] == READINGS, "readings")
     lent.memory, lent.newest_count, lent.readings, lent.width = &memory[0], newest.shape[0], &readings[0], values.shape[1]
     if newest.shape[0]:

@@ -229,7 +229,7 @@ cdef struct InputKind:
     uint8_t blank[LONGEST_FRAME]  # the frame with its selectors set and all else 0
 
 
-cdef struct HeardValue:
+cdef struct OptionalValue:
     double value  # SI, the newest, nan: none
     double left  # samples for which it counts
     unsigned char follows  # by the protection of its message no frame was lost since
@@ -244,7 +244,7 @@ cdef struct Reading:
     int64_t closed  # injections
 
 
-cdef struct HeardMemory:
+cdef struct OptionalMemory:
     int64_t newest  # index of the newest sample when a frame came last, -1: there was none
     unsigned char may_learn  # by the bench
     unsigned char learning  # .. and by its learning enable
@@ -365,9 +365,9 @@ cdef struct Timekeeping:
 
 
 cdef struct InputMemory:
-    HeardMemory* memory
+    OptionalMemory* memory
     int64_t newest_count
-    HeardValue* newest
+    OptionalValue* newest
     Reading* readings  # (READINGS,)
     int64_t width
     double* values  # (READINGS, width) SI
@@ -385,7 +385,7 @@ cdef struct Pipeline:
     Inputs inputs
     Receiver* receiver
     Supervision* supervised
-    InputMemory heard
+    InputMemory input_memory
     Timekeeping keeping
     Alignment alignment
     Observer* observer

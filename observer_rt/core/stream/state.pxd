@@ -44,7 +44,7 @@ cdef enum:  # State
     STATE_ADAPTED = 3
     STATE_DEGRADED = 4
 
-cdef enum:  # Taken
+cdef enum:  # VerdictKind
     TAKEN_NOTHING = 0
     TAKEN_EXAMINED = 1
     TAKEN_LEARNED = 2
@@ -121,7 +121,7 @@ cdef struct Event:
     int64_t closed_index  # of the sample at which it closed
     int64_t judged_before  # events, when it closed
     int64_t injections  # begun, when it closed
-    signed char taken  # verdict.Taken, once it was judged
+    signed char taken  # verdict.VerdictKind, once it was judged
     # as they were at the event's end
     Standstill standstill
     RestingLift resting_lift

@@ -358,5 +358,5 @@ def knowledge_beside(
     try:
         return restored_knowledge(path, model, tell, set_aside=False)
     except UserError as error:
-        tell(f"warning: {error.place} {error.problem}; learning begins anew")
+        tell(f"warning: {error.location} {error.problem}; learning begins anew")
         return None

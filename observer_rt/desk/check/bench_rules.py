@@ -34,7 +34,7 @@ def refuse_errors(
         return
     first, *others = errors
     more = f"; `observer-rt check` names {len(others)} more" if others else ""
-    raise UserError(first.place, first.problem, first.remedy + more)
+    raise UserError(first.location, first.problem, first.remedy + more)
 
 
 def bench_findings(
@@ -109,7 +109,7 @@ def _kept(fitted: BenchInjector, state: Path | None, journal: Path | None) -> It
         remedy = (
             "`run` would set it aside and begin anew: name the model file it belongs to, or another state"
         )
-        yield False, f"{error.place} {error.problem}", remedy
+        yield False, f"{error.location} {error.problem}", remedy
         return
     if knowledge is None:
         yield f"none at {path} yet, `run` begins with the prior"

@@ -68,7 +68,7 @@ def _finding(topic: str, said: Said) -> Finding:
         case str():
             return Finding(topic, Level.OK, said)
         case UserError():  # of the bench file, which is known: its text says the key
-            return Finding(topic, Level.ERROR, f"{said.place.rpartition(': ')[2]}: {_said(said)}", said)
+            return Finding(topic, Level.ERROR, f"{said.location.rpartition(': ')[2]}: {_said(said)}", said)
         case is_good, text, remedy:
             return graded(topic, is_good, text, remedy)
 
@@ -82,7 +82,7 @@ def graded(topic: str, is_good: bool, text: str, remedy: str = "") -> Finding:
 
 def failed(topic: str, error: UserError) -> Finding:
     """The finding that a file of the user must change."""
-    return Finding(topic, Level.ERROR, f"{error.place}: {_said(error)}", error)
+    return Finding(topic, Level.ERROR, f"{error.location}: {_said(error)}", error)
 
 
 def _said(error: UserError) -> str:

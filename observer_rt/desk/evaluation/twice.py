@@ -23,7 +23,7 @@ from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.interval import (
-    Resimulated,
+    Resimulation,
     rate_sigma,
     resimulated,
     volume_budget,
@@ -85,7 +85,7 @@ class _Event:
 class _Again:
     """An event run again with theta (m,), which has an error of this covariance (m, m); rails: of events [p_0]."""
 
-    event: Resimulated
+    event: Resimulation
     theta: Theta
     covariance: Matrix
     rails: Sequence[float]

@@ -42,7 +42,7 @@ def naming_parameters(names: Mapping[str, str]) -> Iterator[None]:
     try:
         yield
     except UserError as error:
-        raise UserError(names.get(error.place, error.place), error.problem, error.remedy) from None
+        raise UserError(names.get(error.location, error.location), error.problem, error.remedy) from None
 
 
 @contextmanager

@@ -37,12 +37,12 @@ def path_of(parameter: str, value: str | PathLike[str]) -> Path:
     return Path(value)
 
 
-def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Recording:
+def read(recording: RecordingLike, bench: str | PathLike[str] | None = None) -> Recording:
     """Read a recording into memory.
 
     Parameters
     ----------
-    given : path, DataFrame, mapping of arrays, or Recording
+    recording : path, DataFrame, mapping of arrays, or Recording
         A file in any format that is read. Columns are found by names and units, such as those of `to_frame`;
         named as the arrays of a `Recording` they are in SI units.
     bench : path, optional
@@ -66,7 +66,7 @@ def read(given: RecordingLike, bench: str | PathLike[str] | None = None) -> Reco
     """
     loaded = load_bench(EXAMPLE_BENCH if bench is None else path_of("bench", bench), off_bus=True)
     with noted() as notes:
-        (source,) = sources_of([given], loaded, notes.console)
+        (source,) = sources_of([recording], loaded, notes.console)
         return source.collected()
 
 

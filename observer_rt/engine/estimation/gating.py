@@ -149,7 +149,7 @@ class GatedBelief:
     def _by_joint(self) -> NDArray[np.float64]:
         """Map (m, m) from the joint mean to the estimate: parameters left out are known to be 0.
 
-        What is held stays as it is, and all else moves given that: leaving a scalar out tells nothing of it.
+        A held scalar keeps its value and conditions all others: leaving a scalar out tells nothing of it.
         """
         covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
         out = [column for column in self.gate.columns if column not in self.active]

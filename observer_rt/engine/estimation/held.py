@@ -23,7 +23,7 @@ class HeldBelief:
     the belief alone makes the event.
     """
 
-    given: Belief
+    prior: Belief
     column: int | None
     by: NDArray[np.float64]
     variance: float = 0.0
@@ -31,13 +31,13 @@ class HeldBelief:
 
     def updated(self, information: NDArray[np.float64], vector: NDArray[np.float64]) -> Belief:
         """The belief after an event, by its `information` (m, m) and vector (m,), as `Belief.updated`."""
-        return self.considered(self.given.updated(information, vector), information)
+        return self.considered(self.prior.updated(information, vector), information)
 
     def considered(self, after: Belief, information: NDArray[np.float64]) -> Belief:
-        """The same, where `after` is what an event makes of the given belief."""
+        """The same, where `after` is what an event makes of the prior."""
         if self.column is None:
             return after
-        toward = self.given.information @ _but(self.by, self.column) - information[:, self.column]
+        toward = self.prior.information @ _but(self.by, self.column) - information[:, self.column]
         moves = after.covariance @ _but(toward, self.column)
         moves[self.column] = 1.0
         more = self.variance * np.outer(moves, moves)

@@ -23,7 +23,9 @@ from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
-TOLD = 1e-2  # of what is believed of a direction: where an event tells much less, it is no degree of freedom
+INFORMED = (
+    1e-2  # of what is believed of a direction: where an event tells much less, it is no degree of freedom
+)
 _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
 
 
@@ -87,17 +89,18 @@ class Linearisation:
     def score(self, covariance: NDArray[np.float64]) -> float:
         """Score test of a belief with this covariance (m, m) and its mean here: chi2 over its degrees of freedom.
 
-        Its mean is 1, when the belief is right. Degrees of freedom are the directions that the event tells of;
-        parameters that it cannot tell apart, or says nothing about, are none, and no singularity. The sensor's gain,
-        which is held, is not asked.
+        Its mean is 1 when the belief is right. Only directions that the event informs count as degrees of freedom:
+        parameters that it cannot separate, or does not touch, add none, and make nothing singular. The sensor's
+        gain, which is held, is left out.
         """
-        asked = np.arange(covariance.shape[0]) != _GAIN
-        root = np.linalg.cholesky(covariance[asked][:, asked])
-        information, gradient = self.information[asked][:, asked], self.gradient[asked]
-        told, pull, known = root.T @ information @ root, root.T @ gradient, np.eye(root.shape[0])
-        weights = np.linalg.inv(told + TOLD * known)
-        chi2 = float(pull @ weights @ np.linalg.solve(known + told, pull))
-        return float(chi2 / max(root.shape[0] - TOLD * np.trace(weights), 1.0))
+        tested = np.arange(covariance.shape[0]) != _GAIN
+        root = np.linalg.cholesky(covariance[tested][:, tested])
+        information, gradient = self.information[tested][:, tested], self.gradient[tested]
+        # in units of the belief: its covariance becomes the identity
+        scaled, pull, identity = root.T @ information @ root, root.T @ gradient, np.eye(root.shape[0])
+        weights = np.linalg.inv(scaled + INFORMED * identity)
+        chi2 = float(pull @ weights @ np.linalg.solve(identity + scaled, pull))
+        return float(chi2 / max(root.shape[0] - INFORMED * np.trace(weights), 1.0))
 
 
 class EventCost:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import SENSOR_NUMBERS
-from observer_rt.engine.estimation.scalars import SCALARS, Learned, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import SCALARS, LearnedModel, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.forcing import NO_CLOCK, NO_PROGRAM, Clock
 from observer_rt.model.right_hand_side import Tangent, tangent_of
@@ -44,9 +44,9 @@ class Window(NamedTuple):
 class Setting(NamedTuple):
     """Constants while parameters are sought: sample interval [s], substeps, model, gain (states,).
 
-    late: by which share of an interval (0..1) the indicated pressure is recorded late; lag [s] and offset (in units
-    of p_0): of the sensor of the model in force, what is learned comes on top. program: of the terms in force.
-    rail_share: of the sensors' gain, by which the rail's is expected below 0.
+    late: share of an interval (0..1) by which the indicated pressure is recorded late. lag [s] and offset (in units
+    of p_0) are those of the sensor of the model in force, to which learned ones are added. program: the terms in
+    force. rail_share: the part of the sensors' gain that is expected to be the rail sensor's, with the sign turned.
     """
 
     interval: float
@@ -70,16 +70,16 @@ class Gradient(NamedTuple):
     error: NDArray[np.float64]  # of the innovation
 
 
-def gradient_of(theta: NDArray[np.float64], c: Coefficients, beside: int = 0) -> Gradient:
-    """A gradient of 0 for theta (m,) on the model `c`, with so many columns beside those of theta."""
-    tangent = tangent_of(c, by_theta(theta, c), theta.size + beside)
+def gradient_of(theta: NDArray[np.float64], c: Coefficients, extra: int = 0) -> Gradient:
+    """A gradient of 0 for theta (m,) on the model `c`, with `extra` columns behind those of theta."""
+    tangent = tangent_of(c, by_theta(theta, c), theta.size + extra)
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
     sensor[np.arange(SENSOR_NUMBERS), SCALARS.sensor.columns] = SCALARS.sensor.sizes
     return Gradient(tangent, sensor, before, indicated, error)
 
 
-def innovations(window: Window, setting: Setting, learned: Learned, result: NDArray[np.float64]) -> None:
+def innovations(window: Window, setting: Setting, learned: LearnedModel, result: NDArray[np.float64]) -> None:
     """Innovations e~ = y - o - (indicated pressure of x~) of every sample into `result` (n,); result[0] is 0."""
     follow(window, setting, learned, window.output.size, result, NO_RATE, None, NO_SLOPES)
 

@@ -338,7 +338,7 @@ WEIGHTS = np.delete(
 """Columns of the network's weights, in the order of its neurons."""
 
 
-class Learned(NamedTuple):
+class LearnedModel(NamedTuple):
     """theta taken apart: phi's network, the coefficients with the line's terms, sensor offset [p_0] and numbers."""
 
     network: Network
@@ -347,12 +347,12 @@ class Learned(NamedTuple):
     sensor: NDArray[np.float64]  # (SENSOR_NUMBERS,): lag [s], gain over the rail sensor's
 
 
-def nothing_learned(c: Coefficients) -> Learned:
+def nothing_learned(c: Coefficients) -> LearnedModel:
     """Meaning of theta = 0: the model in force as it is."""
-    return Learned(constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
+    return LearnedModel(constant_network(), c, 0.0, np.zeros(SENSOR_NUMBERS))
 
 
-def learned_of(theta: NDArray[np.float64], c: Coefficients) -> Learned:
+def learned_of(theta: NDArray[np.float64], c: Coefficients) -> LearnedModel:
     """Meaning of a parameter vector (m,) by its table on a model without it; nobody changes its arrays."""
     return _meaning(theta.tobytes(), c.line, c)
 
@@ -364,10 +364,10 @@ def sensor_lag(theta: NDArray[np.float64]) -> float:
 
 def network_of(theta: NDArray[np.float64]) -> Network:
     """The network in a parameter vector (m,)."""
-    found = network_with(theta[WEIGHTS])
-    found.bias[0], found.bias[1] = theta[_NOZZLE], theta[_SEAT]
-    found.nozzle[:] = SCALARS.nozzle.of(theta)
-    return found
+    network = network_with(theta[WEIGHTS])
+    network.bias[0], network.bias[1] = theta[_NOZZLE], theta[_SEAT]
+    network.nozzle[:] = SCALARS.nozzle.of(theta)
+    return network
 
 
 def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
@@ -379,11 +379,11 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
 
 
 @_several
-def _meaning(content: bytes, line: Any, c: Coefficients) -> Learned:
+def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
     theta = np.frombuffer(content)
     valve = Valve(*(np.array(c.valve) + SCALARS.valve.of(theta)).tolist())
     changed = c._replace(line=_changed(line, SCALARS.of_line(theta)), valve=valve)
-    return Learned(
+    return LearnedModel(
         network_of(theta), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), SCALARS.sensor.of(theta)
     )
 

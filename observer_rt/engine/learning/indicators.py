@@ -84,9 +84,9 @@ def _elsewhere(
     """Square by which the nozzle's change is another at a rail pressure [p_0], beyond what may be an error of it."""
     here, slopes = nozzle_change(theta, x, u)
     ratio = rail / max(float(u[0]), LEAST_SAC_PRESSURE)
-    there, others = nozzle_change(theta, ratio * x, np.array([rail, u[1]]))
-    apart = others - slopes
-    return max(float((there - here) ** 2 - SIGNIFICANT**2 * (apart @ covariance @ apart)), 0.0)
+    changed, changed_slopes = nozzle_change(theta, ratio * x, np.array([rail, u[1]]))
+    difference = changed_slopes - slopes
+    return max(float((changed - here) ** 2 - SIGNIFICANT**2 * (difference @ covariance @ difference)), 0.0)
 
 
 def nozzle_change(

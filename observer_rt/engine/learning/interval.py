@@ -22,7 +22,7 @@ PARTING = 20e-6
 
 
 @dataclass(frozen=True)
-class Resimulated:
+class Resimulation:
     """An event re-simulated with what was learned up to it and from it, and how uncertain that leaves its rate.
 
     run: over the event's window; by_inputs: by the noise of the inputs. covariance: of the error of the theta it was
@@ -51,7 +51,7 @@ class VolumeBudget(NamedTuple):
 
     parameters: what was learned is known so well only; inputs: noise of the signals; model: what the model gets wrong
     of a healthy injector, and away from where it was learned; calibration: of the mass, constant over injections;
-    parting: flow at the ends of its window, a part of which may belong to another injection.
+    parting: flow at the ends of its window that may belong to another injection.
     """
 
     parameters: float
@@ -73,14 +73,14 @@ def resimulated(
     theta: NDArray[np.float64],
     covariance: NDArray[np.float64],
     carried_covariance: NDArray[np.float64],
-) -> Resimulated:
-    """Re-simulates an event with what was learned from it, theta (m,); the covariances as in `Resimulated`."""
+) -> Resimulation:
+    """Re-simulates an event with what was learned from it, theta (m,); the covariances as in `Resimulation`."""
     run = open_loop(window, setting, theta)
     by_inputs = input_variance(window, run, setting, noise)
-    return Resimulated(run, by_inputs, covariance, carried_covariance, setting.interval)
+    return Resimulation(run, by_inputs, covariance, carried_covariance, setting.interval)
 
 
-def volume_interval(event: Resimulated, window: slice, published: float) -> tuple[float, float]:
+def volume_interval(event: Resimulation, window: slice, published: float) -> tuple[float, float]:
     """95 % interval of the volume [m3] injected in a window of the event, with the published volume in it.
 
     It is that of the re-simulated volume; one published that was not known so well, nan: none was, is at its end.
@@ -91,7 +91,7 @@ def volume_interval(event: Resimulated, window: slice, published: float) -> tupl
     return (low, high) if math.isnan(published) else (min(low, published), max(high, published))
 
 
-def volume_budget(event: Resimulated, window: slice) -> VolumeBudget:
+def volume_budget(event: Resimulation, window: slice) -> VolumeBudget:
     """Budget of the uncertainty of the volume injected in a window of the event."""
     gradient = np.trapezoid(event.run.slopes[window], axis=0) * event.interval
     volume = volume_in(event, window)
@@ -104,13 +104,13 @@ def volume_budget(event: Resimulated, window: slice) -> VolumeBudget:
     )
 
 
-def is_revised(event: Resimulated, window: slice, volume: float) -> bool:
+def is_revised(event: Resimulation, window: slice, volume: float) -> bool:
     """Whether what was learned from the event contradicts the volume [m3] published for a window of it."""
     learned = volume_in(event, window)
     return not abs(volume - learned) <= REVISED * abs(learned)
 
 
-def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
+def rate_sigma(event: Resimulation, window: slice) -> NDArray[np.float64]:
     """Standard deviation [m3/s] of the rate published at the samples of a window of the event."""
     slopes = event.run.slopes[window]
     by_parameters = ((slopes @ event.carried_covariance) * slopes).sum(axis=1)
@@ -120,6 +120,6 @@ def rate_sigma(event: Resimulated, window: slice) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(variance), np.float64)
 
 
-def volume_in(event: Resimulated, window: slice) -> float:
+def volume_in(event: Resimulation, window: slice) -> float:
     """Volume [m3] injected in a window of the event, as it was re-simulated."""
     return float(np.trapezoid(event.run.rate[window])) * event.interval

@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.adequacy import Objection
-from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.state import LearningState, no_state
 from observer_rt.engine.stream.standstill import RestingLift, Standstill
@@ -54,7 +54,7 @@ class Outcome:
     is carried on, objections: to the event's own mass, too. estimate: the new theta in any case, with the covariance
     (m, m) of its error. resimulated: the event with the estimate, None where nothing usable was learned from it.
     outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
-    square of its innovations where it is loudest over that at rest, by its known noise. known: where the flow is
+    square of its innovations where it is loudest over that at rest, by its known noise. known_flow: where the flow is
     known well enough by the state to be carried. prior: belief before the event, drift included. window, setting:
     with which it was run again. change: that an event showed which passed. posterior: what the event may be, in
     words, and how probable.
@@ -67,10 +67,10 @@ class Outcome:
     objections: tuple[Objection, ...]
     estimate: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    resimulated: Resimulated | None = None
+    resimulated: Resimulation | None = None
     outliers: int = 0
     loudest: float = 1.0
-    known: KnownFlow = EVERYWHERE
+    known_flow: KnownFlow = EVERYWHERE
     prior: Belief | None = None
     window: Window | None = None
     setting: Setting | None = None

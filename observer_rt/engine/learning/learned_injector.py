@@ -53,7 +53,7 @@ class LearnedInjector:
             return self
         theta = self.theta.copy()
         theta[column] = 0.0
-        belief = held_at(self.belief, column, 0.0, EXACTLY**2).given
+        belief = held_at(self.belief, column, 0.0, EXACTLY**2).prior
         return replace(
             self, belief=belief.widened(with_gain(np.zeros_like(theta), max(sigma, EXACTLY))), theta=theta
         )

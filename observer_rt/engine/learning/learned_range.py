@@ -11,7 +11,7 @@ from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter
 from observer_rt.engine.learning.indicators import nozzle_change
-from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.interval import Resimulation
 
 _NOZZLE = int(Parameter.NOZZLE_BIAS)
 REMEMBERED = 16  # points; the oldest is forgotten
@@ -86,7 +86,7 @@ NOWHERE = KnownFlow(math.inf, -math.inf, 0.0, (False,) * RAIL_BINS)
 
 
 def known_flow(
-    event: Resimulated, theta: NDArray[np.float64], covariance: NDArray[np.float64], point: EventPoint
+    event: Resimulation, theta: NDArray[np.float64], covariance: NDArray[np.float64], point: EventPoint
 ) -> KnownFlow:
     """Range of the flow known by the state carried after an event, theta (m,) with the error covariance (m, m).
 
@@ -104,9 +104,9 @@ def known_flow(
     here = event.run.slopes.sum(axis=0) / injected
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), _FILLED)
 
-    def sigma(fullness: float, beside: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
+    def sigma(fullness: float, change: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
         share = (fullness - filled) / (1.0 - filled)
-        slopes = here + share * (full - here) + fullness * beside
+        slopes = here + share * (full - here) + fullness * change
         return np.asarray(np.sqrt(np.maximum(((slopes @ covariance) * slopes).sum(axis=-1), 0.0)))
 
     def enough(fullness: float) -> float:
@@ -119,14 +119,14 @@ def known_flow(
     own = float(np.max(np.cumsum(event.run.rate * event.run.fullness) / passed))
     filled_to = max(filled_to, own + _LIKE)  # with one as the last, whatever the flow is far from steady
     fullness = filled if math.isfinite(filled_to) else max(filled, _LONG)
-    known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
-    place = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
-    known[place] = True
-    unknown = np.flatnonzero(~known)
-    below, above = unknown[unknown < place], unknown[unknown > place]
+    is_known = sigma(fullness, by_nozzle[:-1] - full) <= enough(fullness)
+    own_bin = min(int(point.rail_pressure / RAIL_BIN), RAIL_BINS - 1)
+    is_known[own_bin] = True
+    unknown = np.flatnonzero(~is_known)
+    below, above = unknown[unknown < own_bin], unknown[unknown > own_bin]
     rail_from = RAIL_BIN * (int(below[-1]) + 1) if below.size else -math.inf
     rail_to = RAIL_BIN * int(above[0]) if above.size else math.inf
-    return KnownFlow(rail_from, rail_to, filled_to, tuple(known.tolist()))
+    return KnownFlow(rail_from, rail_to, filled_to, tuple(is_known.tolist()))
 
 
 def _last(holds: Callable[[float], bool], first: float, limit: float) -> float:

@@ -49,7 +49,7 @@ class Learner:
         self.schedule = self._reader.gains(knowledge.in_force, knowledge.state.noise, constants)
         """Gains at the start."""
         state = knowledge.state.begun(constants.interval, healthy.overdispersion)
-        self.state = state.each(lambda learned: learned.with_gain(constants.calibration.gain))
+        self.state = state.map(lambda learned: learned.with_gain(constants.calibration.gain))
         """State after the last event."""
 
     def learn(
@@ -78,7 +78,7 @@ def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outc
         return _failed(state, event, objection, reader)
     offset = offset_between(state.standstill, standstill)
     if standstill.samples >= STANDSTILL_ENOUGH:
-        state = state.each(lambda learned: _with_first_offset(learned, standstill.offset))
+        state = state.map(lambda learned: _with_first_offset(learned, standstill.offset))
     state = replace(state, standstill=standstill)
     try:
         return outcome_of(explain(state, event, offset, reader), event, reader)
@@ -115,7 +115,7 @@ def _with_noise(state: LearningState, noise: NoiseLevels) -> LearningState:
     before = state.noise
     ratios = (noise.rail_pressure / before.rail_pressure, noise.line_pressure / before.line_pressure)
     if any(abs(math.log(ratio)) > math.log(OTHER_NOISE) for ratio in ratios):
-        state = state.each(lambda learned: replace(learned, statistics=no_statistics()))
+        state = state.map(lambda learned: replace(learned, statistics=no_statistics()))
     return replace(state, noise=noise)
 
 

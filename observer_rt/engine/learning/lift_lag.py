@@ -137,14 +137,14 @@ class LiftLagSearch:
                 search = search._with_event(ask(search._lag or USUAL))
             except np.linalg.LinAlgError:
                 return search, tuple(objections)
-        lag = search.found
+        lag = search.accepted_lag
         if lag is None:
             return search, tuple(objections)
         reason = Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE
         return search, tuple(replace(o, reason=reason) if o in inadequate else o for o in objections)
 
     @property
-    def found(self) -> float | None:
+    def accepted_lag(self) -> float | None:
         """The lag of the lift [s] that explains recent events, negative where it is early; None without."""
         explained, enough = self.without - self.left, ENOUGH * self.events
         if self.without < enough or explained < max(enough, MOST_OF_IT * self.without):

@@ -56,9 +56,9 @@ class LearningState:
         """What the hypothesis believes that is carried."""
         return self.account.lead.learned
 
-    def each(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "LearningState":
+    def map(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "LearningState":
         """State in which every hypothesis believes what the change makes of it."""
-        return replace(self, account=self.account.each(change))
+        return replace(self, account=self.account.map(change))
 
     def begun(self, interval: float, overdispersion: float) -> "LearningState":
         """State to go on with, in a run with samples of an interval [s].

@@ -21,12 +21,12 @@ class Fuel:
 class EventRecord:
     """An event, `stream.state.EVENT`, that was judged.
 
-    objections: what speaks against it; outcome: what was learned from it, None when nothing was; known: what the
+    objections: what speaks against it; outcome: what was learned from it, None when nothing was; knowledge: what the
     observer carries now; fuel: during the event.
     """
 
     event: np.void
     objections: tuple[Objection, ...]
     outcome: Outcome | None
-    known: Knowledge
+    knowledge: Knowledge
     fuel: Fuel

@@ -143,7 +143,7 @@ def report_of(
     event, outcome = judged.event, judged.outcome
     c = judged.fuel.constants.coefficients
     middle = injection["middle_x"], injection["middle_u"]
-    theta = judged.known.in_force if outcome is None else outcome.estimate
+    theta = judged.knowledge.in_force if outcome is None else outcome.estimate
     covariance = None if outcome is None else outcome.covariance
     points = () if outcome is None else outcome.knowledge.state.learned.learned_at
     rails = [point.rail_pressure for point in points]
@@ -234,7 +234,7 @@ class Field(Generic[T]):
     def of(self, injection: T, c: Coefficients) -> Any:
         """Value of an injection as JSON has it."""
         value = self.get(injection, c)
-        return known(value) if isinstance(value, float) else value
+        return none_if_nan(value) if isinstance(value, float) else value
 
     def cells(self, injection: T, c: Coefficients) -> Sequence[Value]:
         """Cells of its columns."""
@@ -363,6 +363,6 @@ def injection_record(report: InjectionReport, c: Coefficients, has_energizing: b
     return record
 
 
-def known(value: float) -> float | None:
+def none_if_nan(value: float) -> float | None:
     """Number, or None for nan, which JSON has no word for."""
     return None if math.isnan(value) else value

@@ -59,7 +59,7 @@ def injector_at(fitted: BenchInjector, fuel_temperature: float | None) -> Inject
     try:
         return at_temperature(fitted.parameters, fuel_temperature)
     except UserError as error:
-        raise UserError(f"{fitted.parameters_path}: {error.place}", error.problem, error.remedy) from None
+        raise UserError(f"{fitted.parameters_path}: {error.location}", error.problem, error.remedy) from None
 
 
 def _constants(fitted: BenchInjector, injector: InjectorParameters, restored: bool) -> Constants:

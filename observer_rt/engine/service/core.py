@@ -278,7 +278,7 @@ class Core:
     @property
     def knowledge(self) -> Knowledge:
         """Knowledge learned and judged so far."""
-        return self._judging.known
+        return self._judging.knowledge
 
     @property
     def standstill(self) -> Standstill:

@@ -10,9 +10,9 @@ from observer_rt.bus.mapping.input_tables import Inputs
 from observer_rt.core.frames.frames import READINGS, RECORDS
 from observer_rt.foundation.records import dtype_of
 
-_VALUE = dtype_of(RECORDS["HeardValue"])
+_VALUE = dtype_of(RECORDS["OptionalValue"])
 _READING = dtype_of(RECORDS["Reading"])
-_MEMORY = dtype_of(RECORDS["HeardMemory"])
+_MEMORY = dtype_of(RECORDS["OptionalMemory"])
 
 
 class InputMemory(NamedTuple):

@@ -19,15 +19,15 @@ from observer_rt.engine.reports.event_record import EventRecord, Fuel
 from observer_rt.engine.service.pipeline import CompiledPipeline
 from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
 from observer_rt.engine.stream.state import Reason
-from observer_rt.engine.stream.verdict import Taken
+from observer_rt.engine.stream.verdict import VerdictKind
 
 
 @dataclass(eq=False)
 class _ClosedEvent:
     """Closed event that waits to be judged.
 
-    number: in the order in which they closed, from 0; known: what the observer carried; standstill: until it ended,
-    None where nothing is to be learned; learning: the job that learns from it, None without; examined: once it
+    number: in the order in which they closed, from 0; knowledge: what the observer carried; standstill: until it
+    ended, None where nothing is to be learned; learning: the job that learns from it, None without; examined: once it
     was, with what was learned from an earlier one, and with what speaks against either.
     """
 
@@ -36,7 +36,7 @@ class _ClosedEvent:
     window: Window | None
     standstill: Standstill | None
     innovations: Innovations
-    known: Knowledge
+    knowledge: Knowledge
     learning: Future[Outcome] | None = None
     examined: Examination | None = None
     earlier: Outcome | None = None
@@ -89,7 +89,7 @@ class Judging:
 
         healthy: of the healthy injector; on_failure: hears of learning that failed otherwise than it may.
         """
-        self.known = start
+        self.knowledge = start
         """All that was learned and judged so far."""
         self.rejected = 0
         """Outcomes that were not adopted."""
@@ -121,7 +121,7 @@ class Judging:
     @property
     def adoptions(self) -> int:
         """Number of adoptions of a new phi."""
-        return self.known.phi_version - self._first_version
+        return self.knowledge.phi_version - self._first_version
 
     @property
     def learning(self) -> int | None:
@@ -195,7 +195,7 @@ class Judging:
             window,
             event_standstill(observer, number) if learning else None,
             event_innovations(observer, number),
-            self.known,
+            self.knowledge,
         )
         self._waiting.append(closed)
         self._submitted += 1
@@ -218,7 +218,7 @@ class Judging:
             self._learner.learn,
             closed.window,
             closed.standstill,
-            closed.known.in_force,
+            closed.knowledge.in_force,
             closed.fuel.constants,
         )
         closed.learning.add_done_callback(lambda _: self.on_learned())
@@ -252,7 +252,7 @@ class Judging:
     def _post_examined(self, closed: _ClosedEvent) -> None:
         examiner = self._examiner
         closed.examined = examiner.examine(
-            closed.window, closed.innovations, closed.known.in_force, closed.fuel.constants
+            closed.window, closed.innovations, closed.knowledge.in_force, closed.fuel.constants
         )
         closed.earlier, self._late = self._late, None
         closed.objections = closed.examined.objections or (closed.earlier.forward if closed.earlier else ())
@@ -273,13 +273,13 @@ class Judging:
         event = self._event(closed.number).copy()
         objections: tuple[Objection, ...] = (Objection(Reason.NOT_JUDGED),)
         outcome: Outcome | None = None
-        taken = Taken(int(event["taken"]))
-        if taken is Taken.LEARNED and closed.learning is not None:
+        taken = VerdictKind(int(event["taken"]))
+        if taken is VerdictKind.LEARNED and closed.learning is not None:
             outcome = closed.learning.result()
             objections = outcome.objections
             self._examiner.take(Examination(outcome.forward, outcome.knowledge.state.learned.statistics))
             self._put_into_force(outcome, event)
-        elif taken is Taken.EXAMINED and closed.examined is not None:
+        elif taken is VerdictKind.EXAMINED and closed.examined is not None:
             objections = closed.objections
             self._examiner.take(closed.examined)
             if closed.earlier is not None:
@@ -291,7 +291,7 @@ class Judging:
             self.late += 1
             if closed is not self._learned_from and closed.is_learned:
                 self._late = closed.learning.result()
-        return EventRecord(event, objections, outcome, self.known, closed.fuel)
+        return EventRecord(event, objections, outcome, self.knowledge, closed.fuel)
 
     def _put_into_force(self, outcome: Outcome, event: np.void) -> None:
         """Puts knowledge into force from the judgement of an event, `stream.state.EVENT`, on."""
@@ -300,8 +300,8 @@ class Judging:
         is_adopted = outcome.adoption is Adoption.ADOPTED
         self.rejected += not is_adopted
         scale = self._compiled.observer.constants.coefficients.pressure_scale
-        self.known = replace(
-            knowledge, phi_version=self.known.phi_version + is_adopted, lift=resting_lift_of(event, scale)
+        self.knowledge = replace(
+            knowledge, phi_version=self.knowledge.phi_version + is_adopted, lift=resting_lift_of(event, scale)
         )
 
     def _event(self, number: int) -> np.void:

@@ -39,8 +39,8 @@ class OptionalInputs:
         self._is_restored = is_restored
         self._compiled = compiled
         self._rows = bus.inputs.optional
-        self._heard = compiled.pipeline.heard
-        self._memory = self._heard.memory[0]
+        self._inputs = compiled.pipeline.input_memory
+        self._memory = self._inputs.memory[0]
         self._masses = _MassComparison(tell)
         self._takers = {OptionalRole.MEASURED_MASS: self._masses.take}  # of readings that wait
         self._watch = EnergizingWatch(bus.energizing, compiled, tell) if bus.energizing else None
@@ -51,7 +51,7 @@ class OptionalInputs:
         first, end = int(self._memory["read"]), int(self._memory["came"])
         oldest = max(first, end - READINGS)
         for number in range(oldest, end):
-            reading, values = self._heard.readings[number % READINGS], self._heard.values[number % READINGS]
+            reading, values = self._inputs.readings[number % READINGS], self._inputs.values[number % READINGS]
             row = self._rows[reading["row"]]
             if self._watch is not None and row["role"] == ENERGIZING:
                 follows = bool(reading["follows"]) and not first < number == oldest

@@ -46,7 +46,7 @@ class Pipeline(NamedTuple):
     inputs: Inputs
     receiver: NDArray[np.void]  # (1,) RECEIVER
     supervised: NDArray[np.void]  # (messages,) e2e.SUPERVISION
-    heard: InputMemory
+    input_memory: InputMemory
     keeping: Timekeeping
     alignment: Alignment
     observer: Observer
@@ -63,7 +63,7 @@ class CompiledPipeline:
             pipeline.inputs,
             pipeline.receiver,
             pipeline.supervised,
-            pipeline.heard,
+            pipeline.input_memory,
             pipeline.keeping,
             pipeline.alignment,
             pipeline.observer.stream,

@@ -17,7 +17,7 @@ from observer_rt.foundation.records import dtype_of
 _VERDICT = dtype_of(RECORDS["Verdict"])
 
 
-class Taken(IntEnum):
+class VerdictKind(IntEnum):
     """Verdict that the stream found when an event was due."""
 
     NOTHING = 0  # it was not judged

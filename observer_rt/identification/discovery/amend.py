@@ -84,7 +84,7 @@ def accepted(
         evidence += f"; in part: closes {proposal.part.closed:.0%} of the gap held out, see [remainder]"
     evidence = "; ".join((evidence, *starts_anew(proposal.terms)))
     why = {"origin": ORIGIN, "evidence": evidence, "date": date.today().isoformat()}
-    sizes = proposal.found.parameters
+    sizes = proposal.candidate.parameters
     effects = [EffectInForce(id=one, parameters=sizes[one], **why) for one in proposal.effects]
     terms = [
         TermInForce.of(_rounded(term), str(term.equation.unit), proposal.seen, **why)

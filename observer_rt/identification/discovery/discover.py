@@ -211,7 +211,7 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
 
 def _left_of_masses(discovery: Discovery, shown: Candidate) -> float:
     """Half width of the 95 % interval of a mass, as a share, by what the proposal shown leaves."""
-    parts = (one.part for one in discovery.proposals if one.found is shown)
+    parts = (one.part for one in discovery.proposals if one.candidate is shown)
     return next((part.mass_half for part in parts if part is not None), 0.0)
 
 

@@ -18,7 +18,7 @@ from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
     Discovery,
-    Unexplained,
+    LargestMisfit,
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import indistinguishable
@@ -195,7 +195,7 @@ class Findings(Discovery):
     schema: Literal[1] = 1
     best: Annotated[Candidate, Entry(lambda one, _: one.ids, tuple[str, ...])]
     ranking: tuple[Annotated[Candidate, Entry(ranked, RankedCandidate)], ...]
-    unexplained: Annotated[Unexplained | None, Entry(unknown, Unknown | None), key("unknown")]
+    unexplained: Annotated[LargestMisfit | None, Entry(unknown, Unknown | None), key("unknown")]
     where: tuple[Annotated[Disagreement, Entry(cell_of_map, CellOfMap)], ...]
     gaps: Annotated[ModelGaps, Entry(gap_entry, GapEntry), key("gap")]
     checks: tuple[StandstillFigure, ...]

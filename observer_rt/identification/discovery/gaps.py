@@ -28,7 +28,7 @@ from observer_rt.identification.likelihood.open_loop import (
     simulated,
 )
 from observer_rt.identification.likelihood.windows import in_mass_window
-from observer_rt.model.effect import Effect, Equation, Place
+from observer_rt.model.effect import Component, Effect, Equation
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import LineOutflow
 
@@ -291,7 +291,7 @@ def _equations(
 
 def violated(effect: Effect, model: EffectiveModel) -> Equation:
     """The equation of a model that is violated while an effect is missing."""
-    if effect.place is Place.NOZZLE and model.injector.line_outflow is LineOutflow.SEAT:
+    if effect.component is Component.NOZZLE and model.injector.line_outflow is LineOutflow.SEAT:
         return Equation.SAC_PRESSURE  # the nozzle flow is in no other
     return effect.equation
 

@@ -40,7 +40,7 @@ def next_measurement(
 
 def rivals_of(discovery: Discovery, nominal: EffectiveModel) -> list[Rival]:
     """Explanations that are left, the leading one first: those tied, else the answer and the next best."""
-    left = [(proposal_words(one), one.found) for one in discovery.proposals]
+    left = [(proposal_words(one), one.candidate) for one in discovery.proposals]
     tied = (discovery.named.ids, *discovery.rivals) if discovery.verdict is not Verdict.UNKNOWN else ()
     left = [*(_in_words(one) for ids in tied for one in discovery.ranking if one.ids == ids), *left]
     if len(left) == 1:

@@ -15,7 +15,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
 from observer_rt.identification.likelihood.likelihood import JointLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.model.effect import Apparent, Effect, Place
+from observer_rt.model.effect import Apparent, Component, Effect
 from observer_rt.model.effective import Coefficients, EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 
@@ -63,7 +63,7 @@ def standstill_checks(
     shown_effects = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
     # of the settled needle, sensors first; then of what is left
     for effect in sorted(
-        shown_effects, key=lambda e: (e.apparent is Apparent.LEFT, e.place is not Place.LINE_SENSOR)
+        shown_effects, key=lambda e: (e.apparent is Apparent.LEFT, e.component is not Component.LINE_SENSOR)
     ):
         settled = effect.apparent is Apparent.SETTLED
         figures = _apparent(likelihood, nominal if settled else amended, effect, settled)

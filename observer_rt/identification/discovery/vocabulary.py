@@ -68,7 +68,7 @@ def _unit(parameter: EffectParameter) -> str:
 def _document(effect: Effect) -> dict[str, Any]:
     return {
         "id": effect.id,
-        "place": effect.place.value,
+        "place": effect.component.value,
         "equation": effect.equation.value,
         "sentence": effect.sentence,
         "signature": effect.signature,

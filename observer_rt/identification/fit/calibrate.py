@@ -27,8 +27,8 @@ from observer_rt.identification.fit.cross_validation import (
     thinned,
 )
 from observer_rt.identification.fit.problem import (
-    BESIDE,
     INERTANCE,
+    OPTIONAL_GROUPS,
     STRUCTURES,
     FreeParameter,
     Structure,
@@ -42,7 +42,7 @@ from observer_rt.identification.fit.search import (
     ROUGH_ITERATIONS,
     FailedStructure,
     FittedStructure,
-    beside,
+    certain_groups,
     explains,
     fitted,
     searched,
@@ -183,7 +183,7 @@ class CalibrationResult:
     """
 
     file: InjectorParameters
-    found: Sequence[Measurement]
+    measurements: Sequence[Measurement]
     choice: Choice
     fitted: FittedStructure
     kept: tuple[FreeParameter, ...]
@@ -243,7 +243,7 @@ class CalibrationResult:
         """
         held_out = self.fitted.held_out
         left_out = 0.0 if held_out is None else float(np.sqrt(np.mean(held_out.mass_shift**2)))
-        between = max(map(share_between_samples, self.found))
+        between = max(map(share_between_samples, self.measurements))
         return math.hypot(LEAST_MASS_SHARE, left_out, self.choice.mass_spread, between)
 
     @property
@@ -314,12 +314,12 @@ def _tried(
     has: Sequence[FreeParameter] = ()
     if fits:
         best = min(fits, key=lambda one: one.minimum.statistic)
-        has, file = _with_beside(best, file)
+        has, file = _with_optional_groups(best, file)
     if all(one.structure.line != structure.line for one in earlier) and not any(map(explains, earlier)):
-        every = [one for group in BESIDE for one in group]
+        every = [one for group in OPTIONAL_GROUPS for one in group]
         asked = searched(structure, file, (*free, *every), folds, ROUGH_ITERATIONS, explained=False)
         if isinstance(asked, FittedStructure):
-            has, file = _with_beside(asked, file)
+            has, file = _with_optional_groups(asked, file)
             if len(has) == len(every):
                 return asked
     free = (*free, *has)
@@ -331,11 +331,11 @@ def _tried(
     return searched(structure, file, free, folds, ROUGH_ITERATIONS, any(map(explains, earlier)))
 
 
-def _with_beside(
+def _with_optional_groups(
     structure: FittedStructure, file: InjectorParameters
 ) -> tuple[Sequence[FreeParameter], InjectorParameters]:
-    """What a fitted injector has of `BESIDE`, and the file with it."""
-    has = [parameter for group in beside(structure) for parameter in group]
+    """Optional parameters that a fitted injector has beyond doubt, and the file with them."""
+    has = [parameter for group in certain_groups(structure) for parameter in group]
     return has, with_values(file, has, values_of(structure.injector, has))
 
 
@@ -366,7 +366,7 @@ def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseli
 
 def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     """Makes the section [baseline] of the file. hashes: SHA-256 of the recordings by name."""
-    recordings, left = done.found, worst_folds(done.fitted.calibration, done.fitted.judged)
+    recordings, left = done.measurements, worst_folds(done.fitted.calibration, done.fitted.judged)
     noise = {
         "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in recordings],
         "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in recordings],

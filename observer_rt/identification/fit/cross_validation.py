@@ -295,7 +295,7 @@ def _first_sample(location: str, text: str, measurement: Measurement) -> int | N
     if not text:
         return None
     time = measurement.recording.time
-    left_out = np.searchsorted(time, [injection.time for injection in measurement.found.left_out])
+    left_out = np.searchsorted(time, [injection.time for injection in measurement.injections.left_out])
     firsts = sorted([event.openings[0].first for event in measurement.events] + left_out.tolist())
     try:
         number = int(text)

@@ -73,7 +73,7 @@ class FitDocument(Document):
 def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[str]) -> FitDocument:
     """Puts a fit into printed units."""
     structure, comparison = done.fitted.structure, done.comparison
-    names = [recording_name(done, number) for number in range(len(done.found))]
+    names = [recording_name(done, number) for number in range(len(done.measurements))]
     folds = zip(done.fitted.calibration.folds, done.offsets.tolist(), strict=True)
     return FitDocument(
         schema=1,

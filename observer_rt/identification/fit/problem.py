@@ -108,7 +108,7 @@ CONTROL = (
 )
 """Of the pilot valve of a servo injector."""
 DISPLACEMENT = FreeParameter("A_d", "line", "displacement", "mm2", 1e-6, -6e-6, 6e-6, 0.0, 1.5, 1e-6)
-BESIDE = (CONTROL, (DISPLACEMENT,))
+OPTIONAL_GROUPS = (CONTROL, (DISPLACEMENT,))
 """What an injector has or has not, in groups that begin with what must be beyond doubt."""
 
 
@@ -299,12 +299,12 @@ class Calibration:
 class OneFold:
     """A `bounded_fit.Problem`: what one fold says of theta."""
 
-    whole: Calibration
+    calibration: Calibration
     number: int
 
     def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
         """Residuals of this fold."""
-        return self.whole.residuals_of(theta, self.number)
+        return self.calibration.residuals_of(theta, self.number)
 
 
 def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:

@@ -98,13 +98,13 @@ def _to_try(done: CalibrationResult) -> str:
         return _OF_FOREIGN
     if Phase.STANDSTILL in done.inadequate:
         return _TRY[Phase.STANDSTILL]
-    slow = max(map(share_between_samples, done.found)) > WORTH_A_WORD
+    slow = max(map(share_between_samples, done.measurements)) > WORTH_A_WORD
     return _TRY[worst] + (_OF_INSTANTS if slow else "")
 
 
 def recording_name(done: CalibrationResult, recording: int) -> str:
     """The file of a recording, or its number."""
-    return str(done.found[recording].recording.path or recording)
+    return str(done.measurements[recording].recording.path or recording)
 
 
 def oddities(done: CalibrationResult) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit.cross_validation import Fold, thinned
 from observer_rt.identification.fit.problem import (
-    BESIDE,
+    OPTIONAL_GROUPS,
     STIFFNESS,
     WAVE_DAMPING,
     Calibration,
@@ -142,7 +142,7 @@ def settled(
         if isinstance(again, FailedStructure):
             return now, tuple(left_out)
         now = again
-        groups = [group for group in BESIDE if group[0] in free and group not in beside(now)]
+        groups = [group for group in OPTIONAL_GROUPS if group[0] in free and group not in certain_groups(now)]
         if groups:
             doubtful = [one for group in groups for one in group if one in free]
             left_out += doubtful
@@ -188,10 +188,10 @@ def searched(
     )
 
 
-def beside(structure: FittedStructure) -> tuple[tuple[FreeParameter, ...], ...]:
-    """Groups of `BESIDE` that an injector has beyond doubt, or as stated."""
+def certain_groups(structure: FittedStructure) -> tuple[tuple[FreeParameter, ...], ...]:
+    """Groups of `OPTIONAL_GROUPS` that an injector has beyond doubt, or as stated."""
     free, sigmas, groups = structure.calibration.free, structure.certainty.sigmas, []
-    for group in BESIDE:
+    for group in OPTIONAL_GROUPS:
         size, sigma = group[0].of(structure.injector), 0.0
         if group[0] in free:
             sigma = max(SURE * float(sigmas[free.index(group[0])]), LEAST) * group[0].linear

@@ -49,7 +49,7 @@ def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
             events.append(read_evidence(path))
         except UserError as error:
             if path.exists():
-                say(console, f"warning: {error.place} is left out: {error.problem}")
+                say(console, f"warning: {error.location} is left out: {error.problem}")
             else:
                 dropped += 1
     if dropped:

@@ -27,7 +27,7 @@ class LiftNoise:
     def __init__(self, measurement: Measurement, innovations: Innovations) -> None:
         self._measurement = measurement
         self._innovations = innovations
-        self._known: dict[int, NDArray[np.float64]] = {}
+        self._cache: dict[int, NDArray[np.float64]] = {}
 
     def variance(self, lag: float) -> NDArray[np.float64]:
         """(n,): beyond that without a lag [s]; between multiples of `GRID` straight, so that a fit meets no step."""
@@ -37,11 +37,11 @@ class LiftNoise:
         return np.asarray(np.maximum(added - self._at(0), 0.0))
 
     def _at(self, multiple: int) -> NDArray[np.float64]:
-        if multiple not in self._known:
-            self._known[multiple] = self._found(multiple * GRID)
-        return self._known[multiple]
+        if multiple not in self._cache:
+            self._cache[multiple] = self._estimate(multiple * GRID)
+        return self._cache[multiple]
 
-    def _found(self, lag: float) -> NDArray[np.float64]:
+    def _estimate(self, lag: float) -> NDArray[np.float64]:
         measurement, rng = self._measurement, np.random.default_rng(0)
         recording = measurement.recording
         undisturbed = self._innovations(measurement, lag)

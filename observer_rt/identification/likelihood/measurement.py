@@ -114,8 +114,8 @@ class Measurement:
     """A recording, or the excerpts of a long one, with its noise and events.
 
     noise: of a sample; rate_noise: of the measured rate [m3/s], nan without one; rail_pressure: mean before
-    the events [Pa]; duration: mean time the needle is open in an event [s]; found: in the whole recording; stated:
-    delays and lags of its channels.
+    the events [Pa]; duration: mean time the needle is open in an event [s]; injections: in the whole recording;
+    stated: delays and lags of its channels.
     """
 
     recording: Recording
@@ -124,7 +124,7 @@ class Measurement:
     events: tuple[JudgedEvent, ...]
     rail_pressure: float
     duration: float
-    found: FoundInjections
+    injections: FoundInjections
     stated: tuple[SizedEffect, ...] = ()
 
     @property

@@ -116,7 +116,7 @@ def shortened(hashes: Mapping[str, str]) -> list[str]:
 
 def coverage(measurement: Measurement) -> str:
     """One line for a recording used as a whole, else several. Pilot, main and post are one injection."""
-    recording, injections = measurement.recording, measurement.found
+    recording, injections = measurement.recording, measurement.injections
     judged, left_out = len(measurement.events), injections.left_out
     lines = [
         f"{recording.path or 'recording'}: {injections.gaps.samples} samples at {recording.sample_rate:g} Hz, "
@@ -133,12 +133,12 @@ def coverage(measurement: Measurement) -> str:
 
 def is_chosen(measurement: Measurement) -> bool:
     """Whether not all injections are judged, so that times are not those of the recording."""
-    return len(measurement.events) != measurement.found.complete
+    return len(measurement.events) != measurement.injections.complete
 
 
 def chosen_words(measurement: Measurement) -> str:
     """Describes how injections were chosen of a recording too long to be judged whole; empty for others."""
-    judged, complete = len(measurement.events), measurement.found.complete
+    judged, complete = len(measurement.events), measurement.injections.complete
     if not is_chosen(measurement):
         return ""
     return (
@@ -148,7 +148,7 @@ def chosen_words(measurement: Measurement) -> str:
 
 
 def _gaps(measurement: Measurement) -> str:
-    gaps = measurement.found.gaps
+    gaps = measurement.injections.gaps
     if not gaps.count:
         return "no gap"
     longest = gaps.longest * measurement.interval / MILLISECOND

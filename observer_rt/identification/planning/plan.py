@@ -83,12 +83,12 @@ def points_for(measured: Sequence[Measurement]) -> list[PlannedPoint]:
 class Planner:
     """Judges operating points by what tells rivals apart.
 
-    nominal: the model they depart from; known: by the recordings; confidence: as the verdict has it.
+    nominal: the model they depart from; data: the recordings so far; confidence: as in the verdict.
     """
 
     rivals: Sequence[Rival]
     nominal: EffectiveModel
-    known: KnownRecordings
+    data: KnownRecordings
     simulate: SimulateInjections
     confidence: Confidence
 
@@ -117,10 +117,10 @@ class Planner:
 
     def _prospect(self, rival: Rival, point: PlannedPoint) -> Prospect:
         truth = rival.model(rival.theta)
-        rate = self.known.measured.recording.sample_rate
-        as_recorded = self.known.measured.as_recorded(truth)
+        rate = self.data.measured.recording.sample_rate
+        as_recorded = self.data.measured.as_recorded(truth)
         made = self.simulate(as_recorded, point.rail_pressure, point.energizing, point.pause, rate)
-        return Prospect(made, truth, self.nominal, self.known)
+        return Prospect(made, truth, self.nominal, self.data)
 
     def _measurement(
         self, point: PlannedPoint, prospects: Sequence[Prospect], what: MeasuredQuantity
@@ -130,7 +130,7 @@ class Planner:
         separations = np.full((count, count), np.inf)
         for i, j in product(range(count), repeat=2):
             if i != j:
-                separations[i, j] = prospects[i].separation(rivals[j], self.known.roots[j], what, INJECTIONS)
+                separations[i, j] = prospects[i].separation(rivals[j], self.data.roots[j], what, INJECTIONS)
         after = [
             self.confidence(
                 rivals[j].behind - truth.behind + separations[i, j] for j in range(count) if j != i

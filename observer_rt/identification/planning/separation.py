@@ -83,14 +83,14 @@ class Prospect:
     """Injections as one of the rivals has them, measured in thought."""
 
     def __init__(
-        self, recording: Recording, truth: EffectiveModel, nominal: EffectiveModel, known: KnownRecordings
+        self, recording: Recording, truth: EffectiveModel, nominal: EffectiveModel, data: KnownRecordings
     ) -> None:
         """recording: without noise, of `truth`, injection rate and all. Raises `UserError` without an injection."""
         (measurement,) = measurements([recording])
-        noise, rate_noise = known.measured.noise, known.measured.rate_noise
+        noise, rate_noise = data.measured.noise, data.measured.rate_noise
         rate_noise = rate_noise if np.isfinite(rate_noise) else RATE_NOISE
         self._likelihood = RecordingLikelihood(
-            replace(measurement, noise=noise, rate_noise=rate_noise, stated=known.measured.stated), nominal
+            replace(measurement, noise=noise, rate_noise=rate_noise, stated=data.measured.stated), nominal
         )
         own = self._likelihood.judge(truth)
         if own is None:

@@ -8,9 +8,9 @@ from observer_rt.model.effect import (
     FUEL_OR_DRAWING,
     SAMPLE_OR_BALANCE,
     Apparent,
+    Component,
     Effect,
     Likeness,
-    Place,
     Relation,
     added,
     parameter,
@@ -22,7 +22,7 @@ from observer_rt.model.valve import valve_of
 
 BULK_MODULUS = Effect(
     id="bulk_modulus",
-    place=Place.CLOSED_END,
+    component=Component.CLOSED_END,
     parameters=(parameter("r", -0.6, 1.0, 0.001, (-0.3, -0.12, 0.0, 0.15, 0.4)),),
     apply=scaled("fluid", "bulk_modulus_line"),
     sentence=(
@@ -35,7 +35,7 @@ BULK_MODULUS = Effect(
 
 PRESSURE_DEPENDENT_BULK_MODULUS = Effect(
     id="pressure_dependent_bulk_modulus",
-    place=Place.CLOSED_END,
+    component=Component.CLOSED_END,
     parameters=(parameter("n", -8.0, 12.0, 0.01, (-3.0, 0.0, 3.0, 8.0)),),
     apply=added("departures", "stiffness_slope"),
     sentence="The fuel in the line stiffens with its pressure: K = K_0 + n (p - 100 MPa).",
@@ -44,7 +44,7 @@ PRESSURE_DEPENDENT_BULK_MODULUS = Effect(
 
 ENTRAINED_AIR = Effect(
     id="entrained_air",
-    place=Place.CLOSED_END,
+    component=Component.CLOSED_END,
     parameters=(parameter("g", 0.0, 0.03, 3e-5, (0.0, 2e-3, 6e-3, 0.015)),),
     apply=added("departures", "air"),
     sentence="Air in the fuel makes the line softer, most at low pressure: 1/K_eff = 1/K + g/p.",
@@ -53,7 +53,7 @@ ENTRAINED_AIR = Effect(
 
 FUEL_DENSITY = Effect(
     id="fuel_density",
-    place=Place.LINE_FLOW,
+    component=Component.LINE_FLOW,
     parameters=(parameter("r", -0.2, 0.2, 0.001, (-0.1, 0.0, 0.1)),),
     apply=scaled("fluid", "density_line", "density_nozzle"),
     sentence="The fuel is denser, or lighter, than the file says, in line and nozzle: rho (1 + r).",
@@ -66,7 +66,7 @@ FUEL_DENSITY = Effect(
 
 LINE_VOLUME = Effect(
     id="line_volume",
-    place=Place.CLOSED_END,
+    component=Component.CLOSED_END,
     parameters=(parameter("r", -0.5, 1.5, 0.001, (-0.3, -0.13, 0.0, 0.14, 0.43)),),
     apply=scaled("line", "volume"),
     sentence="The line holds more fuel, or less, than the file says: V_L (1 + r).",
@@ -75,7 +75,7 @@ LINE_VOLUME = Effect(
 
 LINE_FRICTION = Effect(
     id="line_friction",
-    place=Place.LINE_FLOW,
+    component=Component.LINE_FLOW,
     parameters=(parameter("k", -0.95, 10.0, 0.005, (0.0, 2.0)),),
     apply=scaled("line", "loss_factor"),
     sentence=(
@@ -89,7 +89,7 @@ LINE_FRICTION = Effect(
 
 GUIDE_LEAKAGE = Effect(
     id="guide_leakage",
-    place=Place.CLOSED_END,
+    component=Component.CLOSED_END,
     parameters=(parameter("c", 0.0, 5e-13, 5e-16, unit="m3/(s Pa)"),),
     apply=added("departures", "leakage"),
     sentence="Fuel leaks past the needle guide, open or shut: c (p_L - p_C) drains the line.",
@@ -112,7 +112,7 @@ def _control_flow(model: EffectiveModel, values: Sequence[float]) -> EffectiveMo
 
 CONTROL_FLOW = Effect(
     id="control_flow",
-    place=Place.CLOSED_END,
+    component=Component.CLOSED_END,
     parameters=(
         parameter("c", 0.0, 30.0, 0.05, (0.0, 4.0), unit="mm3/ms", si=MM3_PER_MS),
         parameter("d_on", -150.0, 150.0, 0.0, unit="us", si=MICROSECOND),
@@ -135,7 +135,7 @@ def _seat_outflow(model: EffectiveModel, _: Sequence[float]) -> EffectiveModel:
 
 SEAT_OUTFLOW = Effect(
     id="seat_outflow",
-    place=Place.CLOSED_END,
+    component=Component.CLOSED_END,
     parameters=(),
     apply=_seat_outflow,
     sentence=(

@@ -7,9 +7,9 @@ from observer_rt.model.effect import (
     LIFT_GAUGE,
     LIFT_GAUGE_OR_RATE,
     LIFT_STEP,
+    Component,
     Effect,
     Likeness,
-    Place,
     Relation,
     added,
     parameter,
@@ -23,7 +23,7 @@ def _lift_gain(model: EffectiveModel, values: Sequence[float]) -> EffectiveModel
 
 LIFT_GAIN = Effect(
     id="lift_gain",
-    place=Place.LIFT_SENSOR,
+    component=Component.LIFT_SENSOR,
     parameters=(parameter("g", -0.3, 0.3, 0.003),),
     apply=_lift_gain,
     sentence="The recorded lift is too small (or too large) by a factor: true = measured (1 + g).",
@@ -37,7 +37,7 @@ LIFT_GAIN = Effect(
 
 LIFT_OFFSET = Effect(
     id="lift_offset",
-    place=Place.LIFT_SENSOR,
+    component=Component.LIFT_SENSOR,
     parameters=(parameter("x_0", -60.0, 60.0, 0.2, unit="um", si=MICROMETRE),),
     apply=added("inputs", "lift_shift"),
     sentence=(
@@ -56,7 +56,7 @@ LIFT_OFFSET = Effect(
 
 NEEDLE_LIFT_SENSOR_LAG = Effect(
     id="needle_lift_sensor_lag",
-    place=Place.LIFT_SENSOR,
+    component=Component.LIFT_SENSOR,
     parameters=(parameter("tau", 0.0, 150.0, 2.0, (5.0, 20.0, 60.0), "us", MICROSECOND),),
     apply=added("inputs", "lift_lag"),
     sentence="The needle lift is recorded by a slow sensor or amplifier: tau y' = x_N - y.",

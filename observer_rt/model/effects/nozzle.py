@@ -6,9 +6,9 @@ from dataclasses import replace
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.model.effect import (
     BALLISTIC_RATE,
+    Component,
     Effect,
     Likeness,
-    Place,
     Relation,
     added,
     parameter,
@@ -19,7 +19,7 @@ from observer_rt.model.parameters import NO_DEPARTURES
 
 ORIFICE_AREA = Effect(
     id="orifice_area",
-    place=Place.NOZZLE,
+    component=Component.NOZZLE,
     parameters=(parameter("v_H", -0.8, 1.5, 0.003),),
     apply=scaled("nozzle", "flow_coefficient"),
     sentence=("The spray holes pass more fuel than the new ones (erosion), or less (coking): Q_H (1 + v_H)."),
@@ -33,7 +33,7 @@ ORIFICE_AREA = Effect(
 
 ORIFICE_CAVITATION = Effect(
     id="orifice_cavitation",
-    place=Place.NOZZLE,
+    component=Component.NOZZLE,
     parameters=(parameter("n_crit_excess", 0.0, 0.6, 0.02, (0.06, 0.12, 0.3)),),
     apply=added("departures", "critical_excess"),
     sentence=(
@@ -45,7 +45,7 @@ ORIFICE_CAVITATION = Effect(
 
 SEAT_AREA = Effect(
     id="seat_area",
-    place=Place.SEAT,
+    component=Component.SEAT,
     parameters=(parameter("v_S", -0.8, 1.5, 0.01),),
     apply=scaled("seat", "flow_coefficient"),
     sentence="The needle seat passes more fuel at the same lift, or less: Q_S (1 + v_S).",
@@ -65,7 +65,7 @@ def _lift_dependent_seat_coefficient(model: EffectiveModel, values: Sequence[flo
 
 LIFT_DEPENDENT_SEAT_COEFFICIENT = Effect(
     id="lift_dependent_seat_coefficient",
-    place=Place.SEAT,
+    component=Component.SEAT,
     parameters=(
         parameter("a", -0.8, 0.95, 0.01, (-0.2, -0.03, 0.03, 0.2)),
         replace(
@@ -93,7 +93,7 @@ def _chamber_pressure_rise(model: EffectiveModel, values: Sequence[float]) -> Ef
 
 CHAMBER_PRESSURE_RISE = Effect(
     id="chamber_pressure_rise",
-    place=Place.CHAMBER,
+    component=Component.CHAMBER,
     parameters=(
         parameter("dp", 0.0, 40.0, 0.2, (2.0,), unit="MPa", si=MEGAPASCAL),
         parameter("s", 0.0, 1.0, 0.0, (0.0, 1.0)),

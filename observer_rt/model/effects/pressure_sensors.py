@@ -7,9 +7,9 @@ from observer_rt.model.effect import (
     BOTH_CHANNELS,
     PRESSURE_GAUGE,
     Apparent,
+    Component,
     Effect,
     Likeness,
-    Place,
     Relation,
     added,
     parameter,
@@ -18,7 +18,7 @@ from observer_rt.model.effective import EffectiveModel
 
 CHANNEL_SKEW = Effect(
     id="channel_skew",
-    place=Place.LINE_SENSOR,
+    component=Component.LINE_SENSOR,
     parameters=(parameter("d", -60.0, 60.0, 2.0, (-20.0, 0.0, 20.0), "us", MICROSECOND),),
     apply=added("sensor", "delay"),
     sentence=(
@@ -31,7 +31,7 @@ CHANNEL_SKEW = Effect(
 
 LINE_PRESSURE_SENSOR_LAG = Effect(
     id="line_pressure_sensor_lag",
-    place=Place.LINE_SENSOR,
+    component=Component.LINE_SENSOR,
     parameters=(parameter("tau", 0.0, 500.0, 2.0, (0.0, 30.0, 120.0), "us", MICROSECOND),),
     apply=added("sensor", "lag"),
     sentence="The line-pressure sensor follows its pressure with a delay: tau y' = p_L - y.",
@@ -44,7 +44,7 @@ LINE_PRESSURE_SENSOR_LAG = Effect(
 
 LINE_PRESSURE_SENSOR_OFFSET = Effect(
     id="line_pressure_sensor_offset",
-    place=Place.LINE_SENSOR,
+    component=Component.LINE_SENSOR,
     parameters=(parameter("o", -10.0, 10.0, 0.02, unit="MPa", si=MEGAPASCAL),),
     apply=added("sensor", "offset"),
     sentence="The line pressure is recorded too high (or too low) by the same pressure always: y = p_L + o.",
@@ -65,7 +65,7 @@ def _rail_pressure_sensor_gain(model: EffectiveModel, values: Sequence[float]) -
 
 RAIL_PRESSURE_SENSOR_GAIN = Effect(
     id="rail_pressure_sensor_gain",
-    place=Place.RAIL_SENSOR,
+    component=Component.RAIL_SENSOR,
     parameters=(parameter("g", -0.1, 0.1, 2e-4),),
     apply=_rail_pressure_sensor_gain,
     sentence="The rail pressure is recorded too high (or too low) by a factor: measured = true (1 + g).",
@@ -87,7 +87,7 @@ def _rail_pressure_sensor_offset(model: EffectiveModel, values: Sequence[float])
 
 RAIL_PRESSURE_SENSOR_OFFSET = Effect(
     id="rail_pressure_sensor_offset",
-    place=Place.RAIL_SENSOR,
+    component=Component.RAIL_SENSOR,
     parameters=(parameter("o", -10.0, 10.0, 0.02, unit="MPa", si=MEGAPASCAL),),
     apply=_rail_pressure_sensor_offset,
     sentence=(
@@ -103,7 +103,7 @@ RAIL_PRESSURE_SENSOR_OFFSET = Effect(
 
 RAIL_PRESSURE_SKEW = Effect(
     id="rail_pressure_skew",
-    place=Place.RAIL_SENSOR,
+    component=Component.RAIL_SENSOR,
     parameters=(parameter("d", -100.0, 100.0, 2.0, (-30.0, 0.0, 30.0), "us", MICROSECOND),),
     apply=added("inputs", "rail_delay"),
     sentence="The rail pressure is recorded late (or early) against lift and line pressure by d: other filters.",

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.model.terms.law import Lagged, Law, Ringing, Values
+from observer_rt.model.terms.law import Lag, Law, Resonance, Values
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -87,7 +87,7 @@ def refuse_unbounded(term: Term, domain: TermDomain) -> None:
 
     Raises `UserError` naming the term, the point and the value.
     """
-    rings = any(isinstance(part, Ringing) for part in term.law.all_parts)
+    rings = any(isinstance(part, Resonance) for part in term.law.all_parts)
     if rings and domain.in_cells and term.equation is TermEquation.LINE_PRESSURE_SENSOR:
         raise UserError(
             f"{term.equation} = {term.law}",
@@ -137,9 +137,9 @@ def _over(law: Law, term: Term, domain: TermDomain) -> Values:
     return np.broadcast_to(law.at(domain.points, term.coefficient, _elsewhere), (_POINTS,))
 
 
-def _elsewhere(law: Lagged | Ringing, values: Values) -> Values:
+def _elsewhere(law: Lag | Resonance, values: Values) -> Values:
     before = np.roll(values, 1) if np.ndim(values) else values
-    return before if isinstance(law, Lagged) else RUNG * (before - values)
+    return before if isinstance(law, Lag) else RUNG * (before - values)
 
 
 def _slope(law: Law, by: Variable, term: Term, domain: TermDomain) -> Values:

@@ -6,15 +6,15 @@ a variable and `c` have one.
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.terms.law import (
-    Applied,
+    Call,
     Coefficient,
-    Lagged,
+    Lag,
     Law,
     Number,
     Operation,
     Quantity,
-    Ringing,
-    Tabulated,
+    Resonance,
+    Table,
 )
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import PURE, Unit, unit_named
@@ -50,9 +50,9 @@ class _Check:
                 return self.coefficient or Unit(c=1.0)
             case Quantity(variable):
                 return variable.unit
-            case Lagged(argument) | Ringing(argument):
+            case Lag(argument) | Resonance(argument):
                 return self.unit_of(argument)
-            case Tabulated(argument, points, values):
+            case Table(argument, points, values):
                 point_unit = self.unit_of(argument)
                 for point in points:
                     self.alike(
@@ -62,7 +62,7 @@ class _Check:
                 for value in values[1:]:
                     unit = self.alike(unit, self.unit_of(value), f"in '{law}', {values[0]}", f"{value}")
                 return unit
-            case Applied(operation, arguments):
+            case Call(operation, arguments):
                 return self._of_operation(law, operation, arguments)
         raise TypeError(f"no law: {law!r}")
 

@@ -88,7 +88,7 @@ class TermInForce(BaseModel):
             law = parse(self.law)
             needed = coefficient_unit(self.equation, law)
         except UserError as error:
-            raise UserError("law", f"'{self.law}', {error.place}: {error.problem}", error.remedy) from None
+            raise UserError("law", f"'{self.law}', {error.location}: {error.problem}", error.remedy) from None
         law = law.held(self.range_seen)
         if not law.has_coefficient:
             if self.coefficient is not None:

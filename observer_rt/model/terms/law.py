@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from observer_rt.model.terms.variable import Variable, unit_named
 
 Values = NDArray[np.float64]
-Memory = Callable[["Lagged | Ringing", Values], Values]
+Memory = Callable[["Lag | Resonance", Values], Values]
 """Values of a law that remembers, by the law and the values of its argument."""
 
 LAGGED, RINGING, TABLE = "lagged", "ringing", "table"
@@ -94,16 +94,16 @@ class Law:
     @property
     def remembers(self) -> bool:
         """Whether it depends on what was before."""
-        return any(isinstance(part, _Remembering) for part in self.all_parts)
+        return any(isinstance(part, _LawWithMemory) for part in self.all_parts)
 
     def replaced(self, what: Mapping[Variable, Law]) -> Law:
         """The law with other laws in the places of variables."""
         match self:
             case Quantity(variable):
                 return what.get(variable, self)
-            case Applied(operation, arguments):
-                return Applied(operation, tuple(one.replaced(what) for one in arguments))
-            case Lagged(argument) | Ringing(argument) | Tabulated(argument):
+            case Call(operation, arguments):
+                return Call(operation, tuple(one.replaced(what) for one in arguments))
+            case Lag(argument) | Resonance(argument) | Table(argument):
                 return replace(self, argument=argument.replaced(what))
         return self
 
@@ -111,8 +111,8 @@ class Law:
         """The law with its inputs held between the ends of ranges, in the units of `variable`."""
         return self.replaced(
             {
-                variable: Applied(
-                    Operation.MIN, (Applied(Operation.MAX, (Quantity(variable), Number(low))), Number(high))
+                variable: Call(
+                    Operation.MIN, (Call(Operation.MAX, (Quantity(variable), Number(low))), Number(high))
                 )
                 for variable, (low, high) in seen.items()
             }
@@ -170,7 +170,7 @@ class Quantity(Law):
 
 
 @dataclass(frozen=True)
-class Applied(Law):
+class Call(Law):
     """An operation on its arguments."""
 
     operation: Operation
@@ -181,14 +181,14 @@ class Applied(Law):
         return self.arguments
 
     def settled(self) -> Law:
-        return Applied(self.operation, tuple(one.settled() for one in self.arguments))
+        return Call(self.operation, tuple(one.settled() for one in self.arguments))
 
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         return _NUMPY[self.operation](*(one._at(values, c, memory) for one in self.arguments))
 
 
 @dataclass(frozen=True)
-class _Remembering(Law):
+class _LawWithMemory(Law):
     """Law that depends on earlier values of its argument, and was settled at the first."""
 
     argument: Law
@@ -198,14 +198,14 @@ class _Remembering(Law):
         return (self.argument,)
 
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
-        assert isinstance(self, Lagged | Ringing)
+        assert isinstance(self, Lag | Resonance)
         if memory is None:
             raise ValueError(f"'{self}' remembers: say what its memory makes of values")
         return memory(self, np.asarray(self.argument._at(values, c, memory), dtype=np.float64))
 
 
 @dataclass(frozen=True)
-class Lagged(_Remembering):
+class Lag(_LawWithMemory):
     """Argument behind a first-order lag."""
 
     milliseconds: float
@@ -215,7 +215,7 @@ class Lagged(_Remembering):
 
 
 @dataclass(frozen=True)
-class Ringing(_Remembering):
+class Resonance(_LawWithMemory):
     """Addition of a resonance of this frequency and damping, below 1, to its argument behind it."""
 
     kilohertz: float
@@ -226,7 +226,7 @@ class Ringing(_Remembering):
 
 
 @dataclass(frozen=True)
-class Tabulated(Law):
+class Table(Law):
     """Straight lines between values at points that rise, the first and last value beyond."""
 
     argument: Law
@@ -245,14 +245,14 @@ class Tabulated(Law):
             (point.reckoned, value.reckoned) for point, value in zip(self.points, self.values, strict=True)
         ]
         for (start, low), (end, high) in pairwise(knots):
-            beyond = Applied(Operation.SUBTRACT, (self.argument, Number(start)))
-            part = Applied(Operation.MIN, (Applied(Operation.MAX, (beyond, ZERO)), Number(end - start)))
-            rising = Applied(Operation.MULTIPLY, (Number((high - low) / (end - start)), part))
-            law = Applied(Operation.ADD, (law, rising))
+            beyond = Call(Operation.SUBTRACT, (self.argument, Number(start)))
+            part = Call(Operation.MIN, (Call(Operation.MAX, (beyond, ZERO)), Number(end - start)))
+            rising = Call(Operation.MULTIPLY, (Number((high - low) / (end - start)), part))
+            law = Call(Operation.ADD, (law, rising))
         return law
 
     def settled(self) -> Law:
-        return Tabulated(self.argument.settled(), self.points, self.values)
+        return Table(self.argument.settled(), self.points, self.values)
 
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         points, heights = ([number.reckoned for number in row] for row in (self.points, self.values))
@@ -303,28 +303,26 @@ def _printed(law: Law) -> tuple[str, int]:
             return "c", _WHOLE
         case Quantity(variable):
             return variable.word, _WHOLE
-        case Lagged(argument, milliseconds):
+        case Lag(argument, milliseconds):
             time = repr(milliseconds).removesuffix(".0")
             return f"{LAGGED}({argument}, {time})", _WHOLE
-        case Ringing(argument, kilohertz, damping):
+        case Resonance(argument, kilohertz, damping):
             frequency = repr(kilohertz).removesuffix(".0")
             return f"{RINGING}({argument}, {frequency}, {damping})", _WHOLE
-        case Tabulated(argument, points, values):
+        case Table(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE
-        case Applied(
-            Operation.NEGATE, (Number() as number,)
-        ):  # without parentheses it were a negative number
+        case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses it were a negative number
             return f"-({number})", _MINUS
-        case Applied(Operation.NEGATE, (argument,)):
+        case Call(Operation.NEGATE, (argument,)):
             return f"-{_within(argument, _MINUS)}", _MINUS
-        case Applied(operation, (left, right)) if operation in _BINDING:
+        case Call(operation, (left, right)) if operation in _BINDING:
             binding, sign = _BINDING[operation], _SIGN_OF[operation]
             if operation is Operation.POWER:
                 return f"{_within(left, _WHOLE)}^{right}", binding
             least = max(binding, _ADDITION)  # a comparison is in none
             return f"{_within(left, least)} {sign} {_within(right, binding + 1)}", binding
-        case Applied(operation, arguments):
+        case Call(operation, arguments):
             return f"{operation.name.lower()}({', '.join(map(str, arguments))})", _WHOLE
     raise TypeError(f"no law: {law!r}")
 

@@ -21,15 +21,15 @@ from observer_rt.model.terms.law import (
     RINGING,
     SIGNS,
     TABLE,
-    Applied,
+    Call,
     Coefficient,
-    Lagged,
+    Lag,
     Law,
     Number,
     Operation,
     Quantity,
-    Ringing,
-    Tabulated,
+    Resonance,
+    Table,
 )
 from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
 
@@ -83,7 +83,7 @@ class _Parser:
             )
         law = self._sum()
         if sign := self._taken("<", ">"):
-            law = Applied(SIGNS[sign], (law, self._sum()))
+            law = Call(SIGNS[sign], (law, self._sum()))
             if self.token.text in ("<", ">"):
                 self.refuse("no second comparison: put one in parentheses")
         self._depth -= 1
@@ -92,13 +92,13 @@ class _Parser:
     def _sum(self) -> Law:
         law = self._product()
         while sign := self._taken("+", "-"):
-            law = Applied(SIGNS[sign], (law, self._product()))
+            law = Call(SIGNS[sign], (law, self._product()))
         return law
 
     def _product(self) -> Law:
         law = self._signed()
         while sign := self._taken("*", "/"):
-            law = Applied(SIGNS[sign], (law, self._signed()))
+            law = Call(SIGNS[sign], (law, self._signed()))
         return law
 
     def _signed(self) -> Law:
@@ -110,7 +110,7 @@ class _Parser:
         if minuses and is_number and isinstance(law, Number):
             law, minuses = Number(-law.value, law.unit), minuses - 1
         for _ in range(minuses):
-            law = Applied(Operation.NEGATE, (law,))
+            law = Call(Operation.NEGATE, (law,))
         return law
 
     def _power(self) -> Law:
@@ -120,7 +120,7 @@ class _Parser:
             exponent = self._number("a number as exponent")
             if exponent.unit:
                 self.refuse("an exponent without a unit")
-            law = Applied(Operation.POWER, (law, Number(sign * exponent.value)))
+            law = Call(Operation.POWER, (law, Number(sign * exponent.value)))
             if self.token.text == "^":
                 self.refuse("no second exponent: put the power in parentheses")
         return law
@@ -173,20 +173,20 @@ class _Parser:
         self._demand("(")
         arguments = [self.comparison()]
         if function.text == LAGGED:
-            law: Law = Lagged(arguments[0], self._positive(function, "time of the lag", "ms"))
+            law: Law = Lag(arguments[0], self._positive(function, "time of the lag", "ms"))
         elif function.text == RINGING:
             frequency = self._positive(function, "frequency", "kHz")
             damping = self._positive(function, "damping", "-")
             if damping >= 1.0:
                 raise UserError(f"column {function.column}", "nothing rings", "give a damping below 1")
-            law = Ringing(arguments[0], frequency, damping)
+            law = Resonance(arguments[0], frequency, damping)
         elif function.text == TABLE:
             law = self._table(arguments[0])
         else:
             if FUNCTIONS[function.text] in PAIRS:
                 self._demand(",")
                 arguments.append(self.comparison())
-            law = Applied(FUNCTIONS[function.text], tuple(arguments))
+            law = Call(FUNCTIONS[function.text], tuple(arguments))
         self._demand(")")
         return law
 
@@ -199,7 +199,7 @@ class _Parser:
             raise UserError(f"column {function.column}", f"no {what}", f"give it in {unit}, above 0")
         return number.value * named[0] / wanted[0]
 
-    def _table(self, argument: Law) -> Tabulated:
+    def _table(self, argument: Law) -> Table:
         """The points and values behind a table's argument."""
         numbers: list[Number] = []
         while self._taken(","):
@@ -213,7 +213,7 @@ class _Parser:
             raise UserError(
                 f"column {self.token.column}", "the points of the table do not rise", "put them in order"
             )
-        return Tabulated(argument, points, values)
+        return Table(argument, points, values)
 
     def _taken(self, *signs: str) -> str:
         """The sign at hand, where it is one of these; then it is behind us."""

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.model.terms.law import (
-    Applied,
+    Call,
     Coefficient,
-    Lagged,
+    Lag,
     Law,
     Number,
     Operation,
     Quantity,
-    Ringing,
-    Tabulated,
+    Resonance,
+    Table,
 )
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
@@ -52,17 +52,17 @@ def _rows(law: Law, c: float, fixed: Mapping[Variable, float]) -> Iterator[tuple
             yield _NUMBER, c
         case Quantity(variable):
             yield (_NUMBER, fixed[variable]) if variable in fixed else (_VARIABLE, variable)
-        case Lagged(argument, milliseconds):
+        case Lag(argument, milliseconds):
             yield from _rows(argument, c, fixed)
             yield _LAG, milliseconds
-        case Ringing(argument, kilohertz, damping):
+        case Resonance(argument, kilohertz, damping):
             yield from _rows(argument, c, fixed)
             yield _NUMBER, kilohertz
             yield _NUMBER, damping
             yield _RINGING, 0.0
-        case Tabulated():
+        case Table():
             yield from _rows(law.spelled, c, fixed)
-        case Applied(operation, arguments):
+        case Call(operation, arguments):
             for argument in arguments:
                 yield from _rows(argument, c, fixed)
             yield operation, 0.0

@@ -157,7 +157,7 @@ def test_faulty_databases_are_refused_with_file_line_and_reason(
     with pytest.raises(UserError, match=said) as caught:
         load_text(tmp_path, text)
     path = tmp_path / "user.dbc"
-    assert caught.value.place == (str(path) if line is None else f"{path}:{line}")
+    assert caught.value.location == (str(path) if line is None else f"{path}:{line}")
     assert ("lenient = true" in caught.value.remedy) == may_be_lenient
     if may_be_lenient:
         assert find_message(load_database(path, lenient=True), "Pressures").signals

@@ -94,7 +94,7 @@ def test_the_reason_why_leniency_does_not_help_is_said_too(tmp_path: Path) -> No
     path.write_text(overlapping.replace("8|32@1-", "8|0@1-"))
     with pytest.raises(UserError) as raised:
         load_database(path)
-    assert raised.value.place == f"{path}:5"
+    assert raised.value.location == f"{path}:5"
     assert raised.value.problem == (
         "The signals A2 and A are overlapping in message Plain; and, where that is overlooked: "
         "The signal C length 0 is not greater than 0 in message Wide"

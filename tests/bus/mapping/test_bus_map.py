@@ -124,7 +124,7 @@ def test_what_the_database_lacks_is_named(
     tmp_path: Path, changes: dict[str, str], location: str, problem: str, remedy: str
 ) -> None:
     error = refusal(tmp_path, **changes)
-    assert error.place == f"{tmp_path / 'bench.toml'}: signals.{location}"
+    assert error.location == f"{tmp_path / 'bench.toml'}: signals.{location}"
     assert problem in error.problem
     assert remedy in error.remedy
 
@@ -139,7 +139,7 @@ def test_index_that_cannot_be_unwrapped(tmp_path: Path, index: str) -> None:
         needle_lift=lines + '"Lift"',
         line_pressure=lines + '"Line"\nunit = "bar"',
     )
-    assert error.place.endswith("signals.rail_pressure.index")
+    assert error.location.endswith("signals.rail_pressure.index")
     assert "32 bits" in error.problem
 
 
@@ -250,5 +250,5 @@ def test_what_is_wrong_with_a_database_names_the_bench_file(
     (tmp_path / "bench.toml").write_text(EXAMPLE_BENCH.read_text())
     with pytest.raises(UserError) as refused:
         map_bus(load_bench(tmp_path / "bench.toml"))
-    assert refused.value.place == f"{tmp_path / 'bench.toml'}: {location}"
+    assert refused.value.location == f"{tmp_path / 'bench.toml'}: {location}"
     assert problem in refused.value.problem

@@ -44,7 +44,7 @@ def bus_with(folder: Path, rail: str, index: str = "Index") -> BusMap:
 def refusal(folder: Path, rail: str, index: str = "Index") -> UserError:
     with pytest.raises(UserError) as refused:
         bus_with(folder, rail, index)
-    assert refused.value.place.startswith(f"{folder / 'bench.toml'}: signals.rail_pressure")
+    assert refused.value.location.startswith(f"{folder / 'bench.toml'}: signals.rail_pressure")
     assert refused.value.remedy
     return refused.value
 
@@ -77,5 +77,5 @@ def test_an_index_that_some_frames_do_not_carry(tmp_path: Path) -> None:
 
 def test_samples_in_turns_without_an_index(tmp_path: Path) -> None:
     error = refusal(tmp_path, 'pattern = "Rail{}"', "")
-    assert error.place.endswith("signals.rail_pressure.index")
+    assert error.location.endswith("signals.rail_pressure.index")
     assert "no sample index" in error.problem

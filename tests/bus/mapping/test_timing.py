@@ -84,7 +84,7 @@ def test_refusals_of_the_rail_pressure(
     tmp_path: Path, key: str, value: str | float, further: str, problem: str
 ) -> None:
     error = refused(tmp_path, f'message = "Rail"\n{further}{key} = {value}')
-    assert error.place.endswith(f"signals.rail_pressure.{key}")
+    assert error.location.endswith(f"signals.rail_pressure.{key}")
     assert problem in error.problem
 
 

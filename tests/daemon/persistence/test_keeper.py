@@ -115,7 +115,7 @@ def test_what_cannot_be_true_is_not_blamed_on_the_disk(learner: Kept) -> None:
     with learner.kept():
         belief = good.state.learned.belief
         belief = replace(belief, mean=np.full_like(belief.mean, 1e3))
-        learner.knowledge = replace(good, state=good.state.each(lambda each: replace(each, belief=belief)))
+        learner.knowledge = replace(good, state=good.state.map(lambda each: replace(each, belief=belief)))
         until(lambda: bool(learner.messages))
         learner.learn(2)
     assert "the mean lies beyond what an injector can do\n  remedy: check the sensors" in learner.messages[0]

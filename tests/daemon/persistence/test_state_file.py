@@ -43,7 +43,7 @@ def bits(knowledge: Knowledge) -> str:
 
 def with_learned(knowledge: Knowledge, **changes: Any) -> Knowledge:
     """With other values of what was learned."""
-    return replace(knowledge, state=knowledge.state.each(lambda learned: replace(learned, **changes)))
+    return replace(knowledge, state=knowledge.state.map(lambda learned: replace(learned, **changes)))
 
 
 class StateFile:

@@ -18,7 +18,7 @@ from observer_rt.daemon.daemon import Daemon
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.stream.verdict import Taken
+from observer_rt.engine.stream.verdict import VerdictKind
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of
@@ -187,7 +187,7 @@ def test_rates_need_no_attention(tmp_path: Path) -> None:
     observer = run.core.compiled.observer
     taken = int(observer.memory[0]["judgement"]["events_taken"])
     assert taken > 0
-    assert (observer.events["taken"][:taken] == Taken.NOTHING).all()
+    assert (observer.events["taken"][:taken] == VerdictKind.NOTHING).all()
     _, count = published_rates(device.received[RATE.frame_id], worn.samples)
     assert (count[: run.core.processed - RATES] == 1).all()
 

@@ -116,7 +116,7 @@ def test_result_shows_itself(result: ort.EvaluationResult) -> None:
     assert any("injection 4" in axes.get_title() for axes in figure.axes)
     with pytest.raises(ort.UserError, match="no injection 9") as refused:
         result.plot(injections=[9])
-    assert refused.value.place == "injections"
+    assert refused.value.location == "injections"
 
 
 def test_learned_state_goes_on(
@@ -168,7 +168,7 @@ def test_observer_at_work_says_what_to_keep_of_it() -> None:
 def test_observer_refuses_a_sample_rate_by_its_parameter(rate: float) -> None:
     with pytest.raises(ort.UserError) as refused:
         ort.Observer(ort.Injector.load(), sample_rate_Hz=rate)
-    assert refused.value.place == "sample_rate_Hz"
+    assert refused.value.location == "sample_rate_Hz"
 
 
 def test_results_are_pickled_whole(
@@ -217,7 +217,7 @@ def test_injectors_of_the_same_files_are_equal(discovery: ort.Discovery) -> None
 def test_simulate_refuses_by_its_parameters(arguments: dict[str, Any], location: str, words: str) -> None:
     with pytest.raises(ort.UserError, match=words) as refused:
         ort.simulate(**arguments)
-    assert refused.value.place == location
+    assert refused.value.location == location
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_a_line_pressure_that_never_moves_is_refused_by_name(
         injector = ort.Injector.load(bench=bench)
     with pytest.raises(ort.UserError, match=r"never moves: it is 99\.3 MPa") as refused:
         getattr(injector, call)(dead if form == "recording" else frame)
-    assert "line_pressure" in refused.value.place
+    assert "line_pressure" in refused.value.location
 
 
 @pytest.fixture(scope="module")

@@ -63,5 +63,5 @@ def test_ratios_are_those_of_the_errors(folder: Path) -> None:
 def test_sample_rate_too_low_for_the_scheme_is_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(app_of(), ["reproduce", "--out", str(tmp_path), "--sample-rate", "8000"])
     assert isinstance(result.exception, UserError)
-    assert result.exception.place == "--sample-rate"
+    assert result.exception.location == "--sample-rate"
     assert not list(tmp_path.iterdir())

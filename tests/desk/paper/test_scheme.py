@@ -119,4 +119,4 @@ def test_a_gain_below_the_line_mode_is_refused() -> None:
     check_gain("here", 1.01 * C.line.mode, C)
     with pytest.raises(UserError, match="not above the line") as refused:
         check_gain("here", 0.99 * C.line.mode, C)
-    assert refused.value.place == "here"
+    assert refused.value.location == "here"

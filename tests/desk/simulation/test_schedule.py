@@ -115,7 +115,7 @@ def test_impossible_schedules(arguments: dict[str, object], location: str) -> No
     }
     with pytest.raises(UserError) as raised:
         make_schedule(**{**valid, **arguments})  # type: ignore[arg-type]
-    assert raised.value.place == location
+    assert raised.value.location == location
 
 
 def test_rail_pressure_holds_during_events_and_moves_smoothly_between() -> None:

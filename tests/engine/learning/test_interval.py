@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop
-from observer_rt.engine.learning.interval import Resimulated, is_revised, rate_sigma, volume_interval
+from observer_rt.engine.learning.interval import Resimulation, is_revised, rate_sigma, volume_interval
 
 SIZE, SAMPLES = 13, 121
 INTERVAL = 1e-5
@@ -19,7 +19,7 @@ WHOLE = slice(0, SAMPLES)
 NOTHING = np.zeros((SIZE, SIZE))
 
 
-def event(seed: int) -> Resimulated:
+def event(seed: int) -> Resimulation:
     """Random slopes; parameters and inputs known exactly."""
     random = np.random.default_rng(seed)
     run = OpenLoop(
@@ -32,7 +32,7 @@ def event(seed: int) -> Resimulated:
         fullness=np.zeros(SAMPLES),
     )
     exact = InputVariance(np.zeros(SAMPLES), np.zeros(SAMPLES))
-    return Resimulated(run, exact, NOTHING, NOTHING, INTERVAL)
+    return Resimulation(run, exact, NOTHING, NOTHING, INTERVAL)
 
 
 def test_volume_without_doubt_about_parameters_and_inputs() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_range import (
     EVERYWHERE,
     NOWHERE,
@@ -76,7 +76,7 @@ def flow_known_by(sigmas: dict[int, float], filled: float = 0.9, rate: float = 5
     covariance = np.zeros((PARAMETERS, PARAMETERS))
     for column, sigma in sigmas.items():
         covariance[column, column] = sigma**2
-    event = Resimulated(run, InputVariance(nothing, nothing), covariance, covariance, 1e-5)
+    event = Resimulation(run, InputVariance(nothing, nothing), covariance, covariance, 1e-5)
     return known_flow(event, np.zeros(PARAMETERS), covariance, EventPoint(1.0, -7.0, 0.5))
 
 

@@ -68,7 +68,7 @@ def lags_found(events: Iterable[LiftLag]) -> list[float | None]:
     search, lags = LiftLagSearch(), []
     for event in events:
         search, _ = search.after(REFUSED, partial(lambda event, _: event, event))
-        lags.append(search.found)
+        lags.append(search.accepted_lag)
     return lags
 
 
@@ -115,7 +115,7 @@ def test_where_events_are_refused_for_long_few_are_asked() -> None:
 
     for _ in range(64):
         search, _ = search.after(REFUSED, ask)
-        assert search.found
+        assert search.accepted_lag
     assert next(asked) == 6 + 64 // 8
     search, _ = search.after((), ask)
     search.after(REFUSED, ask)

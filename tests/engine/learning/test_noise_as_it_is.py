@@ -71,7 +71,7 @@ def test_what_was_learned_of_the_noise_holds_where_learning_is_off() -> None:
     humming = disturbed(hum(recorded(EVENTS, SEED).measured.time))
     learned = evaluate(bench_at(100e3), [humming]).knowledge
     assert learned.state.learned.colour is not None
-    white = replace(learned, state=learned.state.each(lambda each: replace(each, colour=None)))
+    white = replace(learned, state=learned.state.map(lambda each: replace(each, colour=None)))
 
     def valid(knowledge: Knowledge) -> list[bool]:
         reports = evaluate(bench_at(100e3), [humming], knowledge, learning=False).evaluations[0].reports

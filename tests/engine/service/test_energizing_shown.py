@@ -95,7 +95,7 @@ def test_mistakes_name_the_key(tmp_path: Path, lines: str, location: str, word: 
     bench = pulse_bench(tmp_path, lines)
     with pytest.raises(UserError) as caught:
         map_bus(load_bench(bench))
-    assert location in caught.value.place
+    assert location in caught.value.location
     assert word in f"{caught.value.problem} {caught.value.remedy}"
 
 

@@ -26,7 +26,7 @@ def made(folder: Path, timeout: float) -> Fuel:
         hand(
             core, [*samples, *(optional_frames or samples)]
         )  # a frame that is repeated brings nothing but a look
-        kelvin = float(core.compiled.pipeline.heard.memory["measured"][0])
+        kelvin = float(core.compiled.pipeline.input_memory.memory["measured"][0])
         return None if math.isnan(kelvin) else round(kelvin - 273.15, 1)
 
     return at

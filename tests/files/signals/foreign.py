@@ -106,4 +106,4 @@ def tells(path: Path, fitted: Bench) -> bool:
     try:
         return read(path, fitted).samples >= 2
     except UserError as error:
-        return str(path) in error.place and bool(error.remedy)
+        return str(path) in error.location and bool(error.remedy)

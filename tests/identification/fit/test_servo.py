@@ -6,7 +6,7 @@ import pytest
 
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate
-from observer_rt.identification.fit.problem import BESIDE, CONTROL, DISPLACEMENT, STRUCTURES
+from observer_rt.identification.fit.problem import CONTROL, DISPLACEMENT, OPTIONAL_GROUPS, STRUCTURES
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import POINTS, off_by_ten_percent
 from tests.observed_plants import recording_of
@@ -48,7 +48,7 @@ def test_its_control_flow_is_found(flow: float) -> None:
 def test_of_an_injector_without_any_nothing_is_said() -> None:
     done = fitted(Laws())
     assert done.inadequate == ()
-    assert not done.sizes.keys() & {one.name for group in BESIDE for one in group}
+    assert not done.sizes.keys() & {one.name for group in OPTIONAL_GROUPS for one in group}
     assert all(one.stated(done.injector) is None for one in (CONTROL[0], DISPLACEMENT))
 
 

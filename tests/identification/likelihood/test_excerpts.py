@@ -64,8 +64,8 @@ def test_every_injection_of_a_long_one_is_found_whole() -> None:
     times = 2 * BLOCK // PERIOD + 5
     measured_recordings = measured(Repeated(pair(), times), most=MOST)
     (expected,) = measurements([Repeated(pair(), times).collected()])
-    assert measured_recordings.found.complete == len(expected.events) == 2 * times
-    assert measured_recordings.found.left_out == ()
+    assert measured_recordings.injections.complete == len(expected.events) == 2 * times
+    assert measured_recordings.injections.left_out == ()
     assert measured_recordings.recording.samples <= MOST
     assert len(measured_recordings.events) > MOST // PERIOD
     assert set(windows(measured_recordings)) <= set(windows(expected))
@@ -112,8 +112,8 @@ def test_what_is_missing_is_counted_and_left_out_as_of_the_whole() -> None:
         rail[first + 20 : first + 29] = np.nan
     long = replace(long, rail_pressure=rail)
     measured_recordings, (expected,) = measured(HeldSignals(long), most=MOST), measurements([long])
-    assert [event.lack for event in measured_recordings.found.left_out] == [Lack.GAP] * 3
-    assert measured_recordings.found.left_out == expected.found.left_out
+    assert [event.lack for event in measured_recordings.injections.left_out] == [Lack.GAP] * 3
+    assert measured_recordings.injections.left_out == expected.injections.left_out
     summary, chosen, left_out = coverage(measured_recordings).splitlines()
     judged = len(measured_recordings.events)
     assert summary.endswith(

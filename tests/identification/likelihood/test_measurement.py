@@ -50,11 +50,11 @@ def test_an_event_with_missing_samples_is_left_out() -> None:
     line[np.flatnonzero(recording.needle_lift > 10e-6)[-1] + 200] = np.nan  # rings down after the second
     (measurement,) = measurements([replace(recording, line_pressure=line)])
     assert len(measurement.events) == 1
-    (left_out,) = measurement.found.left_out
+    (left_out,) = measurement.injections.left_out
     assert left_out.lack is Lack.GAP
     (complete,) = measurements([recording])
     assert left_out.time == recording.time[complete.events[1].openings[0].first]
-    assert complete.found.left_out == ()
+    assert complete.injections.left_out == ()
 
 
 @pytest.mark.parametrize("position", [0, 1, 4, -1])
@@ -66,7 +66,7 @@ def test_a_sample_of_the_lift_missing_in_a_ramp_costs_that_event_only(position: 
     lift[(opening.first if position >= 0 else opening.last + 1) + position] = np.nan
     (measurement,) = measurements([replace(recording, needle_lift=lift)])
     assert measurement.events == complete.events[1:]
-    assert [event.lack for event in measurement.found.left_out] == [Lack.GAP]
+    assert [event.lack for event in measurement.injections.left_out] == [Lack.GAP]
 
 
 def test_an_event_cut_off_at_either_end_is_left_out() -> None:
@@ -84,7 +84,7 @@ def test_an_event_cut_off_at_either_end_is_left_out() -> None:
         )
         (measurement,) = measurements([part])
         assert len(measurement.events) == 1
-        return [event.lack for event in measurement.found.left_out]
+        return [event.lack for event in measurement.injections.left_out]
 
     assert between(first.first - 100, recording.samples) == [Lack.BEFORE]
     assert between(0, second.last + 100) == [Lack.AFTER]

@@ -9,16 +9,16 @@ from observer_rt.model.terms.bounds import TermDomain
 from observer_rt.model.terms.law import (
     FUNCTIONS,
     PAIRS,
-    Applied,
+    Call,
     Coefficient,
-    Lagged,
+    Lag,
     Law,
     Memory,
     Number,
     Operation,
     Quantity,
-    Ringing,
-    Tabulated,
+    Resonance,
+    Table,
     Values,
 )
 from observer_rt.model.terms.variable import Variable
@@ -40,14 +40,14 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
 
     def larger(part: st.SearchStrategy[Law]) -> st.SearchStrategy[Law]:
         choices: list[st.SearchStrategy[Law]] = [
-            st.builds(Applied, st.sampled_from(_TWO), st.tuples(part, part)),
-            st.builds(Applied, st.sampled_from(_ONE), st.tuples(part)),
-            st.builds(Applied, st.just(Operation.POWER), st.tuples(part, _EXPONENTS)),
-            st.builds(Tabulated, part, st.just(_POINTS), st.tuples(*[_VALUES.map(Number)] * len(_POINTS))),
+            st.builds(Call, st.sampled_from(_TWO), st.tuples(part, part)),
+            st.builds(Call, st.sampled_from(_ONE), st.tuples(part)),
+            st.builds(Call, st.just(Operation.POWER), st.tuples(part, _EXPONENTS)),
+            st.builds(Table, part, st.just(_POINTS), st.tuples(*[_VALUES.map(Number)] * len(_POINTS))),
         ]
         if lagged:
-            choices.append(st.builds(Lagged, part, st.sampled_from([0.01, 0.25, 3.0])))
-            choices.append(st.builds(Ringing, part, st.just(7.25), st.sampled_from([0.02, 0.5])))
+            choices.append(st.builds(Lag, part, st.sampled_from([0.01, 0.25, 3.0])))
+            choices.append(st.builds(Resonance, part, st.just(7.25), st.sampled_from([0.02, 0.5])))
         return st.one_of(choices)
 
     return st.recursive(_LEAVES, larger, max_leaves=12)
@@ -66,10 +66,10 @@ def moments(seed: int, count: int = 40) -> dict[str, NDArray[np.float64]]:
 def sampled(interval_ms: float) -> Memory:
     """What laws that remember make of samples so far apart [ms], held for a lag, straight lines for a resonance."""
 
-    def remembered(law: Lagged | Ringing, values: Values) -> Values:
+    def remembered(law: Lag | Resonance, values: Values) -> Values:
         before = values - values[0]
         times = interval_ms * np.arange(values.size)
-        if isinstance(law, Lagged):
+        if isinstance(law, Lag):
             system, held = ([1.0], [law.milliseconds, 1.0]), np.append(before[1:], 0.0)
             return np.asarray(values[0] + lsim(system, held, times, interp=False)[1])
         turn = 2.0 * np.pi * law.kilohertz

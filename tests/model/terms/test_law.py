@@ -102,7 +102,7 @@ def test_variables_and_coefficient() -> None:
 def test_what_cannot_be_read_is_told_with_its_column(text: str, column: int, said: str) -> None:
     with pytest.raises(UserError) as refused:
         parse(text)
-    assert refused.value.place == f"column {column}"
+    assert refused.value.location == f"column {column}"
     assert said in f"{refused.value.problem} {refused.value.remedy}"
 
 

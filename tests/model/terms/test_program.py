@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import totals_of_terms
-from observer_rt.model.terms.law import Applied, Law, Quantity, Tabulated
+from observer_rt.model.terms.law import Call, Law, Quantity, Table
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.program import program_of
 from observer_rt.model.terms.term import Term, TermEquation
@@ -32,16 +32,16 @@ def blurred(
     law: Law, values: Values, c: float, random: np.random.Generator, share: float
 ) -> NDArray[np.float64]:
     """The law, tables as sums of lines, with every operation's result off by about such a share."""
-    if isinstance(law, Tabulated):
+    if isinstance(law, Table):
         return blurred(law.spelled, values, c, random, share)
-    if not isinstance(law, Applied):
+    if not isinstance(law, Call):
         return law.at(values, c)
     names = list(Variable)[: len(law.arguments)]
     parts = {
         name.word: blurred(one, values, c, random, share)
         for name, one in zip(names, law.arguments, strict=True)
     }
-    exact = Applied(law.operation, tuple(map(Quantity, names))).at(parts)
+    exact = Call(law.operation, tuple(map(Quantity, names))).at(parts)
     return exact * (1.0 + share * random.normal(size=exact.shape))
 
 

@@ -129,7 +129,7 @@ def test_sound_terms(equation: str, law: str, c: float) -> None:
 def test_unsound_terms(equation: str, law: str, c: float, said: str) -> None:
     with pytest.raises(UserError) as refused:
         refuse_unbounded(term(equation, law, c), DOMAIN)
-    assert refused.value.place.startswith(equation)
+    assert refused.value.location.startswith(equation)
     assert said in refused.value.problem
     assert refused.value.remedy
 

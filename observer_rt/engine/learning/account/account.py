@@ -49,7 +49,7 @@ class Account:
         """All that is believed, or was."""
         return (*(each.learned for each in self.hypotheses), *self.settled)
 
-    def each(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "Account":
+    def map(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "Account":
         """Account in which every hypothesis believes what the change makes of it."""
         changed = {id(h.learned): change(h.learned) for h in self.hypotheses}
         return replace(

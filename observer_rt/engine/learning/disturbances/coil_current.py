@@ -52,20 +52,20 @@ class Edge:
 
 
 class EdgePlaces(NamedTuple):
-    """Samples before an opening at which an edge is sought, and for how many it is seen; beside it none counts.
+    """Range of samples before an opening in which an edge is sought, and for how many samples it is seen.
 
-    fewest: samples of it that count at all.
+    margin: samples before the opening that do not count; fewest: samples of an edge that must count.
     """
 
     shortest: int
     longest: int
     seen_for: int
-    beside: int
+    margin: int
     fewest: int = 1
 
     def before_flow(self, samples: int) -> "EdgePlaces":
         """Places of a servo injector, whose flow begins so many samples before the opening: nothing from there on."""
-        return self._replace(beside=max(self.beside, samples), fewest=FEWEST_BEFORE_FLOW)
+        return self._replace(margin=max(self.margin, samples), fewest=FEWEST_BEFORE_FLOW)
 
     @property
     def all(self) -> int:
@@ -84,12 +84,12 @@ def edge_places(interval: float) -> EdgePlaces:
 class EdgeSearch:
     """Sums over events by which a step at one time before the openings shows; empty before any.
 
-    whole: (2, places), the same without limits: how high, and where.
+    unclipped: (2, places), both sums without limits, which tell how high the step is, and where.
     """
 
     products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     squares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    whole: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)))
+    unclipped: NDArray[np.float64] = field(default_factory=lambda: np.zeros((2, 0)))
 
     def after(
         self,
@@ -115,17 +115,17 @@ class EdgeSearch:
         return EdgeSearch(
             REMEMBERED * before.products + np.clip(products, -most, most),
             REMEMBERED * before.squares + squares,
-            REMEMBERED * before.whole + (products / sigma, squares / sigma**2),
+            REMEMBERED * before.unclipped + (products / sigma, squares / sigma**2),
         )
 
-    def found(self, places: EdgePlaces) -> Edge | None:
-        """The step found, None without one."""
+    def edge(self, places: EdgePlaces) -> Edge | None:
+        """The step that stands out of the noise; None without one."""
         power = np.maximum(self.squares, np.finfo(np.float64).tiny)
         scores = np.abs(self.products) / np.sqrt(power)
-        edge, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
-        if not (edge > STANDS_OUT and elsewhere < COMMON * edge):
+        score, elsewhere = scores[: places.longest + 1].max(), scores[places.longest + 1 :].max()
+        if not (score > STANDS_OUT and elsewhere < COMMON * score):
             return None
-        products, squares = self.whole[:, : places.longest + 1]
+        products, squares = self.unclipped[:, : places.longest + 1]
         before = int(np.argmax(products**2 / np.maximum(squares, np.finfo(np.float64).tiny)))
         return Edge(float(products[before] / squares[before]), before)
 
@@ -142,11 +142,11 @@ def _compare(
     For every place of `products` and `squares`.
     """
     n = innovations.size
-    counts = np.concatenate((innovations[: n - places.beside], np.zeros(shape.size)))
-    least = places.beside + min(places.fewest, shape.size)
+    counts = np.concatenate((innovations[: n - places.margin], np.zeros(shape.size)))
+    least = places.margin + min(places.fewest, shape.size)
     at = np.arange(max(places.shortest, least), min(products.size, n))
     products[at] += np.correlate(counts, shape, "valid")[n - at]
-    squares[at] += np.cumsum(shape**2)[np.minimum(at - places.beside, shape.size) - 1]
+    squares[at] += np.cumsum(shape**2)[np.minimum(at - places.margin, shape.size) - 1]
 
 
 def with_step(window: Window, first: int, height: float) -> Window:
@@ -298,7 +298,7 @@ class Energizing:
         before = left(shut)
         response = left(with_step(shut, first, sigma)) - before
         edges = self.edges.after(shut, sigma * before, response, sigma, places)
-        edge = edges.found(places)
+        edge = edges.edge(places)
         if edge is None:
             return Energizing(edges), self.is_known
         slopes, ends = fit.slopes / sigma, pulse_ends(interval)

@@ -60,7 +60,7 @@ class Believing:
     def _learned(self, explanation: Explanation) -> LearnedInjector:
         before, cost, limits = explanation.hypothesis.learned, explanation.cost, self.reader.limits
         held, information, vector = explanation.held, cost.information, cost.vector
-        belief = held.given.updated(information, vector)
+        belief = held.prior.updated(information, vector)
         if explanation.fit is not None:
             theta, active = explanation.theta, explanation.fit.active
         else:
@@ -71,7 +71,7 @@ class Believing:
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
         if temper > 1.0:
             information = information / temper
-            belief = held.given.updated(information, vector / temper)
+            belief = held.prior.updated(information, vector / temper)
         learned = LearnedInjector(
             belief=held.considered(belief, information),
             theta=theta,

@@ -30,8 +30,8 @@ class ExplainedEvent(NamedTuple):
     """An event as far as it is understood.
 
     state: before it, but for what was seen of the range's ends; recorded: its window; unmasked: without the coil;
-    window: nor outliers; found: explanations, the likeliest first; carried: those that are carried on, first the one
-    that leads.
+    window: without outliers, too; explanations: the likeliest first; carried: those that are carried on, the leading
+    one first.
     """
 
     state: LearningState
@@ -39,13 +39,13 @@ class ExplainedEvent(NamedTuple):
     unmasked: Window
     window: Window
     point: EventPoint
-    found: list[Continued]
+    explanations: list[Continued]
     carried: list[Continued]
 
     @property
     def fault_weight(self) -> float:
         """Probability that the event is at fault, or the model inadequate."""
-        return sum(explanation.weight for explanation, _ in self.found if not explanation.is_good)
+        return sum(explanation.weight for explanation, _ in self.explanations if not explanation.is_good)
 
 
 def explain(
@@ -153,7 +153,7 @@ class _Reads:
         reader, window = self._reader, self.window
         first = cost.linearised(learned.theta)
         resting = resting_pressure(window, cost, learned.theta, reader.interval, reader.pressure_scale)
-        move = resting.held(learned.belief).given.mean - learned.belief.mean
+        move = resting.held(learned.belief).prior.mean - learned.belief.mean
         move[list(SCALARS.gate.columns)] = 0.0
         if np.abs(move[list(_SENSOR)]).max() * reader.pressure_scale < MOVED:
             return first, resting

@@ -39,7 +39,7 @@ _OWN = (BEFORE, QUICK)
 class Explanation:
     """An event as one kind of what it may be, after a hypothesis: prior, and where it is explained best.
 
-    log_weight: of it; weight: over those of all. held: the prior, given the gain as rest says.
+    log_weight: of it; weight: over those of all. held: the prior with the gain held at what the samples at rest say.
     cost: round theta (m,), where that was fitted, fit: that;
     kind: `SETTLED` of hypotheses that come back, mode: after it. moving: where wear moves on.
     """
@@ -66,13 +66,13 @@ class Explanation:
         """Score of the event before it was fitted; None where it came not as believed, or nothing was believed."""
         if self.kind not in BELIEVED or self.hypothesis.learned.is_prior:
             return None
-        return self.reading.first.score(self.held.given.covariance)
+        return self.reading.first.score(self.held.prior.covariance)
 
     def fitted(self, reader: EventReader) -> "Explanation":
         """The same, fitted."""
         if self.fit is not None:
             return self
-        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.held.given, c.STEPS)
+        fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.held.prior, c.STEPS)
         return replace(self, fit=fit, cost=fit.linearisation, theta=fit.linearisation.theta)
 
 
@@ -132,18 +132,18 @@ class Weighing:
     def __init__(self, reader: EventReader) -> None:
         self._reader = reader
         self._best = -math.inf
-        self._found: list[Explanation] = []
+        self._all: list[Explanation] = []
 
     def add(self, hypothesis: Possibility, reading: EventReading, logs: Offers) -> None:
         """Explain the event by what a hypothesis offers. Raises numpy.linalg.LinAlgError when singular."""
         moved, priors = self._priors(hypothesis, logs)
-        held = [reading.rest.held(prior) for prior in priors.values()]
+        held = [reading.resting.held(prior) for prior in priors.values()]
         explanations = {
             kind: _FoundExplanation(prior, of, explanation.log + of.log, explanation.theta, reading.first)
             for (kind, prior), of, explanation in zip(
                 priors.items(),
                 held,
-                evidences(reading.first, [each.given for each in held], self._reader.limits),
+                evidences(reading.first, [each.prior for each in held], self._reader.limits),
                 strict=True,
             )
         }
@@ -177,7 +177,7 @@ class Weighing:
             explanation = explanations.get(kind, before)
             if kind.mode.is_good and is_worn_beyond_limits(explanation.theta):
                 continue
-            self._found.append(
+            self._all.append(
                 Explanation(
                     hypothesis,
                     kind,
@@ -195,18 +195,19 @@ class Weighing:
     def fit_of(self, hypothesis: Possibility) -> EventFit | None:
         """Where the event was fitted with what a hypothesis believes, if it was."""
         return next(
-            (each.fit for each in self._found if each.hypothesis is hypothesis and each.kind is BEFORE), None
+            (each.fit for each in self._all if each.hypothesis is hypothesis and each.kind is BEFORE),
+            None,
         )
 
     def explanations(self) -> list[Explanation]:
         """Explanations worth carrying on, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
-        if not self._found:
+        if not self._all:
             raise np.linalg.LinAlgError("no finite fit")
-        logs = np.array([each.log_weight for each in self._found])
+        logs = np.array([each.log_weight for each in self._all])
         weights = np.exp(logs - logs.max())
         weights /= weights.sum()
         order = np.argsort(-weights, kind="stable")
-        return [replace(self._found[i], weight=float(weights[i])) for i in order if weights[i] >= c.LIVE]
+        return [replace(self._all[i], weight=float(weights[i])) for i in order if weights[i] >= c.LIVE]
 
     def _priors(
         self, hypothesis: Possibility, kinds: Collection[Kind]
@@ -254,10 +255,10 @@ class Weighing:
         start = first if before.fit is None else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
         explanation.fit = fitter_of(hypothesis, reading, self._reader).fit(
-            start, explanation.held.given, steps
+            start, explanation.held.prior, steps
         )
         explanation.cost = explanation.fit.linearisation
         explanation.log = (
-            evidence(explanation.cost, explanation.held.given, self._reader.limits).log + explanation.held.log
+            evidence(explanation.cost, explanation.held.prior, self._reader.limits).log + explanation.held.log
         )
         explanation.theta = explanation.cost.theta

@@ -26,7 +26,7 @@ from observer_rt.engine.learning.adequacy import (
 )
 from observer_rt.engine.learning.disturbances.colour import RestingNoise, resting_segments
 from observer_rt.engine.learning.indicators import nozzle_change
-from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.lift_lag import UNEXPLAINED, LiftLag, lift_lag_of
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
@@ -52,7 +52,7 @@ class LookAlikes:
     begins_anew: bool
 
 
-def look_alikes_in(explained: ExplainedEvent, again: Resimulated, reader: EventReader) -> LookAlikes:
+def look_alikes_in(explained: ExplainedEvent, again: Resimulation, reader: EventReader) -> LookAlikes:
     """Look-alikes in an event that was run again."""
     explanation, lead = explained.carried[0]
     state, is_ending = _with_range(explained, reader)
@@ -112,7 +112,7 @@ def _with_range(explained: ExplainedEvent, reader: EventReader) -> tuple[Learnin
     is_new = range_ends.is_known and not state.range_ends.is_known
     state = replace(state, outliers=outliers, range_ends=range_ends)
     is_ending = outliers.is_clipped(sigmas) or range_ends.is_known
-    return state.each(_but_clipped) if is_new else state, is_ending
+    return state.map(_but_clipped) if is_new else state, is_ending
 
 
 def _but_clipped(learned: LearnedInjector) -> LearnedInjector:

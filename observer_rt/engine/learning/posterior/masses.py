@@ -14,7 +14,7 @@ from observer_rt.engine.estimation.scalars import Theta, learned_of
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.velocity import FLOWS
-from observer_rt.engine.learning.interval import Resimulated
+from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 
 LEAD = 15  # samples before the opening
@@ -70,7 +70,7 @@ class EventMass:
         return max(float(self.slopes @ covariance @ self.slopes), 0.0)
 
 
-def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulated) -> EventMass:
+def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulation) -> EventMass:
     """Mass of an event that was run again with theta (m,)."""
     part = _part(window)
     volume = float(np.trapezoid(again.run.rate[part])) * setting.interval
@@ -87,20 +87,20 @@ def _part(window: Window) -> slice:
 
 
 class Shares(NamedTuple):
-    """Standard deviations of a volume, as shares: by belief, inputs and model; and with all that is not in these."""
+    """Standard deviations of a volume, as shares of it: by belief, inputs and model alone, and in all."""
 
-    known: float
-    whole: float
+    from_belief: float
+    total: float
 
     @property
-    def beside(self) -> float:
-        """The second beyond the first."""
-        return math.sqrt(max(self.whole**2 - self.known**2, 0.0))
+    def remainder(self) -> float:
+        """What belief, inputs and model do not explain."""
+        return math.sqrt(max(self.total**2 - self.from_belief**2, 0.0))
 
 
 def within_of(shares: Shares) -> float:
     """Share within which hypotheses agree on a mass."""
-    return c.INTERVAL * shares.known + c.OWN_SHARE
+    return c.INTERVAL * shares.from_belief + c.OWN_SHARE
 
 
 def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, systematic: float) -> Shares:
@@ -119,7 +119,7 @@ def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, syst
 
 def _between(mass: EventMass, by_belief: float, factor: float, explained: ExplainedEvent) -> float:
     """Variance that hypotheses about one injector have beyond that of the one that leads."""
-    good = [(each.weight, one.learned) for each, one in explained.found if each.is_good]
+    good = [(each.weight, one.learned) for each, one in explained.explanations if each.is_good]
     total, mixed = sum(weight for weight, _ in good), 0.0
     for weight, learned in good:
         if weight < c.LEAST_PART * total:

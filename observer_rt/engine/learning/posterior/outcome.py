@@ -56,7 +56,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         covariance=covariance,
         carried_covariance=learned.gated.carried(event.in_force) + by_coil,
         systematic=math.hypot(systematic, state.lag_doubt.volume_share),
-        unknown=shares.beside,
+        unknown=shares.remainder,
         calibration=reader.calibration.of_event(mass.controlled),
     )
     return Outcome(
@@ -70,12 +70,12 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         resimulated=again,
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
         loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),
-        known=known_flow(again, theta, covariance, explained.point),
+        known_flow=known_flow(again, theta, covariance, explained.point),
         prior=explanation.prior if explanation.is_good else None,
         window=explained.window,
         setting=setting,
         change=verdict.change,
-        posterior=posterior_of(explained.found),
+        posterior=posterior_of(explained.explanations),
     )
 
 
@@ -105,7 +105,7 @@ def _compared(account: Account, explained: ExplainedEvent, mass: EventMass, read
 def _apart(explained: ExplainedEvent, mass: EventMass, within: float) -> NDArray[np.float64]:
     """Covariance (m, m) by hypotheses that agree on the mass with another theta."""
     total = np.zeros((mass.theta.size, mass.theta.size))
-    for explanation, belief in explained.found:
+    for explanation, belief in explained.explanations:
         away = belief.learned.theta - mass.theta
         if explanation.is_good and abs(mass.moved(belief.learned.theta)) <= within:
             total += explanation.weight * np.outer(away, away)

@@ -48,7 +48,7 @@ class EventReading:
     """An event read with what `learned` says: its cost, and that linearised, at the gain that its rest says.
 
     innovations, unfiltered: (n,) there, the latter with the colour of the noise; slopes: (n, m); phases: (n,);
-    healthy: residuals of a healthy injector; rest: of the event.
+    healthy: residuals of a healthy injector; resting: of the event.
     """
 
     learned: LearnedInjector
@@ -62,7 +62,7 @@ class EventReading:
     slopes: NDArray[np.float64]
     phases: NDArray[np.int8]
     healthy: Healthy
-    rest: RestingPressure
+    resting: RestingPressure
     _left: dict[bytes, Left] = field(default_factory=dict)
 
     @cached_property

@@ -56,7 +56,7 @@ def verdict_of(
     published = mass.moved_far(in_force)
     agree = own = 0.0
     against: dict[Reason, float] = {}
-    for explanation, hypothesis in explained.found:
+    for explanation, hypothesis in explained.explanations:
         moved = mass.moved(hypothesis.learned.theta)
         agrees = explanation.is_good and abs(moved) <= within
         goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]
@@ -84,9 +84,9 @@ def _own_objections(
         if 2.0 * weight <= 1.0 - own:
             reason = Reason.SUDDEN_CHANGE if kind is SETTLED else Reason.REVISED
         return (Objection(reason),)
-    if c.INTERVAL * shares.known > c.KNOWN:
+    if c.INTERVAL * shares.from_belief > c.KNOWN:
         return (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
-    if c.INTERVAL * shares.whole > c.KNOWN:
+    if c.INTERVAL * shares.total > c.KNOWN:
         return (Objection(Reason.MODEL_INADEQUATE),)
     return ()
 

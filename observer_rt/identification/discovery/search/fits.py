@@ -104,7 +104,7 @@ class Fitter:
         """Measures how a small size of every effect moves the residuals of the nominal model."""
         judged = self.judged(self.nothing())
         assert judged is not None  # the search began with it
-        signatures = self.each(
+        signatures = self.map(
             lambda effect: appearance.signatures(self.likelihood, self.nominal, judged, [effect]), effects
         )
         self._signatures = {one.effect.id: one for each in signatures for one in each}
@@ -160,7 +160,7 @@ class Fitter:
     def _sizing(self, hypothesis: Hypothesis) -> Sizing:
         return Sizing(self.likelihood, self.nominal, hypothesis)
 
-    def each(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+    def map(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
         """Results of `work` in the order of the items; an interruption does not wait for those not begun."""
         with ThreadPoolExecutor(self._workers) as pool:
             try:
@@ -193,7 +193,7 @@ class Fitter:
 
         scored_effects = [
             (number, one)
-            for number, one in enumerate(self.each(signature, effects))
+            for number, one in enumerate(self.map(signature, effects))
             if one is not None and one.any()
         ]
         numbers = np.array([number for number, _ in scored_effects], np.int64)
@@ -206,7 +206,7 @@ class Fitter:
 
     def laws(self, hypotheses: Sequence[tuple[Hypothesis, NDArray[np.float64]]]) -> list[Candidate]:
         """Fits of laws, perhaps beside effects of one size, each from where it is said; those there are."""
-        return [one for one in self.each(lambda item: self._law(*item), hypotheses) if one is not None]
+        return [one for one in self.map(lambda item: self._law(*item), hypotheses) if one is not None]
 
     def _law(self, hypothesis: Hypothesis, start: NDArray[np.float64]) -> Candidate | None:
         def minimum_of_law() -> Minimum | None:
@@ -273,7 +273,7 @@ class Fitter:
                 lambda: minimum_from(self._sizing(hypothesis), task.starts, max_iterations, task.probed),
             )
 
-        return [one for one in self.each(fitted, tasks) if one is not None]
+        return [one for one in self.map(fitted, tasks) if one is not None]
 
     def singles(self, effects: Sequence[Effect], nominal: Candidate) -> list[Candidate]:
         """Every effect alone; those that explain far less than the best are fitted roughly."""
@@ -311,7 +311,7 @@ class Fitter:
         sizing = self._sizing(leader.hypothesis)
         spanned, _ = np.linalg.qr(linearise(sizing, leader.theta, base, leader.hypothesis.ranges()).slopes)
         others = [effect for effect in effects if effect not in leader.hypothesis.effects]
-        promises = self.each(lambda effect: self._promise(leader, base, spanned, effect), others)
+        promises = self.map(lambda effect: self._promise(leader, base, spanned, effect), others)
         ranked = sorted(zip(promises, others, strict=True), key=lambda item: -item[0].gain)
         least = max(WORTH_FITTING, PROMISED * (leader.price - goal))
         worthwhile = [item for item in ranked if item[0].gain > least][:MOST_SECONDS]

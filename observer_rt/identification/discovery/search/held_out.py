@@ -26,7 +26,7 @@ class HeldOutPoints:
             JointLikelihood([likelihood.recordings[i] for i in part]) for part in (first, second)
         )
         self._nominal = nominal
-        self._known: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
+        self._cache: dict[tuple[tuple[str, ...], tuple[float, ...]], _Events | None] = {}
 
     def statistic(self, candidate: Candidate) -> float:
         """-2 log L of all events held out; inf without a solution, nan where there is nothing to hold out."""
@@ -64,11 +64,11 @@ class HeldOutPoints:
         return falls > scatter and shrinks > -gap_scatter
 
     def _events(self, candidate: Candidate) -> "_Events | None":
-        if candidate.key not in self._known:
-            self._known[candidate.key] = self._found(candidate)
-        return self._known[candidate.key]
+        if candidate.key not in self._cache:
+            self._cache[candidate.key] = self._judge(candidate)
+        return self._cache[candidate.key]
 
-    def _found(self, candidate: Candidate) -> "_Events | None":
+    def _judge(self, candidate: Candidate) -> "_Events | None":
         hypothesis, theta = candidate.hypothesis, candidate.theta
         if hypothesis.effects:
             again = fit(Sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())

@@ -98,7 +98,9 @@ class Hypothesis:
 def equation_of(effect: Effect) -> str:
     """Equation that an effect corrects; of one that is no law the place where it sits."""
     law = effect.apply
-    return law.equation if isinstance(law, TermLaw) else LAWS_OF_EFFECTS.get(effect.id, (effect.place, ""))[0]
+    if isinstance(law, TermLaw):
+        return law.equation
+    return LAWS_OF_EFFECTS.get(effect.id, (effect.component, ""))[0]
 
 
 class Sizing:

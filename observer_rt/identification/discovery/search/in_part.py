@@ -56,7 +56,7 @@ class _ProposalJudge:
             return Refusal(f"it closes {max(closed, 0.0):.0%} of the gap held out, not two thirds", _MORE)
         interval = half * mean_mass(self._measured, proposal.model(self._nominal))
         rivals = [other for other in self._proposals if other is not proposal]
-        moved = [each.found.moves.mass - proposal.found.moves.mass for each in rivals]
+        moved = [each.candidate.moves.mass - proposal.candidate.moves.mass for each in rivals]
         differs = max(moved, key=abs, default=0.0)
         if abs(differs) > interval:
             return Refusal(

@@ -215,7 +215,7 @@ class LawSearch:
     def _sharpened(self, fits: list[Candidate]) -> list[Candidate]:
         """Fits, and the best of them with the numbers within their laws fitted, too."""
         leaders = sorted(fits, key=attrgetter("price"))[:SHARPENED]
-        return fits + [one for one in self._fits.each(self._fits.sharpened, leaders) if one is not None]
+        return fits + [one for one in self._fits.map(self._fits.sharpened, leaders) if one is not None]
 
     def _tailored(self, about: Candidate, scores: Scores) -> list[Candidate]:
         """Fits with another effect, made for the residuals: a law, else a table."""
@@ -264,7 +264,7 @@ class LawSearch:
         alike = [(Hypothesis((term_effect(other, law.form, law.numbers),)), np.zeros(1)) for other in others]
         half = 0.5 * (self._nothing.statistic - best.statistic)
         promising = [one for one in self._fits.laws(alike) if one.statistic < best.statistic + half]
-        sharp = self._fits.each(self._fits.sharpened, promising)
+        sharp = self._fits.map(self._fits.sharpened, promising)
         return promising + [one for one in sharp if one is not None]
 
     def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:

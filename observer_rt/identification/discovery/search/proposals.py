@@ -45,7 +45,7 @@ class Proposer:
     def __init__(
         self, fitter: Fitter, outcome: SearchOutcome, healthy: Healthy, held_out: HeldOutPoints
     ) -> None:
-        self._fitter, self._found, self._held_out = fitter, outcome, held_out
+        self._fitter, self._outcome, self._held_out = fitter, outcome, held_out
         self._nominal = fitter.nominal
         self._measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
         self._adequate = Adequacy(fitter, healthy)
@@ -58,9 +58,9 @@ class Proposer:
         """Of these, the first with its laws drawn. Where that piles up laws and leaves something all the same, the
         best of them alone is one more."""
         made = [self._proposal(one) for one in laws]
-        made = [replace(one, curves=self._curves(one.found)) for one in made[:1]] + made[1:]
+        made = [replace(one, curves=self._curves(one.candidate)) for one in made[:1]] + made[1:]
         if made and not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
-            first = made[0].found
+            first = made[0].candidate
             pairs = zip(first.hypothesis.effects, first.sizes, strict=True)
             alone = [(Hypothesis((effect,)), np.array([size])) for effect, size in pairs if is_term(effect)]
             made += [
@@ -69,7 +69,7 @@ class Proposer:
         return tuple(made)
 
     def _proposal(self, candidate: Candidate) -> Proposal:
-        model, outcome = candidate.model(self._nominal), self._found
+        model, outcome = candidate.model(self._nominal), self._outcome
         half = NORMAL_975 * INTERVAL_MARGIN * self._fitter.sigmas(candidate)
         moves = consequence(self._measured, self._nominal, model)
         return Proposal(
@@ -109,5 +109,5 @@ def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> 
         for term in terms:
             refuse_unbounded(replace(term, law=term.law.held(seen)), domain)
     except UserError as error:
-        return Refusal(f"{error.place} {error.problem}", error.remedy)
+        return Refusal(f"{error.location} {error.problem}", error.remedy)
     return None

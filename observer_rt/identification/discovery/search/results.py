@@ -229,7 +229,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Unexplained:
+class LargestMisfit:
     """Phase and signal in which the model as given fails most; equation, variables and text of what explains most."""
 
     equation: Equation
@@ -302,16 +302,16 @@ class Part:
 class Proposal:
     """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
-    found: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given; phase:
-    in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law does not hold
-    where it was seen, None where all do; held_out: rms of the line pressure's gap on events it was not fitted to,
+    candidate: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given;
+    phase: in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law fails
+    where it was seen, None where all hold; held_out: rms of the line pressure's gap on events it was not fitted to,
     before and after [Pa], nan where nothing was held out; probability: among all explanations tried, 0 of one that
     leaves something; seen: between what its inputs lay; curves: of the first proposal, its laws over their variables
     where they have one; part: of one that leaves something but has no other objection; largest_lift: of the needle
     [m], for words.
     """
 
-    found: Candidate
+    candidate: Candidate
     gain: float
     phase: Phase
     adequate: bool
@@ -326,7 +326,7 @@ class Proposal:
     @property
     def terms(self) -> tuple[Term, ...]:
         """Terms, with 95 % intervals of their coefficients."""
-        return self.found.terms
+        return self.candidate.terms
 
     @property
     def seen_of_terms(self) -> dict[str, tuple[float, float]]:
@@ -337,7 +337,7 @@ class Proposal:
     @property
     def effects(self) -> tuple[str, ...]:
         """Ids of the effects of the vocabulary beside them."""
-        return self.found.named
+        return self.candidate.named
 
     @property
     def refusal(self) -> Refusal | None:
@@ -352,13 +352,13 @@ class Proposal:
 
         What blames several equations must do it without numbers within its laws: with them it would fit anything.
         """
-        effects = self.found.hypothesis.effects
+        effects = self.candidate.hypothesis.effects
         laws = [effect.apply for effect in effects if isinstance(effect.apply, TermLaw)]
-        if not self.found.within_bounds:
+        if not self.candidate.within_bounds:
             return AT_BOUND
         if len(effects) > MOST_ENTERING and laws:
             return TOO_MANY
-        if len({effect.place for effect in effects}) > 1 and any(law.numbers for law in laws):
+        if len({effect.component for effect in effects}) > 1 and any(law.numbers for law in laws):
             return TOO_FREE
         return self.unsound
 
@@ -369,7 +369,7 @@ class Proposal:
 
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""
-        return self.found.model(nominal)
+        return self.candidate.model(nominal)
 
 
 @dataclass(frozen=True)
@@ -402,7 +402,7 @@ class Discovery:
     rivals: tuple[tuple[str, ...], ...]
     ranking: tuple[Candidate, ...]
     detection: Detection
-    unexplained: Unexplained | None
+    unexplained: LargestMisfit | None
     decide_by: tuple[Decisive, ...]
     explained: Inside[float]
     samples: Inside[float]
@@ -424,4 +424,4 @@ class Discovery:
         without effects if nothing was found."""
         if self.effects and not self.accepted:
             return next(one for one in self.ranking if one.ids == self.named.ids)
-        return self.named if self.proposal is None else self.proposal.found
+        return self.named if self.proposal is None else self.proposal.candidate

@@ -199,8 +199,8 @@ class Search:
     ) -> list[Candidate]:
         """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings.
 
-        Where a pair is worth having, its other member leads, too: the best single may stand in for two. law: that
-        explains all, of which a leader must explain a good part, and a pair as much.
+        Where a pair is worth having, its other member leads, too: the best single may stand in for two. law: one that
+        explains all; a leader must explain a good part of that, and a pair as much.
         """
         if not best.hypothesis.effects and ratio <= 1.0:
             return []

@@ -25,9 +25,9 @@ from observer_rt.identification.discovery.search.results import (
     Detection,
     Discovery,
     FittedEffect,
+    LargestMisfit,
     Proposal,
     SmallestVisible,
-    Unexplained,
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import (
@@ -44,14 +44,14 @@ from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import Consequence, consequence
-from observer_rt.model.effect import WITH_A_MEASURED_RATE, Effect, Place
+from observer_rt.model.effect import WITH_A_MEASURED_RATE, Component, Effect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 
-_PRESSURE_SENSORS = frozenset({Place.RAIL_SENSOR, Place.LINE_SENSOR})
+_PRESSURE_SENSORS = frozenset({Component.RAIL_SENSOR, Component.LINE_SENSOR})
 
 
-_BESIDE_SHUT_NEEDLE = {Place.SEAT, Place.LIFT_SENSOR, Place.CLOSED_END}
+_BESIDE_SHUT_NEEDLE = {Component.SEAT, Component.LIFT_SENSOR, Component.CLOSED_END}
 """Places at which fuel may leave, or seem to, while the needle is shut."""
 RANKED, MOST_PROPOSED = 10, 4  # candidates and laws listed
 MASS_APART = 0.3 * MILLIGRAM  # kg of an injection, from which on laws that explain as much leave it open
@@ -85,7 +85,7 @@ def decide_between(proposals: Sequence[Proposal], rate_measured: bool = False) -
     """The measurements that would tell the first proposal from the others; see `decide_by`."""
     decisions = []
     for number, other in enumerate(proposals[1:], start=2):
-        ours, theirs = (first.found.hypothesis.effects for first in (proposals[0], other))
+        ours, theirs = (first.candidate.hypothesis.effects for first in (proposals[0], other))
         first = next((effect for effect in ours if effect not in theirs), ours[0])
         instead = next((effect for effect in theirs if effect not in ours), theirs[0])
         decisions.append((_measurement(first, instead, rate_measured), ("proposal 1", f"proposal {number}")))
@@ -102,7 +102,7 @@ def _by_measurement(decisions: Iterable[tuple[str, tuple[str, str]]]) -> tuple[D
 
 def _measurement(first: Effect, second: Effect, rate_measured: bool) -> str:
     """Finds the measurement that decides, by what the effects state, else by their places."""
-    relation, places = first.relation_to(second), {first.place, second.place}
+    relation, places = first.relation_to(second), {first.component, second.component}
     said = relation.decided_by if relation is not None else first.decided_by or second.decided_by
     if said:
         return WITH_A_MEASURED_RATE.get(said, said) if rate_measured else said
@@ -110,7 +110,7 @@ def _measurement(first: Effect, second: Effect, rate_measured: bool) -> str:
         return "the injection rate or mass measured, or a recording with the needle shut for a second"
     if places & _PRESSURE_SENSORS:
         return "the pressure sensors against a reference gauge, and recordings at more rail pressures"
-    at_chamber = Place.CHAMBER in places or Place.NOZZLE in places
+    at_chamber = Component.CHAMBER in places or Component.NOZZLE in places
     more = "rail pressures and at another chamber pressure" if at_chamber else "rail pressures and durations"
     with_rate = "" if rate_measured else ", with the injection rate measured"
     return f"recordings at more {more}{with_rate}"
@@ -214,7 +214,7 @@ class _Verdict:
         self._held_out = held_out
         self._nominal = fitter.nominal
         self._likelihood = fitter.likelihood
-        self._found = outcome
+        self._outcome = outcome
         self._baseline = baseline
         self._names = _names_left(outcome)
         laws = [one for one in outcome.left if one.terms]
@@ -227,16 +227,16 @@ class _Verdict:
     def _verdict(self) -> Verdict:
         """Laws that explain as much and inject other masses leave it open, too."""
         if self._names:
-            is_open = self._names[1:] or self._proposals or self._found.soft
+            is_open = self._names[1:] or self._proposals or self._outcome.soft
             return Verdict.AMBIGUOUS if is_open else Verdict.NAMED
-        if self._found.adequate and not self._proposals:
+        if self._outcome.adequate and not self._proposals:
             return Verdict.NONE
-        masses = [one.found.moves.mass for one in self._proposals if one.adequate] or [0.0]
+        masses = [one.candidate.moves.mass for one in self._proposals if one.adequate] or [0.0]
         return Verdict.AMBIGUOUS if np.ptp(masses) > MASS_APART else Verdict.UNKNOWN
 
     def _confidence(self, verdict: Verdict) -> float:
         """Probability of the verdict: of the name or law that leads, of all laws, or that nothing is missing."""
-        outcome, laws = self._found, [one.probability for one in self._proposals]
+        outcome, laws = self._outcome, [one.probability for one in self._proposals]
         if self._names or not self._proposals:
             sure = outcome.probability(outcome.winner)
         else:
@@ -247,7 +247,7 @@ class _Verdict:
 
     def discovery(self) -> Discovery:
         """Everything together."""
-        outcome, verdict = self._found, self._verdict()
+        outcome, verdict = self._outcome, self._verdict()
         confidence = self._confidence(verdict)
         by_name = (one for one in outcome.fitted if not one.terms)
         best = outcome.winner if outcome.adequate else min(by_name, key=attrgetter("statistic"))
@@ -294,7 +294,7 @@ class _Verdict:
 
     def _effects(self, confidence: float, explained: float) -> tuple[FittedEffect, ...]:
         """The winner's effects. explained: share of the disagreement."""
-        winner = self._found.winner
+        winner = self._outcome.winner
         full_model, parameters = winner.model(self._nominal), self._with_intervals(winner).parameters
         gains = [self._gain(number) for number in range(len(winner.ids))]
         result = []
@@ -316,13 +316,13 @@ class _Verdict:
 
     def _gain(self, number: int) -> float:
         """Rise of -2 log L without one of the winner's effects."""
-        winner = self._found.winner
+        winner = self._outcome.winner
         effects, sizes = winner.hypothesis.effects, list(winner.hypothesis.split(winner.theta))
         others = Hypothesis(effects[:number] + effects[number + 1 :])
-        known = [one for one in self._found.fitted if set(one.ids) == set(others.ids)]
+        smaller = [one for one in self._outcome.fitted if set(one.ids) == set(others.ids)]
         del sizes[number]  # of two out of three nobody fitted what the search did not ask for
-        known = known or [*self._fitter.laws([(others, np.concatenate(sizes))]), self._found.nominal]
-        return min(one.statistic for one in known) - winner.statistic
+        smaller = smaller or [*self._fitter.laws([(others, np.concatenate(sizes))]), self._outcome.nominal]
+        return min(one.statistic for one in smaller) - winner.statistic
 
     def _with_intervals(self, candidate: Candidate) -> Candidate:
         """A candidate with the intervals of its sizes: by the information at the minimum, by how much the effect
@@ -342,7 +342,7 @@ class _Verdict:
 
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by what they cost, the winner, its rivals and the nominal model among them, by -2 log L."""
-        outcome = self._found
+        outcome = self._outcome
         leaders = best_of_each(outcome.fitted, attrgetter("price"))[:RANKED]
         shown = (*leaders, outcome.winner, *self._names, *outcome.left, outcome.nominal)
         chosen = {one.key: one for one in shown}.values()
@@ -360,17 +360,17 @@ class _Verdict:
         judged = self._fitter.judged(candidate)
         return () if judged is None else cells_of(self._likelihood, judged, candidate.model(self._nominal))
 
-    def _unexplained(self, best: Candidate) -> Unexplained | None:
+    def _unexplained(self, best: Candidate) -> LargestMisfit | None:
         """Where the model as given fails most, and the equation and variables of what explains most of it."""
-        pool = self._fitter.pool(self._found.nominal)
+        pool = self._fitter.pool(self._outcome.nominal)
         assert pool is not None  # the search began with it
         worst_cell = worst(pool, self._baseline)
-        leading = self._proposals[0].found if self._proposals else best
+        leading = self._proposals[0].candidate if self._proposals else best
         variables = {one.word for term in leading.terms for one in term.law.variables}
         equations = [effect.equation for effect in leading.hypothesis.effects]
         if not equations:
             return None
-        return Unexplained(
+        return LargestMisfit(
             equations[0],
             worst_cell.phase,
             worst_cell.signal,

@@ -14,10 +14,10 @@ from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement,
 from observer_rt.identification.discovery.search.results import (
     Candidate,
     Cell,
+    LargestMisfit,
     Part,
     Proposal,
     Size,
-    Unexplained,
 )
 from observer_rt.identification.discovery.words.law_words import as_if
 from observer_rt.identification.discovery.words.sentences import proposal_words
@@ -160,7 +160,7 @@ def _key(unit: str) -> str:
     return unit.replace("/", "_per_")
 
 
-def unknown(left: Unexplained | None, findings: Any) -> Unknown | None:
+def unknown(left: LargestMisfit | None, findings: Any) -> Unknown | None:
     """The unexplained part, with the proposals."""
     if left is None:
         return None
@@ -172,7 +172,7 @@ def unknown(left: Unexplained | None, findings: Any) -> Unknown | None:
 
 def _proposal(number: int, proposal: Proposal) -> ProposalEntry:
     before, after = proposal.held_out
-    sizes = proposal.found.parameters
+    sizes = proposal.candidate.parameters
     return ProposalEntry(
         number=number,
         sentence=proposal_words(proposal),
@@ -185,7 +185,7 @@ def _proposal(number: int, proposal: Proposal) -> ProposalEntry:
         sound=proposal.unsound is None,
         may_enter=proposal.may_enter,
         gap_held_out={"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL},
-        moves=proposal.found.moves,
+        moves=proposal.candidate.moves,
         seen=proposal.seen_of_terms,
         in_part=proposal.part,
     )

@@ -10,15 +10,15 @@ from math import isclose
 from observer_rt.foundation.units import MILLIMETRE
 from observer_rt.model.terms.law import (
     ZERO,
-    Applied,
+    Call,
     Coefficient,
-    Lagged,
+    Lag,
     Law,
     Number,
     Operation,
     Quantity,
-    Ringing,
-    Tabulated,
+    Resonance,
+    Table,
 )
 from observer_rt.model.terms.variable import Variable
 
@@ -39,8 +39,8 @@ class Subject:
     of: Mapping[Variable, float]
 
     @property
-    def one(self) -> str:
-        """What an amount is per."""
+    def unit_word(self) -> str:
+        """Unit after "per" in a sentence."""
         return self.unit if self.unit != "-" else "unit"
 
     def at(self, value: float) -> str:
@@ -111,9 +111,9 @@ def with_largest_lift(law: Law, largest: float | None) -> Law:
     match law:
         case Quantity(Variable.MAX_LIFT):
             return Number(largest / MILLIMETRE)
-        case Applied(operation, arguments):
-            return Applied(operation, tuple(with_largest_lift(one, largest) for one in arguments))
-        case Lagged(argument) | Ringing(argument) | Tabulated(argument):
+        case Call(operation, arguments):
+            return Call(operation, tuple(with_largest_lift(one, largest) for one in arguments))
+        case Lag(argument) | Resonance(argument) | Table(argument):
             return replace(law, argument=with_largest_lift(argument, largest))
     return law
 
@@ -127,10 +127,10 @@ def product_of(law: Law) -> Product:
             return Product(law.reckoned, (), ())
         case Quantity(variable) if variable in GATES:
             return Product(1.0, (variable,), ())
-        case Applied(Operation.NEGATE, (argument,)):
+        case Call(Operation.NEGATE, (argument,)):
             product = product_of(argument)
             return Product(-product.size, product.gates, product.factors)
-        case Applied(Operation.MULTIPLY, arguments):
+        case Call(Operation.MULTIPLY, arguments):
             parts = [product_of(one) for one in arguments]
             size = parts[0].size * parts[1].size
             gates, factors = (
@@ -138,7 +138,7 @@ def product_of(law: Law) -> Product:
                 for name in ("gates", "factors")
             )
             return Product(size, gates, factors)
-        case Applied(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
+        case Call(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
             product = product_of(argument)
             return Product(product.size / number.reckoned, product.gates, product.factors)
     return Product(1.0, (), (law,))
@@ -176,20 +176,20 @@ def _combination(law: Law) -> _Combination | None:
             return {}, law.reckoned
         case Quantity(variable) if variable not in GATES and variable is not Variable.MAX_LIFT:
             return {variable: 1.0}, 0.0
-        case Applied(Operation.DIVIDE, (Quantity(Variable.NEEDLE_LIFT), Quantity(Variable.MAX_LIFT))):
+        case Call(Operation.DIVIDE, (Quantity(Variable.NEEDLE_LIFT), Quantity(Variable.MAX_LIFT))):
             return {_SHARE: 1.0}, 0.0
-        case Applied(Operation.NEGATE, (argument,)):
+        case Call(Operation.NEGATE, (argument,)):
             return _times(_combination(argument), -1.0)
-        case Applied(Operation.ADD, (left, right)):
+        case Call(Operation.ADD, (left, right)):
             return _sum(_combination(left), _combination(right))
-        case Applied(Operation.SUBTRACT, (left, right)):
+        case Call(Operation.SUBTRACT, (left, right)):
             return _sum(_combination(left), _times(_combination(right), -1.0))
-        case Applied(Operation.MULTIPLY, arguments):
+        case Call(Operation.MULTIPLY, arguments):
             first, second = map(_combination, arguments)
             if first is None or second is None or (first[0] and second[0]):
                 return None
             return _times(first, second[1]) if first[0] else _times(second, first[1])
-        case Applied(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
+        case Call(Operation.DIVIDE, (argument, Number() as number)) if number != ZERO:
             return _times(_combination(argument), 1.0 / number.reckoned)
     return None
 

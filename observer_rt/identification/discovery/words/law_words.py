@@ -17,7 +17,7 @@ from observer_rt.identification.discovery.words.law_reading import (
     with_largest_lift,
     with_unit,
 )
-from observer_rt.model.terms.law import ONE, ZERO, Applied, Lagged, Law, Number, Operation, Ringing, Tabulated
+from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, Number, Operation, Resonance, Table
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -93,10 +93,10 @@ def plain_words(term: Term, largest_lift: float | None = None) -> str:
     if len(product.gates) > 1 or not product.size:
         return ""
     match product.factors:
-        case (Ringing(_, kilohertz, damping),):
+        case (Resonance(_, kilohertz, damping),):
             rings = f"rang at {kilohertz:.3g} kHz with a damping of {damping:.3g}"
             return f"a tube before the line-pressure sensor {rings}"
-        case (Tabulated() as table,) if not product.gates:
+        case (Table() as table,) if not product.gates:
             return _tabulated(term, table)
     reading = _read(product.factors)
     if reading is None:
@@ -136,7 +136,7 @@ def _amount(term: Term, scale: float) -> str:
     return f"{rounded_size(term, scale).removeprefix('-')} {unit}"
 
 
-def _tabulated(term: Term, table: Tabulated) -> str:
+def _tabulated(term: Term, table: Table) -> str:
     line = line_of(table.argument)
     if line is None:
         return ""
@@ -155,7 +155,7 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
             return Reading(1.0, "")
         case (first,):
             return _read_one(first)
-        case (Applied(Operation.EXP) as fades, Applied(Operation.SIN, (turns,))):
+        case (Call(Operation.EXP) as fades, Call(Operation.SIN, (turns,))):
             decay, swing = _decay(fades), line_of(turns)
             if decay is None or swing is None or swing.subject.of != SINCE:
                 return None
@@ -163,7 +163,7 @@ def _read(factors: tuple[Law, ...]) -> Reading | None:
             return Reading(
                 1.0, f"at most, ringing at {kilohertz:.3g} kHz after every opening for {decay:.3g} ms"
             )
-        case (first, Applied(Operation.ABS, (second,))):
+        case (first, Call(Operation.ABS, (second,))):
             squared = _squared(line_of(first), line_of(second), "as its square, either way")
         case (first, second):
             squared = _squared(line_of(first), line_of(second), "as its square")
@@ -192,50 +192,50 @@ def _read_one(law: Law) -> Reading | None:
     if line is not None:
         return _in_proportion(line)
     match law:
-        case Applied(Operation.MAX, (argument, bound)) if bound == ZERO:
+        case Call(Operation.MAX, (argument, bound)) if bound == ZERO:
             return _kinked(line_of(argument), "")
-        case Applied(Operation.SUBTRACT, (Applied(Operation.MAX) as up, Applied(Operation.MAX) as down)):
+        case Call(Operation.SUBTRACT, (Call(Operation.MAX) as up, Call(Operation.MAX) as down)):
             return _either_way(up, down)
-        case Applied(Operation.GREATER | Operation.LESS as side, (argument, Number() as bound)):
-            line = line_of(Applied(Operation.SUBTRACT, (argument, bound)))
+        case Call(Operation.GREATER | Operation.LESS as side, (argument, Number() as bound)):
+            line = line_of(Call(Operation.SUBTRACT, (argument, bound)))
             if line is None:
                 return None
             below = f"below {line.subject.at(line.zero)}"
             return Reading(1.0, _from(line) if (side is Operation.GREATER) == (line.slope > 0.0) else below)
-        case Applied(Operation.ADD, (first, Applied(Operation.TANH, (argument,)))) if first == ONE:
+        case Call(Operation.ADD, (first, Call(Operation.TANH, (argument,)))) if first == ONE:
             line = line_of(argument)
             if line is None:
                 return None
             return Reading(2.0, _from(line) if line.slope > 0.0 else f"up to {line.subject.at(line.zero)}")
-        case Applied(Operation.TANH, (argument,)):
+        case Call(Operation.TANH, (argument,)):
             line = line_of(argument)
             if line is None:
                 return None
             far = f"far above {line.subject.at(line.zero)}, and the other way far below"
             return Reading(math.copysign(1.0, line.slope), far)
-        case Applied(Operation.EXP):
+        case Call(Operation.EXP):
             decay = _decay(law)
             if decay is not None:
                 return Reading(1.0, f"at every opening, fading in {decay:.3g} ms")
             return _bump(law.parts[0]) or _fading(line_of(law.parts[0]))
-        case Applied(Operation.SQRT, (argument,)):
+        case Call(Operation.SQRT, (argument,)):
             return _power_of(line_of(argument), "as its root")
-        case Applied(Operation.ABS, (argument,)):
+        case Call(Operation.ABS, (argument,)):
             line = line_of(argument)
             if line is None or line.zero:
                 return None
             return Reading(
                 abs(line.slope), f"of the {line.subject.words}, the same both ways", line.subject.unit
             )
-        case Applied(Operation.POWER, (argument, Number(exponent))):
+        case Call(Operation.POWER, (argument, Number(exponent))):
             words = {2.0: "as its square", 3.0: "as its cube"}.get(exponent)
             return None if words is None else _power_of(line_of(argument), words)
-        case Applied(Operation.SIN, (argument,)):
+        case Call(Operation.SIN, (argument,)):
             line = line_of(argument)
             if line is None or line.subject.of != {Variable.TIME: 1.0}:
                 return None
             return Reading(1.0, f"and back, a wave of {line.slope / (2.0 * math.pi):.6g} Hz")
-        case Applied(Operation.SUBTRACT, (first, Lagged(argument, milliseconds))) if first == argument:
+        case Call(Operation.SUBTRACT, (first, Lag(argument, milliseconds))) if first == argument:
             return _remembered(line_of(first), milliseconds)
     return None
 
@@ -249,7 +249,7 @@ def _in_proportion(line: StraightLaw) -> Reading:
     beyond = (
         f" above {with_unit(f'{line.zero:.3g}', subject.unit)}, and the other way below" if line.zero else ""
     )
-    return Reading(line.slope, f"of {subject.words}{beyond}", subject.one)
+    return Reading(line.slope, f"of {subject.words}{beyond}", subject.unit_word)
 
 
 def _kinked(line: StraightLaw | None, further: str) -> Reading | None:
@@ -258,10 +258,10 @@ def _kinked(line: StraightLaw | None, further: str) -> Reading | None:
     side = "above" if line.slope > 0.0 else "below"
     subject = line.subject
     zero = with_unit(f"{line.zero:.3g}", subject.unit)
-    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}{further}", subject.one)
+    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}{further}", subject.unit_word)
 
 
-def _either_way(up: Applied, down: Applied) -> Reading | None:
+def _either_way(up: Call, down: Call) -> Reading | None:
     """max(u - A, 0) - max(-u - A, 0)."""
     lines = [line_of(one.arguments[0]) if one.arguments[1] == ZERO else None for one in (up, down)]
     first, second = lines
@@ -288,7 +288,7 @@ def _decay(law: Law) -> float | None:
 def _bump(exponent: Law) -> Reading | None:
     """exp(-((u - A)/W)^2)."""
     match exponent:
-        case Applied(Operation.NEGATE, (Applied(Operation.POWER, (argument, Number(2.0))),)):
+        case Call(Operation.NEGATE, (Call(Operation.POWER, (argument, Number(2.0))),)):
             line = line_of(argument)
             if line is not None:
                 subject = line.subject
@@ -327,5 +327,5 @@ def _remembered(line: StraightLaw | None, milliseconds: float) -> Reading | None
         )
     subject = line.subject
     return Reading(
-        line.slope, f"of {subject.words} beyond what it was {milliseconds:.3g} ms ago", subject.one
+        line.slope, f"of {subject.words} beyond what it was {milliseconds:.3g} ms ago", subject.unit_word
     )

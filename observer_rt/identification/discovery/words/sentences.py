@@ -62,7 +62,7 @@ def where_words(discovery: Discovery) -> str:
 def proposal_words(proposal: Proposal) -> str:
     """Describes a proposal in a sentence."""
     parts = [as_if(term, proposal.largest_lift) for term in proposal.terms]
-    sizes = proposal.found.parameters
+    sizes = proposal.candidate.parameters
     effects = [f"{name} ({', '.join(size_words(sizes[name], '95 %: '))})" for name in proposal.effects]
     return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *effects])
 
@@ -73,7 +73,7 @@ def standing_words(proposal: Proposal) -> str:
     apart = (
         f"line pressure held out: {before:.3g} MPa off before, {after:.3g} after" if before == before else ""
     )
-    moved = f"injected mass {proposal.found.moves.mass / MILLIGRAM:+.2g} mg"
+    moved = f"injected mass {proposal.candidate.moves.mass / MILLIGRAM:+.2g} mg"
     fit = f"explains all (probability {proposal.probability:.2f})" if proposal.adequate else ""
     if proposal.refusal is not None:
         fit = f"no model may have it, for {proposal.refusal.reason}: {proposal.refusal.remedy}"

@@ -33,7 +33,7 @@ def edges_found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
         innovations += height * response_from(OPENING - DELAY)
         innovations += unquiet * np.sin(np.arange(COUNT) / 8.0)
         search = search.after(window(), innovations, response, 1.0, PLACES)
-        result.append(search.found(PLACES) is not None)
+        result.append(search.edge(PLACES) is not None)
     return result
 
 
@@ -55,7 +55,7 @@ def test_place_and_height_of_a_step_are_told() -> None:
     for seed in range(30):
         innovations = np.random.default_rng(seed).normal(size=COUNT) + 1.5 * response_from(OPENING - DELAY)
         search = search.after(window(), sigma * innovations, response, sigma, PLACES)
-    edge = search.found(PLACES)
+    edge = search.edge(PLACES)
     assert edge is not None
     assert edge.before == pytest.approx(DELAY, abs=1)
     assert edge.height == pytest.approx(1.5 * sigma, rel=0.1)
@@ -78,7 +78,7 @@ def test_a_lift_that_is_recorded_late_is_no_edge() -> None:
         if seed % 7 == 3:  # and once in a while by much
             innovations[OPENING - 20 :] -= 30.0
         search = search.after(window(), innovations, response, 1.0, PLACES)
-        assert search.found(PLACES) is None
+        assert search.edge(PLACES) is None
 
 
 def test_with_step_raises_the_line_pressure_from_a_sample_on() -> None:

@@ -58,10 +58,10 @@ def test_a_rail_that_dips_tells_no_more_than_its_recovery_allows(dip: float) -> 
 def test_a_sensor_that_is_another_says_nothing_of_the_gain() -> None:
     prior = taught(wide(), at_rest(np.full(7, 0.6)), at_rest(np.full(7, 1.2)))
     held = at_rest(np.full(7, 0.9), excess=0.02).held(prior)
-    assert held.given.mean[GAIN] == prior.mean[GAIN]
+    assert held.prior.mean[GAIN] == prior.mean[GAIN]
     assert held.variance == pytest.approx(prior.covariance[GAIN, GAIN])
 
 
 def test_sensors_without_a_gain_are_learned_of_as_ever() -> None:
     belief = wide(0.0)
-    assert at_rest(np.linspace(0.6, 1.2, 7)).held(belief).given is belief
+    assert at_rest(np.linspace(0.6, 1.2, 7)).held(belief).prior is belief

@@ -10,7 +10,7 @@ import pytest
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.findings import ModelSource
 from observer_rt.identification.discovery.report.page import report
-from observer_rt.identification.discovery.search.results import Decisive, Unexplained, Verdict
+from observer_rt.identification.discovery.search.results import Decisive, LargestMisfit, Verdict
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
 from tests.identification.discovery.conftest import Worn
@@ -110,7 +110,7 @@ def test_an_ambiguous_answer_names_its_rivals_and_what_would_decide(worn: Worn) 
 def test_without_an_effect_no_model_is_promised(worn: Worn, verdict: Verdict) -> None:
     is_unknown = verdict is Verdict.UNKNOWN
     nominal = next(one for one in worn.findings.ranking if not one.ids)
-    position = Unexplained(
+    position = LargestMisfit(
         Equation.SAC_PRESSURE, Phase.CLOSING, Signal.LINE_PRESSURE, ("duration",), "measured < modelled"
     )
     text = _page(

@@ -1,4 +1,4 @@
-"""What is learned from evidence before a model is taken over: its first masses are as good as later ones."""
+"""Learning from evidence before a model is taken over: the first masses are as good as later ones."""
 
 import shutil
 from pathlib import Path

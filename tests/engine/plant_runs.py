@@ -53,11 +53,11 @@ class PlantRun:
         return Estimate(estimate.value * si, None if estimate.sigma is None else estimate.sigma * si)
 
 
-def in_force(known: SizedEffect) -> EffectInForce:
+def in_force(effect: SizedEffect) -> EffectInForce:
     """An effect as an injector file names it."""
-    sizes = zip(known.effect.parameters, known.values, strict=True)
+    sizes = zip(effect.effect.parameters, effect.values, strict=True)
     printed = {p.name: EffectValue(value=value / p.si, unit=p.unit) for p, value in sizes}
-    return EffectInForce(id=known.effect.id, parameters=printed)
+    return EffectInForce(id=effect.effect.id, parameters=printed)
 
 
 @cache
@@ -66,12 +66,12 @@ def run_plant(
     events: int = EVENTS,
     change_at: int | None = None,
     seed: int = 5,
-    known: SizedEffect | None = None,
+    stated: SizedEffect | None = None,
     laws: Laws = NO_LAWS,
 ) -> PlantRun:
     """Single injections at changing operating points; with `change_at` (from 1) healthy before that event.
 
-    known: an effect the observer's injector file has in force.
+    stated: an effect the observer's injector file has in force.
     """
     schedule = []
     for k in range(events):
@@ -83,8 +83,8 @@ def run_plant(
     bench = Bench(injector, Needle(), tuple(schedule), seed=seed, laws=laws)
     outcome = record(bench)
     observer = bench_at(bench.sample_rate)
-    if known is not None:
-        changes = {"effects": (in_force(known),)}
+    if stated is not None:
+        changes = {"effects": (in_force(stated),)}
         observer = observer.with_parameters(observer.injector.parameters.model_copy(update=changes))
     evaluation = evaluate(observer, [recording_of(outcome)]).evaluations[0]
     assert len(evaluation.reports) == events

@@ -72,7 +72,7 @@ def judge(observer: Observer, objections: Sequence[Objection], outcome: Outcome 
 class Stream:
     """One observer; `rows` are the processed samples, `judged` the indices before which an event was judged.
 
-    stated: what is to be undone of the channels; lift: what is known of the shut needle's before.
+    stated: delays and lags of the channels, to be undone; lift: the zero of the shut needle from before.
     """
 
     injector: InjectorParameters = NOMINAL
@@ -134,7 +134,7 @@ class Stream:
         self._next_index = first + rail.size
         return self
 
-    def rest(self, duration: float, pressure: float = RAIL, **where: int) -> "Stream":
+    def stay_shut(self, duration: float, pressure: float = RAIL, **where: int) -> "Stream":
         """A shut needle for `duration` [s], without noise."""
         samples = round(duration * self.sample_rate)
         constant = np.full(samples, pressure)
@@ -198,7 +198,7 @@ def stroke(open_for: int, peak: float = 0.3e-3, ramp: int = 20) -> NDArray[np.fl
     return peak * np.clip(np.minimum(k, open_for + 1 - k) / ramp, 0.0, 1.0)
 
 
-def place(length: int, **strokes: NDArray[np.float64]) -> NDArray[np.float64]:
+def lift_with(length: int, **strokes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Lift [m] of `length` samples with strokes at the samples given by name: at_100=stroke(50)."""
     lift = np.zeros(length)
     for name, shape in strokes.items():
@@ -209,7 +209,7 @@ def place(length: int, **strokes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def opened(starts: Iterable[int], length: int, open_for: int = 110) -> NDArray[np.float64]:
     """Lift [m] of `length` samples, with openings."""
-    return place(length, **{f"at_{start}": stroke(open_for) for start in starts})
+    return lift_with(length, **{f"at_{start}": stroke(open_for) for start in starts})
 
 
 def beside_rest(

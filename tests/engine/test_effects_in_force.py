@@ -61,7 +61,7 @@ def test_the_whole_vocabulary_is_tested() -> None:
 
 
 def test_a_servo_injector_is_right_from_the_first_injection() -> None:
-    run = run_plant(Faults(), EVENTS, known=SERVO, laws=Laws(control_flow=4e-6))
+    run = run_plant(Faults(), EVENTS, stated=SERVO, laws=Laws(control_flow=4e-6))
     assert abs(run.errors[0]) < 0.004
     assert np.abs(run.errors[3:]).max() < 0.01
     assert all(report.valid for report in run.reports[3:])
@@ -69,7 +69,7 @@ def test_a_servo_injector_is_right_from_the_first_injection() -> None:
 
 @CASES
 def test_right_from_the_first_injection(faults: Faults, effect: SizedEffect) -> None:
-    run = run_plant(faults, EVENTS, known=effect)
+    run = run_plant(faults, EVENTS, stated=effect)
     assert abs(run.errors[0]) < 0.004
     assert np.abs(np.delete(run.errors, 2)).max() < 0.0125
     assert not run.reports[2].valid  # at a pressure of which the network knows little
@@ -80,7 +80,7 @@ def test_right_from_the_first_injection(faults: Faults, effect: SizedEffect) -> 
 @CASES
 def test_what_is_learned_stays_near_zero(faults: Faults, effect: SizedEffect) -> None:
     """Terms are relative to the model in force: what it has is not learned again."""
-    run = run_plant(faults, EVENTS, known=effect)
+    run = run_plant(faults, EVENTS, stated=effect)
     for name in GATED:
         assert run.indicator(name).value == 0.0
     assert abs(run.indicator(NOZZLE).value) < 0.02
@@ -121,11 +121,11 @@ def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
     time = np.arange(140) - 30 - phase
     lift = np.clip(rise * np.minimum(time, 80 - time), 0.0, 300 * UM)
     injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=offset)),)})
-    stream = Stream(injector=injector).rest(5e-3)
+    stream = Stream(injector=injector).stay_shut(5e-3)
     pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, np.maximum(lift - offset, 0.0), pressure).rest(2e-3)
-    sample_stream = Stream().rest(5e-3)
-    sample_stream.feed(pressure, lift, pressure).rest(2e-3)
+    stream.feed(pressure, np.maximum(lift - offset, 0.0), pressure).stay_shut(2e-3)
+    sample_stream = Stream().stay_shut(5e-3)
+    sample_stream.feed(pressure, lift, pressure).stay_shut(2e-3)
     instants = np.linspace(0.0, 139.0, 139 * 20 + 1)
     result, expected = (
         np.maximum(np.interp(instants, np.arange(140), s.rows["seat_area"][500:640]), 0.0)
@@ -145,16 +145,16 @@ def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:
     end = int(np.flatnonzero(recorded)[-1])
     recorded[end + 2 : end + 9 : 2] = 1.4 * UM
     injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
-    stream = Stream(injector=injector).rest(5e-3)
+    stream = Stream(injector=injector).stay_shut(5e-3)
     pressure = np.full(lift.size, RAIL)
-    stream.feed(pressure, recorded, pressure).rest(2e-3)
+    stream.feed(pressure, recorded, pressure).stay_shut(2e-3)
     area = stream.rows["seat_area"][500:640]
     assert np.flatnonzero(area > 0.0)[-1] == np.flatnonzero(lift)[-1]
 
 
 def test_a_needle_that_does_not_open_has_no_toe() -> None:
     injector = INJECTOR.model_copy(update={"effects": (in_force(sized("lift_offset", x_0=20 * UM)),)})
-    stream = Stream(injector=injector).rest(5e-3)
+    stream = Stream(injector=injector).stay_shut(5e-3)
     random = np.random.default_rng(3)
     for _ in range(20):
         pressure = np.full(10_000, RAIL)

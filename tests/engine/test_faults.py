@@ -1,4 +1,4 @@
-"""Line and sensor faults on a plant that shares no code with the observer: told from wear, named, or refused."""
+"""Line and sensor faults on a plant that shares no code with the observer: set apart from wear, named, or refused."""
 
 import pytest
 
@@ -91,7 +91,7 @@ def test_sudden_wear_is_followed_and_its_own_event_is_not_valid(seed: int, wear:
 
 
 def test_sudden_change_interval_reaches_from_the_published_mass_to_where_the_event_puts_it() -> None:
-    """The published mass of the event is wrong; what is learned from the event itself is the other end."""
+    """The published mass of the event is wrong; the mass learned from the event itself is the other end."""
     run = run_plant(Faults(orifice_area=0.3), 11, JUMP_AT, 5)
     report = run.reports[JUMP_AT - 1]
     assert report.mass_ci95 is not None

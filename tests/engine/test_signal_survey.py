@@ -1,4 +1,4 @@
-"""What is noted of a lift while a file is looked through."""
+"""Notes on a lift while a file is looked through."""
 
 import numpy as np
 from hypothesis import given

@@ -72,7 +72,7 @@ class _File:
         return self.block("CN", [0, 0, self.text(name), 0, conversion, data, 0, 0], content)
 
     def group(self, record: int, cycles: int, flags: int, size: int, channels: list[int]) -> int:
-        """A channel group with its channels, the second of which is made of the others that follow."""
+        """A channel group with its channels; the second is made of those that follow it."""
         for earlier, later in zip(channels[:1] + channels[2:], channels[1:2] + channels[3:], strict=False):
             self.link(earlier, 0, later)
         if len(channels) > 2:
@@ -94,7 +94,7 @@ def write_logger_file(
 ) -> None:
     """Write frames as a logger does: one group of data frames, one of error frames, one of data (VLSD).
 
-    fields: without the data bytes; what is virtual has the value of its offset in every frame. data_width: bytes a
+    fields: without the data bytes; a virtual one has the value of its offset in every frame. data_width: bytes a
     record has for them; None: they are of variable length, in records of their own. id_size: bytes of a record's id.
     """
     flags = (

@@ -19,11 +19,11 @@ SUFFIXES = sorted(suffixes_of(recorded()))
 
 
 class Source(FakeLink):
-    """Gives frames at once, then stops the recording; loses some where told."""
+    """Gives frames at once, then stops the recording; loses some where `lost_at` says so."""
 
     def __init__(self, count: int, stop: threading.Event, lost_at: dict[int, int] | None = None) -> None:
         super().__init__()
-        self.given = 0
+        self.delivered = 0
         self._count = count
         self._stop = stop
         self._lost_at = lost_at or {}
@@ -32,20 +32,20 @@ class Source(FakeLink):
 
     def receive(self, timeout_s: float) -> Frame | None:
         self.during()
-        if self.given >= self._count:
+        if self.delivered >= self._count:
             self._stop.set()
             return None
-        self.lost += self._lost_at.get(self.given, 0)
-        self.given += 1
-        is_fd = self.given % 2 == 0
+        self.lost += self._lost_at.get(self.delivered, 0)
+        self.delivered += 1
+        is_fd = self.delivered % 2 == 0
         return Frame(
-            0x100 + self.given % 7,
+            0x100 + self.delivered % 7,
             bytes(8),
-            START + self.given * 1000,
+            START + self.delivered * 1000,
             False,
             is_fd,
-            is_fd and self.given % 3 == 0,
-            is_fd and self.given % 5 == 0,
+            is_fd and self.delivered % 3 == 0,
+            is_fd and self.delivered % 5 == 0,
         )
 
     def on_sent(self, frame: Frame) -> None:
@@ -104,10 +104,10 @@ def test_after_a_second_the_frames_are_on_the_disk(
 
     def look() -> None:
         end = time.monotonic() + 20.0
-        while source.given in (20, 39) and time.monotonic() < end:
+        while source.delivered in (20, 39) and time.monotonic() < end:
             log = open_log(path)
             frames = len(list(log)) if path.exists() else 0
-            if frames == source.given and log.notes() == []:
+            if frames == source.delivered and log.notes() == []:
                 seen.append(frames)
                 return
             time.sleep(0.01)
@@ -123,7 +123,7 @@ def test_a_failure_leaves_what_was_recorded(tmp_path: Path, failure: Exception) 
     source = Source(100, stop)
 
     def fail() -> None:
-        if source.given == 50:
+        if source.delivered == 50:
             raise failure
 
     source.during = fail
@@ -139,7 +139,7 @@ def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
         away = 0
 
         def receive(self, timeout_s: float) -> Frame | None:
-            if self.given == 50 and not self.away:
+            if self.delivered == 50 and not self.away:
                 self.away = 3
             if self.away:
                 raise LinkDownError("can0 is down")
@@ -149,7 +149,7 @@ def test_an_interface_that_goes_away_is_waited_for(tmp_path: Path) -> None:
             self.away -= 1
             if self.away:
                 raise LinkDownError("can0 is still down")
-            self.given = 51
+            self.delivered = 51
 
     statistics = run(path, UnpluggedSource(100, stop), stop, RecordLimits())
     assert (statistics.frames, statistics.outages) == (99, 1)

@@ -1,4 +1,4 @@
-"""What is on a bus with observers at work: the frames of devices, and the results of a core for each injector."""
+"""Traffic of a bus with observers at work: the frames of devices, and the results of a core for each injector."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

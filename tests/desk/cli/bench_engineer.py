@@ -25,7 +25,7 @@ def ended_when(
     first: Callable[[], object] = lambda: None,
     number: signal.Signals = signal.SIGTERM,
 ) -> Iterator[None]:
-    """Beside a command: do something first, and once what is to be done is done, send it a signal."""
+    """Beside a command: do something first, then act, and send it a signal."""
 
     def work() -> None:
         try:

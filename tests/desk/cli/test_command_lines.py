@@ -1,6 +1,6 @@
 """Mistakes in the arguments of a command: each is named with its remedy, before any work, and nothing is written.
 
-The lines and what is said of them are in mistakes.txt, where … stands for words of libraries and for lists. What
+The lines and the answers to them are in mistakes.txt, where … stands for words of libraries and for lists. What
 parsers of values refuse is asked in their own tests.
 """
 

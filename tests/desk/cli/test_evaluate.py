@@ -99,7 +99,7 @@ def test_recording_without_injections(command: Command, resting: Path, tmp_path:
 
 
 def _words(figure: Path) -> str:
-    """What is written in an SVG, where every text stands as a comment beside its outlines."""
+    """The words of an SVG, where every text stands as a comment beside its outlines."""
     return " ".join(re.findall("<!-- (.*?) -->", figure.read_text(), re.DOTALL))
 
 

@@ -1,4 +1,4 @@
-"""Outputs of every command: nothing of anybody else is changed, and what is written is whole whenever it ends."""
+"""Outputs of every command: files of others stay, and every file written is whole whenever the command ends."""
 
 import re
 import resource

@@ -36,7 +36,7 @@ WORN = ("--effect", "orifice_area:v_H=0.3")
 
 @pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Command) -> Path:
-    """The folder of somebody who follows the pages: their recordings are simulated, by what is shipped."""
+    """The folder of somebody who follows the pages: their recordings are simulated with the shipped files."""
     monkeypatch.chdir(tmp_path)
     Path("bench.toml").write_text(command("run", "--print-example-bench").out)
     Path("injector.toml").write_text(command("run", "--print-example-injector").out)

@@ -244,7 +244,7 @@ def test_what_check_only_warns_of_starts(
 def test_an_interface_that_is_not_there_is_waited_for(
     command: Command, bench: Path, worn: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At the start as later: what is awaited is told once, and the service begins as soon as it is there."""
+    """At the start as later: a missing link is reported once, and the service begins as soon as it is there."""
     link = ScriptedLink(frames_of(bench, worn), RunError("that was it"))
     tries: list[str] = []
 

@@ -1,4 +1,4 @@
-"""The picture of evaluated recordings: what is drawn can be seen, and nothing lies on anything else."""
+"""The picture of evaluated recordings: every line can be seen, and nothing lies on anything else."""
 
 from dataclasses import replace
 

@@ -27,13 +27,13 @@ SHOTS = [Shot(0.4e-3, -1.5e-3), Shot(1.1e-3, 0.0)]
 class Run:
     """A recording evaluated, and its truth."""
 
-    found: Evaluation
+    evaluation: Evaluation
     truth: Truth
 
     def errors(self, report: InjectionReport) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Error of the published rate and its sigma [m3/s] while it flows in an injection's window."""
         window = slice(report.start_index, report.end_index + 1)
-        trace = self.found.trace
+        trace = self.evaluation.trace
         flowing = trace.injection_rate[window] > 1e-6
         error = trace.injection_rate[window] - self.truth.injection_rate[window]
         return error[flowing], trace.injection_rate_sigma[window][flowing]
@@ -74,7 +74,7 @@ def test_masses_lie_in_their_intervals() -> None:
     """Of the injections from the fourth event on 95 % do; those of one injector are nearly one draw."""
     inside = []
     for made in population():
-        for report in made.found.reports[6:]:
+        for report in made.evaluation.reports[6:]:
             low, high, true = made.masses(report)
             assert high - low < 0.04 * true
             inside.append(low <= true <= high)
@@ -84,7 +84,7 @@ def test_masses_lie_in_their_intervals() -> None:
 def test_rates_lie_in_their_intervals() -> None:
     shares = []
     for made in population():
-        for report in made.found.reports[4:]:
+        for report in made.evaluation.reports[4:]:
             error, sigma = made.errors(report)
             shares.append(np.mean(np.abs(error) <= 1.96 * sigma))
     assert np.mean(shares) >= 0.87
@@ -94,7 +94,7 @@ def test_intervals_are_no_wider_than_the_errors_ask_for() -> None:
     """Neither those of the masses, nor those of the rates: the errors fill them."""
     masses, rates = [], []
     for made in population():
-        for report in made.found.reports[4:]:
+        for report in made.evaluation.reports[4:]:
             low, high, true = made.masses(report)
             masses.append((0.5 * (low + high) - true) / (0.5 * (high - low) / 1.96))
             error, sigma = made.errors(report)
@@ -106,17 +106,17 @@ def test_intervals_are_no_wider_than_the_errors_ask_for() -> None:
 def test_before_anything_is_learned_the_interval_is_that_of_the_prior() -> None:
     """The nominal rate of an injector that may be anything: right to some ten percent, not to one."""
     made = run(3, 0.3)
-    error, sigma = made.errors(made.found.reports[1])
+    error, sigma = made.errors(made.evaluation.reports[1])
     rate = made.truth.injection_rate.max()
     assert np.mean(np.abs(error) <= 1.96 * sigma) > 0.9
     assert 0.1 * rate < sigma.max() < rate
-    _, prior_sigmas = made.errors(made.found.reports[-1])
+    _, prior_sigmas = made.errors(made.evaluation.reports[-1])
     assert prior_sigmas.max() < 0.1 * sigma.max()
 
 
 def test_twice_the_noise_widens_both_intervals() -> None:
     def widths(made: Run) -> tuple[float, float]:
-        last = made.found.reports[-1]
+        last = made.evaluation.reports[-1]
         assert last.mass_ci95 is not None
         return last.mass_ci95[1] - last.mass_ci95[0], float(np.mean(made.errors(last)[1]))
 
@@ -127,30 +127,30 @@ def test_twice_the_noise_widens_both_intervals() -> None:
 
 def test_no_interval_where_nothing_was_learned() -> None:
     made = run(3, 0.3, learning=False)
-    assert np.isnan(made.found.trace.injection_rate_sigma).all()
-    for injection in recording_json(made.found, C)["injections"]:
+    assert np.isnan(made.evaluation.trace.injection_rate_sigma).all()
+    for injection in recording_json(made.evaluation, C)["injections"]:
         assert injection["rate_ci95_halfwidth_mm3_per_ms"] is None
         assert injection["mass_ci95_mg"] is None
 
 
 def test_rate_has_a_sigma_in_the_windows_of_injections_only() -> None:
     made = run(3, 0.3)
-    sigma = made.found.trace.injection_rate_sigma
+    sigma = made.evaluation.trace.injection_rate_sigma
     expected = np.zeros(sigma.size, np.bool_)
-    for report in made.found.reports:
+    for report in made.evaluation.reports:
         expected[report.start_index : report.end_index + 1] = True
     np.testing.assert_array_equal(~np.isnan(sigma), expected)
-    shut = expected & (made.found.trace.injection_rate == 0.0)
+    shut = expected & (made.evaluation.trace.injection_rate == 0.0)
     assert shut.any()
     assert sigma[shut].max() < 1e-7  # m3/s: with a shut needle nothing flows
 
 
 def test_mean_half_width_of_the_rate_in_the_document() -> None:
     made = run(3, 0.3)
-    document = recording_json(made.found, C)
-    for result, injection in zip(made.found.injections, document["injections"], strict=True):
+    document = recording_json(made.evaluation, C)
+    for result, injection in zip(made.evaluation.injections, document["injections"], strict=True):
         window = slice(result.report.start_index, result.report.end_index + 1)
-        flows = made.found.trace.injection_rate[window] != 0.0
-        mean = 1.96 * made.found.trace.injection_rate_sigma[window][flows].mean()
+        flows = made.evaluation.trace.injection_rate[window] != 0.0
+        mean = 1.96 * made.evaluation.trace.injection_rate_sigma[window][flows].mean()
         assert injection["rate_ci95_halfwidth_mm3_per_ms"] == pytest.approx(mean / 1e-6)
     assert injection["rate_ci95_halfwidth_mm3_per_ms"] < 1.5

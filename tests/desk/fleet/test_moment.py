@@ -1,4 +1,4 @@
-"""When a recording was made: by what is in the file, else by when it was written, and which of them it was."""
+"""When a recording was made: by its content, else by when the file was written, and which of them it was."""
 
 import os
 from datetime import UTC, datetime

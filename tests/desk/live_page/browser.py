@@ -30,7 +30,7 @@ _URL = re.compile(r"http://\S+:\d+/\S*")
 
 
 def launch(playwright: Playwright) -> Browser:
-    """The first that starts, of the system's and Playwright's own. Raises UserError where there is none.
+    """The first that starts, of the system's and Playwright's own. Raises UserError if no browser starts.
 
     Ubuntu's `chromium-browser` is there and only asks for a snap.
     """
@@ -46,7 +46,7 @@ def launch(playwright: Playwright) -> Browser:
 
 
 @dataclass(frozen=True)
-class Served:
+class PageServer:
     """A program that serves a page, and the page's address."""
 
     process: subprocess.Popen[str]
@@ -54,7 +54,7 @@ class Served:
 
 
 @contextmanager
-def served(command: Sequence[str | Path], folder: Path | None = None) -> Iterator[Served]:
+def served(command: Sequence[str | Path], folder: Path | None = None) -> Iterator[PageServer]:
     """Start a program that tells its address on stderr; end it with SIGTERM. Raises UserError where it tells none."""
     words = list(map(str, command))
     with subprocess.Popen(words, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
@@ -64,7 +64,7 @@ def served(command: Sequence[str | Path], folder: Path | None = None) -> Iterato
             for line in process.stderr:
                 lines.append(line)
                 if (result := _URL.search(line)) is not None:
-                    yield Served(process, result[0])
+                    yield PageServer(process, result[0])
                     break
             else:
                 raise UserError(" ".join(words), "served no page:\n" + "".join(lines), "see what it says")

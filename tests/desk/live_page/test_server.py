@@ -15,7 +15,7 @@ from tornado.websocket import websocket_connect
 from tests.daemon.end_to_end import command
 from tests.daemon.participants import bench_file, until
 from tests.desk.live_page import event_loop
-from tests.desk.live_page.browser import Served, served
+from tests.desk.live_page.browser import PageServer, served
 
 pytestmark = pytest.mark.slow
 DESCRIPTORS = 1024  # that a process may open on most computers
@@ -23,7 +23,7 @@ HALF = 1100  # requests that never end
 
 
 @contextmanager
-def silent(folder: Path, *arguments: str) -> Iterator[Served]:
+def silent(folder: Path, *arguments: str) -> Iterator[PageServer]:
     """A monitor of a bench without a daemon, with the usual limit of open files."""
     bench = bench_file(folder, "served")
     words = command("monitor", "--port", "0", "--bench", bench, *arguments)
@@ -40,7 +40,7 @@ def answers(url: str) -> bool:
         return False
 
 
-def said_until_end(monitor: Served) -> list[str]:
+def said_until_end(monitor: PageServer) -> list[str]:
     """What it says from now on, once it is asked to end."""
     monitor.process.terminate()
     assert monitor.process.stderr is not None

@@ -1,4 +1,4 @@
-"""What a browser is sent: not more than it can draw, whatever it says; what is saved."""
+"""What a browser is sent: not more than it can draw, whatever it says; and the files that it saves."""
 
 import json
 from collections.abc import Iterator

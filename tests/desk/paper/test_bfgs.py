@@ -32,7 +32,9 @@ class Function:
         return np.asarray(self._gradient(theta), np.float64)
 
 
-def found(function: Function, start: list[float], iterations: int = 500, first: float = 1.0) -> SearchEnd:
+def minimum_of(
+    function: Function, start: list[float], iterations: int = 500, first: float = 1.0
+) -> SearchEnd:
     return minimise(function, np.array(start), first * np.eye(len(start)), iterations)
 
 
@@ -54,7 +56,7 @@ FUNCTIONS = {
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_same_minimum_as_scipy(name: str) -> None:
     function, start = FUNCTIONS[name]
-    minimum = found(function, start)
+    minimum = minimum_of(function, start)
     reference = minimize(function.value, start, jac=function.gradient, method="BFGS", options={"gtol": 1e-9})
     np.testing.assert_allclose(minimum.theta, reference.x, atol=2e-5)
     assert minimum.value == pytest.approx(reference.fun, abs=1e-10)
@@ -62,9 +64,9 @@ def test_same_minimum_as_scipy(name: str) -> None:
 
 
 def test_update_is_skipped_where_the_curvature_is_negative() -> None:
-    """From the top of a hill: the second step is that of the first inverse, and the valley is found."""
+    """From the top of a hill: the second step is that of the first inverse, and the valley is minimum_of."""
     function = Function(lambda t: t[0] ** 4 / 4 - t[0] ** 2 / 2, lambda t: t**3 - t)
-    minimum = found(function, [0.1])
+    minimum = minimum_of(function, [0.1])
     first, second, third = function.visited[:3]
     gradient = second**3 - second
     assert third - second == pytest.approx(-gradient, rel=1e-12)
@@ -82,7 +84,7 @@ def test_every_step_goes_down(seed: int, first: float) -> None:
         lambda t: float(np.sum((root @ t) ** 4) + np.sum(t**2) + linear @ t),
         lambda t: 4 * root.T @ (root @ t) ** 3 + 2 * t + linear,
     )
-    minimum = found(function, list(random.normal(size=3)), iterations=300, first=first)
+    minimum = minimum_of(function, list(random.normal(size=3)), iterations=300, first=first)
     values = [function.value(theta) for theta in function.visited]
     assert all(after < before for before, after in pairwise(values))
     assert np.abs(4 * root.T @ (root @ minimum.theta) ** 3 + 2 * minimum.theta + linear).max() < 1e-4

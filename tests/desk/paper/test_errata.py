@@ -1,4 +1,4 @@
-"""What is printed wrongly in the paper, shown by numbers: (5), and (12) against (13)."""
+"""Misprints of the paper, shown by numbers: (5), and (12) against (13)."""
 
 import numpy as np
 import pytest

@@ -119,7 +119,7 @@ def with_time(inputs: NDArray[np.float64], interval: float) -> list[list[float]]
 def simulated_event(
     case: Case, theta: NDArray[np.float64], inputs: NDArray[np.float64], seed: int | None = None
 ) -> Window:
-    """What is measured of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
+    """Measured signals of an injector that is exactly `theta`; `seed` adds the noise of NOISE."""
     learned = learned_of(theta, case.c)
     c, setting = learned.coefficients, case.setting
     x = settled_line(c, float(inputs[0, 0]))

@@ -33,8 +33,8 @@ def steady_kalman(
 ) -> tuple[NDArray[np.float64], float]:
     """Gain (3,) and innovation sigma by matrix exponentials and the algebraic Riccati equation.
 
-    States p_L, Q_L, what the sensor indicates, which sees p_L as a ramp from sample to sample, and what is recorded
-    of it, a share `late` of a sample late.
+    States p_L, Q_L, the sensor's indication, which sees p_L as a ramp from sample to sample, and its
+    recorded value, a share `late` of a sample late.
     """
     interval = 1.0 / sample_rate
     line = expm(np.array([[0.0, c.line.a1, 0.0], [-c.line.a3, 0.0, c.line.a3], [0.0, 0.0, 0.0]]) * interval)

@@ -16,7 +16,7 @@ def belief() -> Belief:
 
 
 def test_the_error_after_an_event_is_what_is_said_of_it() -> None:
-    """By truths drawn from the belief, of which somebody else measured what is held."""
+    """Truths are drawn from the belief; the held column of each is measured by somebody else."""
     random, before = np.random.default_rng(4), belief()
     slopes = random.normal(size=(2, 3))
     truths = random.multivariate_normal(before.mean, before.covariance, DRAWS)

@@ -86,7 +86,7 @@ def test_mean_of_what_a_lagging_sensor_recorded_late_shows(fraction: float, lag:
 def steady_kalman(c: Coefficients, lag: float) -> tuple[NDArray[np.float64], float]:
     """Gain on p_L, Q_L, the indicated pressure, and innovation sigma, by matrix exponentials and Riccati's equation.
 
-    States p_L, Q_L, what the sensor indicates, and what is shown: its mean since the sample before.
+    States p_L, Q_L, the sensor's indication, and its mean since the sample before, which is recorded.
     """
     interval = 1.0 / SLOW
     rates = np.zeros((4, 4))  # p_L, Q_L, integral of p_L, rail

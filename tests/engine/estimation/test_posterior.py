@@ -27,7 +27,7 @@ def test_measurements_that_say_nothing_change_nothing(seed: int) -> None:
 
 @given(st.integers(0, 10_000))
 def test_measurements_are_weighed_with_the_belief(seed: int) -> None:
-    """By least squares on the prior and the measurements together; without drift the error is what is believed."""
+    """By least squares on the prior and the measurements together; without drift the error is as believed."""
     random = np.random.default_rng(seed)
     before, slopes, measured = belief(seed), random.normal(size=(9, 4)), random.normal(size=9)
     after = before.updated(slopes.T @ slopes, slopes.T @ measured)

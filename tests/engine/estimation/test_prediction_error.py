@@ -246,8 +246,8 @@ def test_what_an_event_cannot_tell_apart_is_no_singularity() -> None:
     slopes[:, 2], slopes[:, 3] = -2.0 * slopes[:, 1], 0.0
     information, prior = slopes.T @ slopes, np.diag([0.1, 0.2, 1e-9, 0.3])
     gradient = slopes.T @ np.random.default_rng(4).normal(size=200)
-    found = Linearisation(np.zeros(4), 0.0, gradient, information).score(prior)
-    told = np.ix_([0, 1], [0, 1])
-    spread = information[told] + information[told] @ prior[told] @ information[told]
+    score = Linearisation(np.zeros(4), 0.0, gradient, information).score(prior)
+    both = np.ix_([0, 1], [0, 1])
+    spread = information[both] + information[both] @ prior[both] @ information[both]
     chi2 = float(gradient[:2] @ np.linalg.solve(spread, gradient[:2]))
-    assert found == pytest.approx(chi2 / 2.0, rel=0.02)
+    assert score == pytest.approx(chi2 / 2.0, rel=0.02)

@@ -1,4 +1,4 @@
-"""What is told of noise that is not white: its frequency and strength, and nothing of white noise."""
+"""Reports of noise that is not white name its frequency and strength; white noise is not reported."""
 
 import math
 

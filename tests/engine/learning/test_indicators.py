@@ -49,9 +49,9 @@ def test_seat_wear_is_never_told_closer_than_sensors_allow() -> None:
 
 def test_what_is_another_change_at_another_rail_pressure_is_no_wear() -> None:
     exact, x, u = np.zeros((PARAMETERS, PARAMETERS)), np.array(X), np.array(U)
-    there = nozzle_change(worn(), 0.5 * x, np.array([0.5 * U[0], U[1]]))[0]
-    found = indicators_of(worn(), exact, x, u, rails=[U[0], 0.5 * U[0]])[NOZZLE]
-    assert found.sigma == pytest.approx(abs(there - found.value))
+    elsewhere = nozzle_change(worn(), 0.5 * x, np.array([0.5 * U[0], U[1]]))[0]
+    nozzle = indicators_of(worn(), exact, x, u, rails=[U[0], 0.5 * U[0]])[NOZZLE]
+    assert nozzle.sigma == pytest.approx(abs(elsewhere - nozzle.value))
     constant = np.zeros(PARAMETERS)
     constant[Parameter.NOZZLE_BIAS] = 0.2
     assert indicators_of(constant, exact, x, u, rails=[0.5])[NOZZLE].sigma == 0.0

@@ -139,9 +139,9 @@ def test_healthy_injector_stays_with_the_nominal_model() -> None:
 
 def test_uncertainty_shrinks_with_every_event() -> None:
     sigmas = [report.indicators[NOZZLE].sigma for report in run("eroded").history.evaluations[0].reports]
-    known = [sigma for sigma in sigmas if sigma is not None]
-    assert len(known) == EVENTS
-    assert known[-1] < 0.7 * known[0]
+    stated = [sigma for sigma in sigmas if sigma is not None]
+    assert len(stated) == EVENTS
+    assert stated[-1] < 0.7 * stated[0]
 
 
 # One event at a time ----------------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ def event(v_h: float, seed: int | None = None) -> Window:
     return stroke_of(network=network_of(nozzle_wear(v_h)), seed=seed)
 
 
-def known(belief: Belief, in_force: Vector) -> Knowledge:
+def knowledge_with(belief: Belief, in_force: Vector) -> Knowledge:
     fresh = no_knowledge(NOISE, NOMINAL.scaling.pressure)
     learned = replace(fresh.state.learned, belief=belief, theta=in_force, is_prior=False)
     state = replace(fresh.state, account=Account.of(learned), events=5)
@@ -172,7 +172,7 @@ def known(belief: Belief, in_force: Vector) -> Knowledge:
 
 def learner_with(belief: Belief, in_force: Vector) -> Learner:
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
-    return Learner(constants, known(belief, in_force))
+    return Learner(constants, knowledge_with(belief, in_force))
 
 
 def belief_in(v_h: float, sigma: float) -> Belief:
@@ -191,7 +191,7 @@ def test_better_phi_is_adopted() -> None:
 def test_adopted_phi_takes_force() -> None:
     constants = constants_for(NOMINAL, 100e3, Durations(), events_required=2)
     learner = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
-    knowledge = known(belief_in(0.0, 0.3), nozzle_wear(0.0))
+    knowledge = knowledge_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
     observer = make_observer(constants, knowledge, learner)
     outcome = learner.learn(event(0.3, seed=1), NO_STANDSTILL, in_force(observer))
     judge(observer, outcome.forward, outcome)
@@ -300,8 +300,8 @@ def test_an_event_changes_no_state_that_somebody_holds() -> None:
 
 def test_what_was_remembered_at_another_sample_rate_is_not_taken_over() -> None:
     before = learner_with(belief_in(0.0, 0.3), nozzle_wear(0.0))
-    known = before.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)).knowledge
+    knowledge = before.learn(event(0.3, seed=1), NO_STANDSTILL, nozzle_wear(0.0)).knowledge
     constants = constants_for(NOMINAL, 50e3, Durations(), events_required=2)
-    fresh = replace(known, state=replace(known.state, interval=0.0))
-    assert as_text(Learner(constants, known).state) == as_text(Learner(constants, fresh).state)
-    assert as_text(Learner(constants, known).state) != as_text(known.state)
+    fresh = replace(knowledge, state=replace(knowledge.state, interval=0.0))
+    assert as_text(Learner(constants, knowledge).state) == as_text(Learner(constants, fresh).state)
+    assert as_text(Learner(constants, knowledge).state) != as_text(knowledge.state)

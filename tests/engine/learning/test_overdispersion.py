@@ -62,6 +62,6 @@ def test_the_factor_of_known_events_makes_their_scores_the_usual_ones(factor: fl
         spread = USUAL_SCORE * (factor + 0.1)
         gradient = np.sqrt(spread * np.diag(information)) * random.normal(size=SIZE)
         cost = Linearisation(np.zeros(SIZE), 0.0, gradient, information)
-        known = np.diag(0.1 / np.diag(information))  # as sure as ten events make it
-        events.append(TemperedEvent(cost, known))
+        covariance = np.diag(0.1 / np.diag(information))  # as sure as ten events make it
+        events.append(TemperedEvent(cost, covariance))
     assert overdispersion_of(events) == pytest.approx(factor, rel=0.15)

@@ -1,4 +1,4 @@
-"""A lag of the line-pressure sensor is told from a channel recorded late."""
+"""A lag of the line-pressure sensor and a channel recorded late are distinguished."""
 
 from collections.abc import Iterable
 from functools import cache

@@ -1,4 +1,4 @@
-"""Frames of several buses: told apart by their bus, joined by their index, in whatever order they are read.
+"""Frames of several buses: distinguished by their bus, joined by their index, in whatever order they are read.
 
 Those of a bench with two injectors go to the cores that have samples for them: as if each injector were alone.
 """

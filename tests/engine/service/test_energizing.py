@@ -52,7 +52,7 @@ def test_every_opening_has_its_command(tmp_path: Path, name: str) -> None:
 def test_a_stamp_that_is_late_makes_the_delay_too_short(
     tmp_path: Path, late: float, stated: str, made_up: float
 ) -> None:
-    """Even below zero; it is the same command all the same, that of a pilot too. What is stated is made up for."""
+    """Even below zero it is the same command, that of a pilot, too. Stated delays are made up for."""
     pulses, recording = injected(2, PILOT_AND_MAIN)
     bench = pulse_bench(tmp_path, EnergizingBy.TIME_BY_STAMP + stated)
     watched = watch(bench, recording, later(durations(pulses), late))
@@ -89,7 +89,7 @@ def test_multiplexed_message(tmp_path: Path) -> None:
 
 
 def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
-    """Commands told 40 us too late and too early in turn."""
+    """Commands arrive 40 us too late and too early in turn."""
     pulses, recording = injected(4)
     moved = [(start + 40e-6 * (-1) ** n, duration) for n, (start, duration) in enumerate(pulses)]
     figures = watch(

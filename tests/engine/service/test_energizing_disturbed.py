@@ -87,10 +87,10 @@ def test_whatever_tells_of_the_energizing(tmp_path: Path, case: str, kind: str) 
 
 @dataclass(frozen=True)
 class Case:
-    """What the test bed tells of the pulses of some injections, and what is made of it; sent: if not all samples."""
+    """Commands that the test bed sends for some injections, and the reports expected; sent: if not all samples."""
 
     lines: str
-    told: Callable[[Pulses], list[TimedFrame]]
+    commands: Callable[[Pulses], list[TimedFrame]]
     expected: Energized
     injections: int = 4
     shots: tuple[Shot, ...] = MAIN
@@ -205,7 +205,7 @@ CASES = {
 def test_which_openings_are_commanded_and_which_commands_missing(tmp_path: Path, name: str) -> None:
     case = CASES[name]
     pulses, recording = injected(case.injections, case.shots)
-    watched = watch(pulse_bench(tmp_path, case.lines), case.sent(recording, pulses), case.told(pulses))
+    watched = watch(pulse_bench(tmp_path, case.lines), case.sent(recording, pulses), case.commands(pulses))
     assert watched.energized == case.expected
     assert watched.core.counters.missing_injections == len(case.expected[1])
     assert watched.core.counters.uncommanded_injections == len(case.expected[2])

@@ -149,7 +149,7 @@ def test_what_is_no_temperature_of_a_fuel_counts_as_none(tmp_path: Path, broken:
 
 
 def test_it_takes_effect_between_events(tmp_path: Path) -> None:
-    """Told in the middle of the third injection, it holds from the fourth on."""
+    """Sent in the middle of the third injection, it holds from the fourth on."""
     frames = frames_at(REFERENCE)
     usual = run(bench(tmp_path), [sensor(REFERENCE), *frames])
     middle = (usual.reports[2].start_index + usual.reports[2].end_index) // 2 // BLOCK
@@ -161,7 +161,7 @@ def test_it_takes_effect_between_events(tmp_path: Path) -> None:
 
 
 def test_fuel_that_warms_up_makes_no_wear(tmp_path: Path) -> None:
-    """From 40 to 80 degC within eight injections: every one is right, none is told to be a change of the injector."""
+    """From 40 to 80 degC within eight injections: every mass is right, and no change of the injector is reported."""
     ramp = np.linspace(40.0, 80.0, 8)
     device = Device(bench(tmp_path))
     frames: list[TimedFrame] = []

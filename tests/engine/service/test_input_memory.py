@@ -16,7 +16,7 @@ Fuel = Callable[..., float | None]
 
 
 def made(folder: Path, timeout: float) -> Fuel:
-    """The temperature that counts [degC] at a time [s], after a frame that is told then; timeout [s]."""
+    """The temperature that counts [degC] at a time [s], after a frame that is sent then; timeout [s]."""
     path = bench(folder, "" if math.isinf(timeout) else f"timeout_ms = {1e3 * timeout}\n")
     core, device = core_of(path), Device(path)
 

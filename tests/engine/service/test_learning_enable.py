@@ -1,4 +1,4 @@
-"""The optional input `learning_enable`: what it stops, what it leaves, what is no word of it."""
+"""The optional input `learning_enable`: what it stops, what it leaves, and frames that say nothing of it."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -62,7 +62,7 @@ def either_way(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
 
 @pytest.mark.parametrize("messages", [ONE_MESSAGE, THREE_MESSAGES])
 def test_while_it_learns(tmp_path: Path, either_way: Callable[..., Result], messages: dict[str, str]) -> None:
-    """With a damaged frame, a lost one and some that are none of ours."""
+    """With a damaged frame, a lost one and some of other devices."""
     path = sample_bench(tmp_path, messages)
     frames = Device(path).send(simulated())
     frames[300] = damaged(frames[300], 77)
@@ -73,7 +73,7 @@ def test_while_it_learns(tmp_path: Path, either_way: Callable[..., Result], mess
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_with_commands(tmp_path: Path, either_way: Callable[..., Result], name: str) -> None:
-    """One of which has no injection, and one injection no command."""
+    """A command without an injection, and an injection without a command."""
     lines, source = SOURCES[name]
     pulses, made = injected(3, PILOT_AND_MAIN)
     made = misfired(made, (pulses[2][0], pulses[2][0] + 1.2e-3))

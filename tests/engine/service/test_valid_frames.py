@@ -38,7 +38,7 @@ def stopped(traffic: Traffic) -> list[TimedFrame]:
 
 
 def rates(frame: dict[str, Any]) -> list[Any]:
-    """Numbers, or in words why there is none."""
+    """Numbers, or the reason, in words, why there are no numbers."""
     return [value for name, value in frame.items() if name.startswith("InjectionRate_")]
 
 

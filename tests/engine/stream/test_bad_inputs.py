@@ -1,4 +1,4 @@
-"""Numbers that are none, infinite or absurd: never valid while they last, forgotten soon after."""
+"""Inputs that are not a number, infinite or absurd: never valid while they last, forgotten soon after."""
 
 import numpy as np
 import pytest

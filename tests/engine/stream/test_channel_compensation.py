@@ -1,4 +1,4 @@
-"""What is stated of rail pressure and lift is undone before the observer sees a sample."""
+"""Stated delays of rail pressure and lift are undone before the observer sees a sample."""
 
 import itertools
 from functools import cache

@@ -104,7 +104,7 @@ def test_openings_that_leave_no_standstill_say_so() -> None:
     assert (rows["state"] == State.DEGRADED).all()
     assert stream.count("judgement", "events_judged") > 1
     assert Reason(int(stream.injections[-5]["reason"])) is Reason.NO_STANDSTILL
-    assert stream.rest(40e-3).rows["reason"][-1] != Reason.NO_STANDSTILL
+    assert stream.stay_shut(40e-3).rows["reason"][-1] != Reason.NO_STANDSTILL
 
 
 @pytest.mark.parametrize("gap_ms", [2.0, 10.0, 50.0])
@@ -152,7 +152,7 @@ def test_break_in_the_stream_ends_the_event(opened: bool) -> None:
     """With an open needle nothing can be learned from it; long shut, all of it can."""
     length = 1030 if opened else 1050 + 5 * MS
     stream = run({1000: 50}, length, learning=True)
-    stream.rest(40e-3, index=length + 100, broken=Break.LOSS)
+    stream.stay_shut(40e-3, index=length + 100, broken=Break.LOSS)
     assert stream.count("judgement", "events_judged") == 1
     assert (stream.outcomes[0] is None) == opened
 
@@ -160,7 +160,7 @@ def test_break_in_the_stream_ends_the_event(opened: bool) -> None:
 def test_index_that_begins_anew_judges_at_once() -> None:
     """The index the event was due at will not come again."""
     stream = run({9000: 50}, 9500)
-    stream.rest(5e-3, index=0, broken=Break.RESTART)
+    stream.stay_shut(5e-3, index=0, broken=Break.RESTART)
     assert stream.judged == [0]
 
 
@@ -209,7 +209,7 @@ def test_samples_are_valid_after_two_judged_events() -> None:
 def test_needle_that_never_shuts_is_reported() -> None:
     """Open longer than any injection: not valid, not available, and nothing is learned."""
     length = MAX_EVENT + 4000
-    stream = Stream(events_required=0, learning=True).rest(10e-3)
+    stream = Stream(events_required=0, learning=True).stay_shut(10e-3)
     pressure = np.full(length, RAIL)
     stream.feed(pressure, np.full(length, 0.3e-3), pressure)
     last = stream.rows[-1]
@@ -217,6 +217,6 @@ def test_needle_that_never_shuts_is_reported() -> None:
     assert Reason(int(last["reason"])) is Reason.NEEDLE_STUCK
     assert State(int(last["state"])) is State.DEGRADED
     assert np.isnan(last["injection_rate"])
-    stream.rest(60e-3)
+    stream.stay_shut(60e-3)
     assert stream.outcomes == [None]
     assert stream.rows[-1]["valid"]

@@ -153,7 +153,7 @@ def test_noise_beyond_the_stated_opens_nothing(factor: float) -> None:
 
 
 def test_band_follows_noise_that_grows() -> None:
-    """Coloured, too, of which differences of neighbours show little."""
+    """Coloured noise, too, which differences of neighbours hardly show."""
     random = np.random.default_rng(5)
     noise = np.zeros(100_000)
     for k in range(1, noise.size):

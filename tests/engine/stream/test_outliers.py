@@ -8,7 +8,7 @@ from observer_rt.core.stream.stream import CHANGE_MEMORY as MEMORY
 from observer_rt.core.stream.stream import CLOSE, FEWEST_REPEATS, RESTLESS, STEP
 from observer_rt.engine.observer import Durations
 from observer_rt.engine.stream.state import LIFT, LINE, RAIL, Reason
-from tests.engine.sample_stream import NOISE, Stream, place, stroke
+from tests.engine.sample_stream import NOISE, Stream, lift_with, stroke
 from tests.engine.sample_stream import RAIL as PRESSURE
 
 COUNT = 6000
@@ -102,7 +102,7 @@ def test_a_channel_that_rings_has_no_spikes() -> None:
 
 def test_noise_and_the_edges_of_an_injection_are_no_spikes() -> None:
     channels = signals()
-    channels[LIFT] += place(COUNT, at_4500=stroke(150))
+    channels[LIFT] += lift_with(COUNT, at_4500=stroke(150))
     channels[LINE][4500:4530] -= np.linspace(0.0, 20e6, 30)
     channels[LINE][4530:] -= 20e6
     stream, _ = observed(channels)
@@ -217,7 +217,7 @@ def test_what_is_bridged_does_not_depend_on_how_many_samples_come_at_once() -> N
 
 def test_a_needle_that_moved_while_its_lift_was_held_makes_its_event_not_valid() -> None:
     channels = signals()
-    channels[LIFT] += place(COUNT, at_4500=stroke(200))
+    channels[LIFT] += lift_with(COUNT, at_4500=stroke(200))
     channels[LIFT][4480:4520] = channels[LIFT][4480]
     _, rows = observed(channels, events_required=0)
     assert Reason.INPUT_FROZEN in rows["reason"][4519:4523]
@@ -229,7 +229,7 @@ def test_a_needle_that_moved_while_its_lift_was_held_makes_its_event_not_valid()
 def test_a_spike_of_an_open_lift_is_replaced_on_its_ramp_and_at_the_stop(at: int, height: float) -> None:
     clean, spiked = signals(), signals()
     for channels in (clean, spiked):
-        channels[LIFT] += place(COUNT, at_4500=stroke(300, ramp=40))
+        channels[LIFT] += lift_with(COUNT, at_4500=stroke(300, ramp=40))
     spiked[LIFT][at : at + 2] += height
     _, rows = observed(spiked)
     _, wanted = observed(clean)
@@ -240,7 +240,7 @@ def test_a_spike_of_an_open_lift_is_replaced_on_its_ramp_and_at_the_stop(at: int
 @pytest.mark.parametrize("ramp", [5, 20, 40])
 def test_the_corners_of_a_stroke_are_no_spikes(ramp: int) -> None:
     channels = signals()
-    channels[LIFT] += place(COUNT, at_4500=stroke(2 * ramp), at_4900=stroke(300, ramp=ramp))
+    channels[LIFT] += lift_with(COUNT, at_4500=stroke(2 * ramp), at_4900=stroke(300, ramp=ramp))
     _, rows = observed(channels)
     assert bridged(rows, LIFT) == []
 
@@ -268,7 +268,7 @@ def test_outliers_do_not_depend_on_what_a_frame_carries_when_events_are_judged(s
 def _disturbed_events(count: int, piece: int) -> NDArray[np.void]:
     """Events with spikes everywhere, fed so many samples at a time; judged and learned from on the way."""
     rail, lift, line = signals(count, seed=4)
-    lift += place(count, at_1500=stroke(100), at_5000=stroke(100))
+    lift += lift_with(count, at_1500=stroke(100), at_5000=stroke(100))
     rng = np.random.default_rng(6)
     for at in range(200, count - 20, 50):
         (rail, line)[int(rng.integers(2))][at] += rng.normal() * 8 * NOISE.rail_pressure
@@ -325,7 +325,7 @@ def first_event(channels: list[NDArray[np.float64]]) -> np.void:
 @pytest.mark.parametrize("held", [slice(4850, 4920), slice(4850, 5150)])
 def test_a_lift_held_at_rest_spoils_no_event(held: slice) -> None:
     channels = signals()
-    channels[LIFT] += place(COUNT, at_4500=stroke(200))
+    channels[LIFT] += lift_with(COUNT, at_4500=stroke(200))
     channels[LIFT][held] = channels[LIFT][held.start]
     event = first_event(channels)
     assert event["learnable"]
@@ -336,7 +336,7 @@ def test_a_lift_held_at_rest_spoils_no_event(held: slice) -> None:
 
 @pytest.mark.parametrize(("since", "is_spoiled"), [(26, False), (8, True)])
 def test_a_lift_held_high_up_limits_no_flow(since: int, is_spoiled: bool) -> None:
-    """After some openings have told where the stop is; 30 samples lead there."""
+    """After some openings have shown where the stop is; 30 samples lead there."""
     count = 16_000
     channels = signals(count)
     motion = np.zeros(count)

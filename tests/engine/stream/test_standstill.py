@@ -78,20 +78,20 @@ def test_offset_between_line_and_rail(offset: float) -> None:
 
 
 def test_noise_is_not_stated_before_enough_samples() -> None:
-    stream = Stream(keep=False).rest((ENOUGH_SAMPLES - 100) / 100e3)
+    stream = Stream(keep=False).stay_shut((ENOUGH_SAMPLES - 100) / 100e3)
     assert stream.standstill.noise is None
     assert stream.standstill.samples > ENOUGH_SAMPLES - 1000
-    assert stream.rest(1e-2).standstill.noise is not None
+    assert stream.stay_shut(1e-2).standstill.noise is not None
 
 
 def test_noise_has_a_floor() -> None:
     """Signals without any noise: a level of 0 would make every gain meaningless."""
-    noise = Stream(keep=False).rest(0.2).standstill.noise
+    noise = Stream(keep=False).stay_shut(0.2).standstill.noise
     assert noise == NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
 
 
 def test_open_needle_is_no_standstill() -> None:
-    stream = Stream(keep=False).rest(10e-3)
+    stream = Stream(keep=False).stay_shut(10e-3)
     before = stream.standstill.samples
     pressure = np.full(5000, RAIL)
     stream.feed(pressure, np.full(5000, 0.3e-3), pressure + 30e6)

@@ -10,7 +10,7 @@ def with_line(**line: str | int) -> InjectorParameters:
 
 def test_each_observer_steps_its_own_model() -> None:
     lines = (NOMINAL, with_line(model="wave", cells=5), with_line(model="wave", cells=9))
-    streams = [Stream(line).rest(2e-3) for line in lines]
+    streams = [Stream(line).stay_shut(2e-3) for line in lines]
     assert [stream.rows["x_hat"].shape[1] for stream in streams] == [
         stream.observer.constants.coefficients.states for stream in streams
     ]

@@ -1,4 +1,4 @@
-"""Validity: the first fact in the order of docs/validity.md decides; what is not known yet degrades nothing."""
+"""Validity: the first fact in the order of docs/validity.md decides; a fact still unknown degrades nothing."""
 
 import pytest
 from hypothesis import given

@@ -102,7 +102,7 @@ def test_times_from_the_start_that_are_called_relative_are_refused(tmp_path: Pat
 
 
 def test_times_from_the_start_are_refused_although_frames_are_swapped(tmp_path: Path) -> None:
-    """A log of .4 s, every tenth frame of which stands before an earlier one."""
+    """A log of .4 s in which every tenth frame stands before an earlier one."""
     times = [0.002 * n - 0.003 * (n % 10 == 9) for n in range(200)]
     lines = [f"   {time:.6f} 1  123             Rx   d 1 AA" for time in times]
     with pytest.raises(UserError, match="but the heading calls them relative"):

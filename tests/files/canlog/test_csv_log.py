@@ -1,4 +1,4 @@
-"""CSV logs of python-can: read as it writes them, told from recordings, refused where malformed."""
+"""CSV logs of python-can: read as it writes them, distinguished from recordings, refused where malformed."""
 
 import base64
 from pathlib import Path

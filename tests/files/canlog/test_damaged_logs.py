@@ -61,7 +61,7 @@ T = TypeVar("T")
 
 
 def unless_refused(path: Path, read: Callable[[], T]) -> T | None:
-    """What is read of a file, or None where it is refused by name."""
+    """The frames read from a file, or None where the file is refused by name."""
     try:
         return read()
     except UserError as error:

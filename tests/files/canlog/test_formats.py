@@ -1,4 +1,4 @@
-"""Every log format: what is written is read, by us and by python-can; cut and damaged files never pass for whole."""
+"""Every log format: frames written are read back, by us and by python-can; damaged files never pass for whole."""
 
 from itertools import pairwise
 from pathlib import Path

@@ -30,7 +30,7 @@ ALL_STORED = [Field(name, bits) for name, bits in STORED.items()]
 
 @st.composite
 def logger_files(draw: st.DrawFn) -> tuple[list[LogFrame], list[Field]]:
-    """Frames, and fields of which some are virtual: the same in every frame."""
+    """Frames, and fields, some of them virtual: the same in every frame."""
     frames = draw(log_frames(".mf4").filter(bool))
     fields = []
     for name, bits in STORED.items():

@@ -9,7 +9,7 @@ from observer_rt.files.replay.framing import clamped_in
 
 
 def warnings_of(**changed: float) -> list[str]:
-    """What is said of signals within the range of the bus but for one value each."""
+    """Warnings about signals that leave the range of the bus in one value each."""
     survey = Survey()
     for name, inside in (("rail_pressure", 100e6), ("needle_lift", 100e-6), ("line_pressure", 100e6)):
         survey.take(name, np.array([inside, changed.get(name, inside), np.nan]))

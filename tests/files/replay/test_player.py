@@ -1,4 +1,4 @@
-"""Replay: what is sent, in which order, at which time; never how fast this machine is."""
+"""Replay: the frames sent, their order and times; never how fast this machine is."""
 
 import math
 import threading
@@ -23,7 +23,7 @@ from tests.links import FakeLink
 
 
 class Sink(FakeLink):
-    """A link that notes what is sent and when."""
+    """A link that notes each frame sent and when."""
 
     def __init__(self) -> None:
         super().__init__()

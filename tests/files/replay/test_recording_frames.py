@@ -18,7 +18,7 @@ from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import UserError
 from tests.files.replay.decoded import decoded
-from tests.files.signals.generated import Repeated
+from tests.files.signals.generated import RepeatedRecording
 
 RATE = 100e3
 
@@ -161,7 +161,7 @@ def test_an_empty_part(bus: BusMap, start: float | None, stop: float | None) -> 
 
 
 def test_a_recording_split_into_stretches_is_sent_as_on_one_grid(bus: BusMap) -> None:
-    split = Repeated(recording_of(5003, open_at=(200, 4950)), 4, 2)
+    split = RepeatedRecording(recording_of(5003, open_at=(200, 4950)), 4, 2)
     for windowed in (False, True):
         for start, stop in ((None, None), (0.03, 1.25)):
             result = RecordingPart(split, bus, windowed, start, stop).frames(loop=2)
@@ -171,10 +171,10 @@ def test_a_recording_split_into_stretches_is_sent_as_on_one_grid(bus: BusMap) ->
 
 @pytest.mark.parametrize("windowed", [False, True])
 def test_memory_does_not_depend_on_the_length(bus: BusMap, windowed: bool) -> None:
-    """Of what is sent last, the samples before have been read and forgotten."""
+    """When the last frame is sent, the samples before it have been read and forgotten."""
 
     def peak(times: int) -> int:
-        long = Repeated(recording_of(10_000, open_at=(500,)), times)
+        long = RepeatedRecording(recording_of(10_000, open_at=(500,)), times)
         tracemalloc.start()
         frames = RecordingPart(long, bus, windowed, start=0.1 * (times - 1)).frames()
         assert sum(1 for _ in frames) in ((1112,) if not windowed else range(60, 100))

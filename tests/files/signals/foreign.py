@@ -1,4 +1,4 @@
-"""Files as other tools write them, with a bench file that says what is in them."""
+"""Files as other tools write them, with a bench file that describes their columns."""
 
 from collections.abc import Callable
 from pathlib import Path

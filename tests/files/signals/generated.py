@@ -10,7 +10,7 @@ from observer_rt.files.signals.recording import Chunk, Recording
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch, cut
 
 
-class Repeated(SignalStream):
+class RepeatedRecording(SignalStream):
     """A recording again and again without a pause; several numbers: as many stretches, a second between them."""
 
     def __init__(self, recording: Recording, *times: int) -> None:

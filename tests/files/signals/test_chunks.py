@@ -12,7 +12,7 @@ from observer_rt.files.replay.recording_frames import pieces
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import copied, cut
 from observer_rt.foundation.errors import RunError
-from tests.files.signals.generated import Repeated
+from tests.files.signals.generated import RepeatedRecording
 
 SAMPLES = 200
 
@@ -53,7 +53,7 @@ def test_a_copy_does_not_hold_what_it_was_cut_from() -> None:
 
 
 def test_stretches_on_one_grid_are_a_hole_apart() -> None:
-    stream = Repeated(whole_chunk(), 3, 1)
+    stream = RepeatedRecording(whole_chunk(), 3, 1)
     recording = stream.collected()
     assert recording.samples == stream.grid_samples == 4 * SAMPLES + 100_000
     available = np.flatnonzero(~np.isnan(recording.rail_pressure))

@@ -12,7 +12,7 @@ IN_PARTS = pytest.mark.parametrize("at_once", [1 << 30, 4096])
 
 
 def taken(time: NDArray[np.float64], at_once: int = 1 << 30) -> tuple[TimeGrid, UnevenTime | None]:
-    """The grid of a time column given in parts, and what is wrong with it."""
+    """The grid of a time column given in parts, and where it is uneven."""
     grid = TimeGrid()
     for first in range(0, time.size, at_once):
         if (uneven := grid.take(time[first : first + at_once])) is not None:

@@ -1,4 +1,4 @@
-"""What must be kept in mind with an answer, told at every place alike."""
+"""What must be kept in mind with an answer, in the same words everywhere."""
 
 from dataclasses import replace
 

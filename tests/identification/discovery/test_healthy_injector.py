@@ -1,4 +1,4 @@
-"""Recordings compared with the healthy injector: what it has itself is not missing, and only what is new is named."""
+"""Recordings compared with the healthy injector: its own effects are not missing, and only new ones are named."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ def test_a_size_is_no_surer_than_a_fitted_model_is_exact(options: SearchOptions)
 
 @pytest.mark.slow
 def test_the_smallest_size_that_could_be_seen_is_seen(options: SearchOptions) -> None:
-    """And half of it is not: at six standard deviations a size is told, at less than three it is not."""
+    """And half of it is not: at six standard deviations a size is named, at less than three it is not."""
     smallest = {one.id: one.size for one in _discover(OWN, options=options).smallest_visible}
     assert len(smallest) > 15
     twice, half = (

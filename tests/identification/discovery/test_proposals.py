@@ -1,4 +1,4 @@
-"""What no vocabulary has: proposed as a law, put into the amended model, and what is left then."""
+"""A departure that no vocabulary has is proposed as a law, put into the amended model, and leaves noise."""
 
 import re
 from dataclasses import fields, replace

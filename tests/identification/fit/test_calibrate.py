@@ -37,15 +37,15 @@ LUMPS = tuple(one for one in STRUCTURES if one.line == "lump")
 UNSEEN = simulations([(80e6, 1.2e-3)], seed=9)
 
 
-def _found(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
+def _measured(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
     return measurements([one.recording for one in made])
 
 
 def _fit(
-    found: Sequence[Measurement], file: InjectorParameters, **weighed: MeasuredMasses
+    measured: Sequence[Measurement], file: InjectorParameters, **weighed: MeasuredMasses
 ) -> CalibrationResult:
     by_number = {int(name[1:]): one for name, one in weighed.items()}
-    return calibrate(file, found, by_number, lambda _: None, LUMPS)
+    return calibrate(file, measured, by_number, lambda _: None, LUMPS)
 
 
 def _deviations(done: CalibrationResult, true: InjectorParameters) -> dict[str, float]:
@@ -59,19 +59,19 @@ def _deviations(done: CalibrationResult, true: InjectorParameters) -> dict[str, 
 
 def _mass_error(injector: InjectorParameters) -> float:
     """Share of the mass, at an operating point that was not fitted, beside the truth."""
-    (found,), (simulation,) = _found(UNSEEN), UNSEEN
+    (measured,), (simulation,) = _measured(UNSEEN), UNSEEN
     density = injector.fluid.density_nozzle
-    modelled = sum(mass(found, one, density) for one in simulated(found, effective_model(injector)))
+    modelled = sum(mass(measured, one, density) for one in simulated(measured, effective_model(injector)))
     rate = simulation.truth.injection_rate
-    runs = simulated(found, effective_model(NOMINAL))
-    true = sum(mass(found, replace(one, rate=rate[one.rate_samples]), density) for one in runs)
+    runs = simulated(measured, effective_model(NOMINAL))
+    true = sum(mass(measured, replace(one, rate=rate[one.rate_samples]), density) for one in runs)
     return modelled / true - 1.0
 
 
 @pytest.fixture(scope="module")
 def by_pressures() -> CalibrationResult:
     """Six recordings without a measured rate."""
-    return _fit(_found(simulations()), off_by_ten_percent())
+    return _fit(_measured(simulations()), off_by_ten_percent())
 
 
 def test_parameters_are_found_within_their_intervals(by_pressures: CalibrationResult) -> None:
@@ -95,8 +95,8 @@ def test_mass_is_right_where_nothing_was_fitted(by_pressures: CalibrationResult)
 
 
 def test_residuals_fall_to_noise(by_pressures: CalibrationResult) -> None:
-    for one in by_pressures.comparison.residuals:
-        before, after = one.chi2["file"], one.chi2["fitted"]
+    for residual in by_pressures.comparison.residuals:
+        before, after = residual.chi2["file"], residual.chi2["fitted"]
         assert before is not None
         assert after is not None
         assert after < 1.5
@@ -120,7 +120,7 @@ def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calib
     wrong = file.model_copy(
         update={"line": file.line.model_copy(update={"diameter": file.line.diameter * np.sqrt(share)})}
     )
-    scaled = _fit(_found(simulations()), wrong)
+    scaled = _fit(_measured(simulations()), wrong)
     assert scaled.left.mean == pytest.approx(by_pressures.left.mean, rel=0.01)
     right, moved = by_pressures.injector, scaled.injector
     for section, key, power in (
@@ -136,27 +136,27 @@ def test_flows_coefficients_and_sac_scale_with_the_inertance(by_pressures: Calib
 
 def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
     structure = LUMPS[0]
-    folds = folds_of(_found(simulations()[:2]), {})
+    folds = folds_of(_measured(simulations()[:2]), {})
     free: tuple[FreeParameter, ...] = (*structure.free, INERTANCE)
     calibration = Calibration(NOMINAL, free, folds)
     here = calibration.residuals(calibration.centre)
     assert here is not None
-    told = certainty(calibration, linearise(calibration, calibration.centre, here, calibration.ranges), 1.0)
-    assert told.undetermined is not None
-    assert told.directions[-1].sigma > 20.0 * told.directions[-2].sigma
+    sure = certainty(calibration, linearise(calibration, calibration.centre, here, calibration.ranges), 1.0)
+    assert sure.undetermined is not None
+    assert sure.directions[-1].sigma > 20.0 * sure.directions[-2].sigma
 
 
 def test_what_is_faster_than_the_cells_carry_is_averaged() -> None:
     """Every five innovations of 10 us are one, normalised again; a measured rate stays as it is."""
-    (fold,) = folds_of(_found(simulations([POINTS[0]], measured_rate=True, injections=1)), {})
+    (fold,) = folds_of(_measured(simulations([POINTS[0]], measured_rate=True, injections=1)), {})
     calibration = Calibration(NOMINAL, LUMPS[0].free, [fold])
-    here, one = calibration.residuals(calibration.centre), calibration.judge(calibration.centre, 0)
+    here, judged = calibration.residuals(calibration.centre), calibration.judge(calibration.centre, 0)
     assert here is not None
-    assert one is not None
-    blocks = one.z.size // 5
-    assert here.counts.tolist()[:2] == [blocks, one.rate_z.size]
-    np.testing.assert_allclose(here.z[1], np.sum(one.z[5:10]) / np.sqrt(5.0))
-    np.testing.assert_array_equal(here.z[blocks : blocks + one.rate_z.size], one.rate_z)
+    assert judged is not None
+    blocks = judged.z.size // 5
+    assert here.counts.tolist()[:2] == [blocks, judged.rate_z.size]
+    np.testing.assert_allclose(here.z[1], np.sum(judged.z[5:10]) / np.sqrt(5.0))
+    np.testing.assert_array_equal(here.z[blocks : blocks + judged.rate_z.size], judged.rate_z)
 
 
 def _wrong_inertance() -> InjectorParameters:
@@ -165,7 +165,7 @@ def _wrong_inertance() -> InjectorParameters:
 
 
 def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
-    done = _fit(_found(simulations(measured_rate=True)), _wrong_inertance())
+    done = _fit(_measured(simulations(measured_rate=True)), _wrong_inertance())
     assert done.level is FlowLevel.RATE
     assert abs(_mass_error(done.injector)) < 0.005  # the rate's gain errors are 0.5 % a recording
     assert abs(_deviations(done, NOMINAL)["d_L"]) < 3.0
@@ -174,9 +174,11 @@ def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
 @pytest.mark.slow
 def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
-    fitted = _fit(_found(made), NOMINAL).comparison.masses[:3]
+    fitted = _fit(_measured(made), NOMINAL).comparison.masses[:3]
     true = MILLIGRAM * np.mean(np.array([one.mass_mg for one in fitted], float))
-    done = _fit(_found(made), _wrong_inertance(), n0=MeasuredMasses({}, (float(true), 0.003 * float(true))))
+    done = _fit(
+        _measured(made), _wrong_inertance(), n0=MeasuredMasses({}, (float(true), 0.003 * float(true)))
+    )
     assert done.level is FlowLevel.MASS
     assert abs(_mass_error(done.injector)) < 0.005
 
@@ -202,22 +204,22 @@ def test_a_line_that_no_structure_has_is_inadequate_and_said_where() -> None:
 def test_an_effect_in_force_is_part_of_the_model_that_is_fitted() -> None:
     offset = EffectInForce(id="guide_leakage", parameters={"c": EffectValue(value=3e-14, unit="m3/(s Pa)")})
     leaking = NOMINAL.model_copy(update={"effects": (offset,)})
-    found = _found(simulations(injector=leaking))
+    measured = _measured(simulations(injector=leaking))
     file = off_by_ten_percent(leaking)
-    assert max(map(abs, _deviations(_fit(found, file), NOMINAL).values())) < 3.0
-    blind = _fit(found, file.model_copy(update={"effects": ()}))
+    assert max(map(abs, _deviations(_fit(measured, file), NOMINAL).values())) < 3.0
+    blind = _fit(measured, file.model_copy(update={"effects": ()}))
     assert max(map(abs, _deviations(blind, NOMINAL).values())) > 5.0
 
 
 def test_one_recording_is_judged_by_halves() -> None:
-    found = _found(simulations([(100e6, 1.9e-3)], injections=4))
-    done = _fit(found, off_by_ten_percent())
+    measured = _measured(simulations([(100e6, 1.9e-3)], injections=4))
+    done = _fit(measured, off_by_ten_percent())
     assert len(done.fitted.calibration.folds) == 2
     assert done.fitted.held_out is not None
 
 
 def test_one_injection_is_fitted_with_nothing_held_out() -> None:
-    found = _found(simulations([(100e6, 1.9e-3)], injections=1))
-    done = _fit(found, off_by_ten_percent())
+    measured = _measured(simulations([(100e6, 1.9e-3)], injections=1))
+    done = _fit(measured, off_by_ten_percent())
     assert done.fitted.held_out is None
     assert "of the only injection there is" in done.choice.reason

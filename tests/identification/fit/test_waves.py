@@ -1,4 +1,4 @@
-"""A line in which pressure travels: found, told from a lump, its cells as its sound speed wants them."""
+"""A line in which pressure travels: found, distinguished from a lump, its cells as its sound speed wants them."""
 
 from dataclasses import replace
 
@@ -35,8 +35,8 @@ WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
 @pytest.fixture(scope="module")
 def travelling() -> CalibrationResult:
     """Six recordings of an independent plant with 40 cells, drained by the seat into a sac of 3 mm3."""
-    found = measurements(of_independent_plant(wave_injector()))
-    return calibrate(off_by_ten_percent(SMALL_SAC), found, {}, lambda _: None)
+    measured = measurements(of_independent_plant(wave_injector()))
+    return calibrate(off_by_ten_percent(SMALL_SAC), measured, {}, lambda _: None)
 
 
 def test_waves_drained_by_the_seat_are_chosen_and_adequate(travelling: CalibrationResult) -> None:
@@ -63,9 +63,9 @@ def fitted_to(
         replace(one, line=plant, injector=part or one.injector)
         for one in healthy_benches(Variant.PLAIN, 1).values()
     ]
-    found = measurements([recording_of(record(bench)) for bench in benches])
+    measured = measurements([recording_of(record(bench)) for bench in benches])
     by_seat = [one for one in WAVES if one.outflow is LineOutflow.SEAT]
-    done = calibrate(file, found, {}, lambda _: None, by_seat if part is None else by_seat[:1])
+    done = calibrate(file, measured, {}, lambda _: None, by_seat if part is None else by_seat[:1])
     assert done.inadequate == ()
     return done.injector
 
@@ -92,8 +92,8 @@ def test_a_long_line_may_still_ring_when_the_next_injection_comes() -> None:
         starts = tuple(0.15 + period * np.arange(10))
         events = (Event(100e6, (Shot(0.0, 1.9e-3),), Faults()),) * len(starts)
         bench = Bench(part, Needle(), events, line=plant, around=Surroundings(starts=starts))
-        found = observed(bench, bench_at(bench.sample_rate).with_parameters(model))[3:]
-        assert all(found.valid + found.inside)
+        run = observed(bench, bench_at(bench.sample_rate).with_parameters(model))[3:]
+        assert all(run.valid + run.inside)
 
 
 @pytest.mark.slow
@@ -109,9 +109,9 @@ def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
 def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: CalibrationResult) -> None:
     lumps = [one for one in travelling.choice.tried if one.structure.line == "lump"]
     assert len(lumps) == 2
-    for one in lumps:
-        assert isinstance(one, FailedStructure)
-        assert "steps a sample" in one.reason
+    for lump in lumps:
+        assert isinstance(lump, FailedStructure)
+        assert "steps a sample" in lump.reason
 
 
 @pytest.mark.parametrize("stiffness", [0.8e9, 1.2e9, 1.6e9, 2.0e9, 2.6e9])

@@ -13,7 +13,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood.excerpts import BLOCK, measured
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Lack, Measurement, measurements
 from observer_rt.identification.likelihood.reading import coverage
-from tests.files.signals.generated import Repeated
+from tests.files.signals.generated import RepeatedRecording
 from tests.identification.discovery.hidden import recordings
 
 MOST = 150_000  # samples
@@ -62,8 +62,8 @@ def test_a_recording_that_is_not_too_long_is_taken_whole() -> None:
 
 def test_every_injection_of_a_long_one_is_found_whole() -> None:
     times = 2 * BLOCK // PERIOD + 5
-    measured_recordings = measured(Repeated(pair(), times), most=MOST)
-    (expected,) = measurements([Repeated(pair(), times).collected()])
+    measured_recordings = measured(RepeatedRecording(pair(), times), most=MOST)
+    (expected,) = measurements([RepeatedRecording(pair(), times).collected()])
     assert measured_recordings.injections.complete == len(expected.events) == 2 * times
     assert measured_recordings.injections.left_out == ()
     assert measured_recordings.recording.samples <= MOST
@@ -81,7 +81,7 @@ def test_every_injection_of_a_long_one_is_found_whole() -> None:
 
 def test_a_rare_operating_point_keeps_all_of_its_injections() -> None:
     rare = pair(60e6)
-    often = Repeated(pair(), 20).collected()
+    often = RepeatedRecording(pair(), 20).collected()
     measured_recordings = measured(HeldSignals(joined(often, rare, often, often)), most=MOST)
     pressures = [
         float(measured_recordings.recording.rail_pressure[event.openings[0].first - 100])
@@ -93,7 +93,7 @@ def test_a_rare_operating_point_keeps_all_of_its_injections() -> None:
 
 def test_what_is_kept_is_spread_over_the_whole() -> None:
     """The lift tells when: every injection is a little higher than the one before."""
-    long = Repeated(pair(), 40).collected()
+    long = RepeatedRecording(pair(), 40).collected()
     long = replace(long, needle_lift=long.needle_lift * np.linspace(1.0, 1.5, long.samples))
     measured_recordings = measured(HeldSignals(long), most=MOST)
     lift = measured_recordings.recording.needle_lift
@@ -104,7 +104,7 @@ def test_what_is_kept_is_spread_over_the_whole() -> None:
 
 
 def test_what_is_missing_is_counted_and_left_out_as_of_the_whole() -> None:
-    long = Repeated(pair(), 60).collected()
+    long = RepeatedRecording(pair(), 60).collected()
     rail = long.rail_pressure.copy()
     (complete,) = measurements([long])
     for number in (7, 50, 51):
@@ -126,7 +126,7 @@ def test_what_is_missing_is_counted_and_left_out_as_of_the_whole() -> None:
 def test_memory_does_not_depend_on_length() -> None:
     def peak(times: int) -> int:
         tracemalloc.start()
-        measured(Repeated(pair(), times), most=MOST)
+        measured(RepeatedRecording(pair(), times), most=MOST)
         size = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return size
@@ -137,4 +137,4 @@ def test_memory_does_not_depend_on_length() -> None:
 def test_a_long_one_without_injection_is_refused() -> None:
     shut = replace(pair(), needle_lift=np.zeros(PERIOD))
     with pytest.raises(UserError, match=r"repeated\.csv: no complete injection"):
-        measured(Repeated(shut, 20), most=MOST)
+        measured(RepeatedRecording(shut, 20), most=MOST)

@@ -91,7 +91,7 @@ def test_the_statistic_is_smooth_across_whole_samples_of_skew() -> None:
 
 
 def test_what_is_stated_of_the_channels_is_known() -> None:
-    """Late and slow channels, of which the bench file says so, are explained by the model of the injector alone."""
+    """Late and slow channels that the bench file states are explained by the model of the injector alone."""
     channels = (
         sized("rail_pressure_skew", d=8e-6),
         sized("channel_skew", d=-17e-6),

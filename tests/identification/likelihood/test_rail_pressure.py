@@ -89,7 +89,7 @@ def test_a_healthy_injector_s_rail_was_recorded_in_time(moving: tuple[Measuremen
 
 
 def test_a_lag_undone_by_a_lead_explains_nothing(moving: tuple[Measurement, ...]) -> None:
-    """Together they only smooth what is predicted: with the noise told apart that is no gain."""
+    """Together they only smooth the prediction: once the noise is separated, that gains nothing."""
     likelihood = joint_likelihood(moving, MODEL)
     before = likelihood.residuals(MODEL)
     assert before is not None

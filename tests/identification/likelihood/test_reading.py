@@ -1,4 +1,4 @@
-"""What is said of recordings before `fit` and `discover` judge them."""
+"""Notes on recordings before `fit` and `discover` judge them."""
 
 import io
 from dataclasses import replace

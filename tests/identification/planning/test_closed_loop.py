@@ -59,7 +59,7 @@ def measured(planned_measurement: PlannedMeasurement, faults: Faults, seed: int)
 
 
 def discovered(recordings: list[Recording], *also_left: str) -> tuple[Discovery, MeasurementPlan | None]:
-    """What is found, and the plan by which it and effects that are left besides would be told apart."""
+    """The discovery, and the plan that would distinguish its effects from others that are left."""
     measured_recordings = measurements(recordings)
     answer = name_effects(MODEL, measured_recordings, SearchOptions(workers=2))
     answer = replace(answer, rivals=(*answer.rivals, *((effect,) for effect in also_left)))

@@ -33,7 +33,7 @@ def event(level: float, sign: float, seed: int, rail: float = 1.0) -> tuple[Wind
 def seen(
     ends: EndsOfRange, window: Window, innovations: NDArray[np.float64]
 ) -> tuple[EndsOfRange, NDArray[np.bool_]]:
-    """With an event, and what is masked of it."""
+    """The ends of the range after an event, and its masked samples."""
     ends, mask = ends.masked(window, innovations, SIGMAS, FIRST)
     return ends.after(window, SIGMAS), mask
 

@@ -1,4 +1,4 @@
-"""Stretches and spikes that only the model shows, and those that are none."""
+"""Stretches and spikes that only the model shows, and signals that only look like them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ def window_of(output: NDArray[np.float64], rail: float = 1.0) -> Window:
 
 
 def held(start: int, samples: int, rail: float = 1.0, seed: int = 1) -> tuple[Window, NDArray[np.float64]]:
-    """A window of which some samples are held before the noise comes on them, and innovations of a right model."""
+    """A window with some samples held before noise is added, and the innovations of a right model."""
     y = truth(rail)
     y[start : start + samples] = y[start]
     noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE

@@ -1,4 +1,4 @@
-"""Few samples that stand out, and what is none of them."""
+"""Few samples that stand out are spikes; many are not."""
 
 import numpy as np
 import pytest

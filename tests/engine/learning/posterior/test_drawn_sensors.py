@@ -73,20 +73,20 @@ def drawn(random: Generator) -> Faults:
 def test_a_gain_within_its_accuracy_is_in_the_interval(
     faults: Faults, pressures: tuple[float, ...], dips: bool
 ) -> None:
-    found = seen(faults, Injector(), KNOWN, pressures=pressures, dips=dips)
-    assert all(report.valid for report in found.reports[3:])  # the third pressure is new
-    assert sum(found.inside) >= len(found.inside) - 1
-    for report, true in zip(found.reports[4:], found.true[4:], strict=True):
+    run = seen(faults, Injector(), KNOWN, pressures=pressures, dips=dips)
+    assert all(report.valid for report in run.reports[3:])  # the third pressure is new
+    assert sum(run.inside) >= len(run.inside) - 1
+    for report, true in zip(run.reports[4:], run.true[4:], strict=True):
         assert report.mass_bound < 0.021 * true
 
 
 def test_a_bore_that_nobody_knows_better_is_in_the_interval() -> None:
     part = Injector()
     wider = part._replace(line_area=part.line_area * 1.015**2)
-    found = seen(Faults(), wider, LINE)
-    assert np.all(np.abs(found.errors[4:]) > 0.02)  # nothing shows it
-    assert all(report.valid for report in found.reports[3:])
-    assert all(found.inside)
+    run = seen(Faults(), wider, LINE)
+    assert np.all(np.abs(run.errors[4:]) > 0.02)  # nothing shows it
+    assert all(report.valid for report in run.reports[3:])
+    assert all(run.inside)
 
 
 @pytest.mark.slow
@@ -99,8 +99,8 @@ def test_coverage_of_drawn_benches() -> None:
             line_area=part.line_area * (1.0 + by_bore) ** 2, line_length=part.line_length * (1.0 + by_length)
         )
         pressures = RAIL_PRESSURES if number % 2 else (float(random.choice(RAIL_PRESSURES)),)
-        found = seen(drawn(random), part, LINE, pressures=pressures, dips=number % 4 > 1, seed=number)
-        inside += found.inside
-        valid += sum(report.valid for report in found.reports[2:])
+        run = seen(drawn(random), part, LINE, pressures=pressures, dips=number % 4 > 1, seed=number)
+        inside += run.inside
+        valid += sum(report.valid for report in run.reports[2:])
     assert valid >= 0.9 * 40 * (EVENTS - 2)
     assert np.mean(inside) >= 0.9  # a bore beyond two sigma is outside in all its events

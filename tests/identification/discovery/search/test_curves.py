@@ -29,7 +29,7 @@ def measured(law: str) -> NDArray[np.float64]:
 
 
 def scoring(left: NDArray[np.float64]) -> Score:
-    """Scores of terms in what is left of a regression (COUNT,): each is its law at random moments."""
+    """Scores of terms in the residuals of a regression (COUNT,): each is its law at random moments."""
     here = Residuals(left / SIGMA, np.array([COUNT]), np.array([np.log(SIGMA)]))
     weights = weights_of(here)
 

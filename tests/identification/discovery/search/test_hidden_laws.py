@@ -143,7 +143,7 @@ def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     assert all(
         ids <= set(hidden) | {"lift_gain"} for ids in left
     )  # which is hard to tell from the seat's area
-    one = next(one for one in discovery.ranking if set(one.ids) == set(hidden))
-    for effect, size in zip(one.ids, one.sizes, strict=True):
+    right = next(one for one in discovery.ranking if set(one.ids) == set(hidden))
+    for effect, size in zip(right.ids, right.sizes, strict=True):
         assert size == pytest.approx(hidden[effect], rel=0.03)
     assert all(effect.gain > discovery.detection.threshold for effect in discovery.effects)

@@ -50,6 +50,20 @@ def test_fault_is_named_and_the_mass_is_right(name: str, true: float) -> None:
     assert all(run.indicator(other).value == 0.0 for other in others)
 
 
+@pytest.mark.parametrize(
+    ("nozzle", "seat", "offset"), [(0.3, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.2, 0.0, -1e6)]
+)
+def test_wear_is_told_from_an_offset_of_the_line_sensor(nozzle: float, seat: float, offset: float) -> None:
+    run = run_plant(Faults(orifice_area=nozzle, seat_area=seat, line_pressure_sensor_offset=offset))
+    assert abs(run.error(first=4)) <= 0.01
+    for name, true, apart in ((NOZZLE, nozzle, 0.02), (SEAT, seat, 0.1), (OFFSET, offset, 0.03e6)):
+        assert run.indicator(name).value == pytest.approx(true, abs=apart)
+    sigmas = [report.indicators[NOZZLE].sigma for report in (run.reports[0], run.reports[-1])]
+    assert sigmas[0] is not None
+    assert sigmas[1] is not None
+    assert sigmas[1] < 0.7 * sigmas[0]
+
+
 @pytest.mark.parametrize("offset", [3e6, -3e6])
 def test_rail_offset_beyond_a_good_sensor_is_refused(offset: float) -> None:
     """From p_L alone a rail offset is the line sensor's with the other sign: the level of Q_H hangs on which."""

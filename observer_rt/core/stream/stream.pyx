@@ -182,13 +182,6 @@ cdef class Stream:
         """What innovations are to be like; at_rest: mean square of coloured ones with the needle shut [p_0^2]."""
         expect(&self.observer, at_rest)
 
-    def step_pairs(self, int64_t first, int64_t end) -> None:
-        """The pair and its rate at positions [first, end) of the ring, which were gone through before."""
-        cdef int64_t position
-        with nogil:
-            for position in range(first, end):
-                step_pair(&self.observer, position)
-
     def watch(self, double innovation, int64_t doubt) -> None:
         """Take in an innovation of x~ [p_0], of a sample with such a Doubt; what contradicts the model stays so."""
         watch(&self.observer, innovation, doubt)

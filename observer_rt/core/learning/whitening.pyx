@@ -20,11 +20,15 @@ def whiten(
     const double[:, :] values, masked, double forgetting, const double[::1] taps, double[:, ::1] result
 ) -> None:
     """Values (n, m) down the columns, see `prediction_error.Whitening`; masked: (n,), or (0,)."""
-    cdef int64_t n = values.shape[0], m = values.shape[1], i, j, k, count, unknown = 0
+    cdef int64_t n = values.shape[0], m = values.shape[1], parts = (m + WIDTH - 1) // WIDTH, i, j, k, count, unknown = 0
     cdef const unsigned char[:] is_out = masked.view("u1")
-    cdef double[:, ::1] passed = zeros((n, m))
-    cdef double[::1] before = zeros(m)
-    cdef double expected, kept
+    cdef double[:, ::1] passed = zeros((n, parts * WIDTH)), rows = zeros((4, parts * WIDTH))
+    cdef double* row = &rows[0, 0]  # of values; then of what is expected, then of those before, behind the high pass
+    cdef Columns* now = <Columns*> row
+    cdef Columns* expected = now + parts
+    cdef Columns* before = expected + parts
+    cdef Columns* nothing = before + parts
+    cdef Columns* behind
     cdef bint is_masked
     if result.shape[0] != n or result.shape[1] != m or 0 < is_out.shape[0] < n:
         raise ValueError("values, marks and result do not fit each other")
@@ -33,22 +37,25 @@ def whiten(
             count = min(LEVEL_SAMPLES, n - 1)
             for k in range(1, 1 + count):
                 for j in range(m):
-                    before[j] += values[k, j] / <double> count
+                    rows[2, j] += values[k, j] / <double> count
         # unknown: samples for which some tap still lies on an expected value
         result[:1] = 0.0
         for k in range(1, n):
             is_masked = is_out.shape[0] > 0 and is_out[k] != 0
+            behind = <Columns*> &passed[k - 1, 0]
             for j in range(m):
-                expected = 0.0
+                row[j] = values[k, j]
+            for j in range(parts):
+                expected[j] = nothing[j]
                 for i in range(min(taps.shape[0], k - 1)):
-                    expected -= taps[i] * passed[k - 1 - i, j]
+                    expected[j] = expected[j] - taps[i] * behind[j - i * parts]
                 if forgetting == NO_HIGH_PASS:
-                    passed[k, j] = expected if is_masked else values[k, j]
+                    behind[parts + j] = expected[j] if is_masked else now[j]
                 else:
-                    kept = forgetting * passed[k - 1, j] - before[j]
-                    passed[k, j] = expected if is_masked else values[k, j] + kept
-                    before[j] = passed[k, j] - kept if is_masked else values[k, j]
-                result[k, j] = passed[k, j] - expected if unknown == 0 and not is_masked else 0.0
+                    behind[parts + j] = expected[j] if is_masked else now[j] + (forgetting * behind[j] - before[j])
+                    before[j] = behind[parts + j] - (forgetting * behind[j] - before[j]) if is_masked else now[j]
+            for j in range(m):
+                result[k, j] = passed[k, j] - rows[1, j] if unknown == 0 and not is_masked else 0.0
             unknown = taps.shape[0] if is_masked else max(unknown - 1, 0)
 
 

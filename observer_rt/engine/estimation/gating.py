@@ -154,9 +154,10 @@ class GatedBelief:
         covariance, result = self.belief.covariance, np.eye(self.belief.mean.size)
         out = [column for column in self.gate.columns if column not in self.active]
         if out:
-            rows, held = covariance[out], list(self.gate.held)
-            if held:
-                rows = rows - rows[:, held] @ np.linalg.solve(covariance[held][:, held], covariance[held])
+            rows = covariance[[*self.gate.held, *out]]
+            for i, column in enumerate(self.gate.held):
+                rows = rows - np.outer(rows[:, column], rows[i]) / rows[i, column]
+            rows = rows[len(self.gate.held) :]
             result[:, out] = -np.linalg.solve(rows[:, out], rows).T
             result[out] = 0.0
         return result

@@ -75,18 +75,16 @@ def speed(
     as_json: cli.JsonOption = False,
 ) -> None:
     """How fast: round trip beside a C echo and python-can, load at 100 kHz, start, several injectors."""
-    parts, out, before = (
-        cli.chosen_names(only, "--only", list(Part), list(Part)),
-        out or Path("build/speed"),
-        os.getloadavg(),
-    )
+    parts, before = cli.chosen_names(only, "--only", list(Part), list(Part)), os.getloadavg()
+    out = out or Path("build/speed")
     out.mkdir(parents=True, exist_ok=True)
     lasts = {part: each[quick] for part, each in SECONDS.items()}
+    lasts[Part.SUSTAINED] = seconds or lasts[Part.SUSTAINED]
     with tempfile.TemporaryDirectory(prefix="speed-") as name:
         folder = Path(name)
         traffic = make_traffic(folder)
         measures: dict[Part, Callable[[], list[Row]]] = {
-            Part.SUSTAINED: lambda: measure_sustained(folder, traffic, seconds or lasts[Part.SUSTAINED]),
+            Part.SUSTAINED: lambda: measure_sustained(folder, traffic, lasts[Part.SUSTAINED]),
             Part.ROUNDTRIP: lambda: measure_roundtrips(folder, lasts[Part.ROUNDTRIP]),
             Part.STARTUP: lambda: measure_startup(folder),
             Part.INJECTORS: lambda: measure_injectors(folder, traffic, lasts[Part.INJECTORS]),
@@ -94,7 +92,8 @@ def speed(
         rows = []
         for part, measure in measures.items():
             if part in parts:
-                messages.print(f"{part} ...", highlight=False)
+                length = f", {lasts[part]:g} s" if part in lasts else ""
+                messages.print(f"{part}{length} ...", highlight=False)
                 rows += measure()
     frame = frame_of(rows)
     columns = [name for name in frame if name not in ("part", "label", "party", "failed", "kept", "link")]

@@ -3,9 +3,10 @@
 from libc.math cimport fabs, fmax, fmin, log
 from libc.stdint cimport int64_t
 
-from numpy import empty
+from numpy import empty, zeros
 
 from observer_rt.core.learning.matrices cimport factorise, solve_forward, solve_back
+from observer_rt.core.model.records cimport WIDTH, Columns
 
 
 def integrate_cost(
@@ -21,7 +22,8 @@ def integrate_cost(
     cdef const double[:, ::1] curve = cost.information
     cdef const double[::1] lowest = limits.lowest, highest = limits.highest, longest = limits.longest_step
     cdef int64_t m = centre.shape[0], prior, i
-    cdef double[:, ::1] root = empty((m, m)), inner = empty((m, m)), half = empty((m, m))
+    cdef int64_t width = (m + WIDTH - 1) // WIDTH * WIDTH
+    cdef double[:, ::1] root = zeros((m, width)), inner = empty((m, width)), half = empty((m, width))
     cdef double[::1] gradient = empty(m), step = empty(m), away = empty(m), column = empty(m)
     cdef const double[::1] mean
     cdef double[::1] theta
@@ -30,7 +32,7 @@ def integrate_cost(
     with nogil:
         for prior in range(means.shape[0]):
             mean, theta = means[prior], thetas[prior]
-            root[:, :] = covariances[prior]
+            root[:, :m] = covariances[prior]
             is_definite = factorise(root, column, m)
             _surround(curve, root, half, inner)
             is_definite = is_definite and factorise(inner, column, m)
@@ -54,26 +56,29 @@ def integrate_cost(
 
 
 cdef void _surround(
-    const double[:, ::1] matrix, const double[:, ::1] root, double[:, ::1] half, double[:, ::1] result
+    const double[:, ::1] matrix, double[:, ::1] root, double[:, ::1] half, double[:, ::1] result
 ) noexcept nogil:
-    """1 + root' matrix root, its lower half."""
-    cdef int64_t m = matrix.shape[0], i, j, k
-    cdef double factor
-    half[:, :] = 0.0
+    """1 + root' matrix root, its lower half; rows beside the matrix are whole vectors wide."""
+    cdef int64_t m = matrix.shape[0], parts = root.shape[1] // WIDTH, i, j, k
+    cdef Columns* of_root = <Columns*> &root[0, 0]
+    cdef Columns* of_half = <Columns*> &half[0, 0]
+    cdef Columns* of_result = <Columns*> &result[0, 0]
+    cdef Columns total
     result[:, :] = 0.0
     for i in range(m):
+        root[i, i + 1:] = 0.0
         result[i, i] = 1.0
-        for k in range(m):
-            factor = matrix[i, k]
-            if factor != 0.0:
-                for j in range(k + 1):
-                    half[i, j] += factor * root[k, j]
-    for k in range(m):
-        for i in range(k + 1):
-            factor = root[k, i]
-            if factor != 0.0:
-                for j in range(i + 1):
-                    result[i, j] += factor * half[k, j]
+    for j in range(parts):
+        for i in range(m):
+            total = matrix[i, j * WIDTH] * of_root[j * WIDTH * parts + j]
+            for k in range(j * WIDTH + 1, m):
+                total = total + matrix[i, k] * of_root[k * parts + j]
+            of_half[i * parts + j] = total
+        for i in range(j * WIDTH, m):
+            total = of_result[i * parts + j]
+            for k in range(i, m):
+                total = total + root[k, i] * of_half[k * parts + j]
+            of_result[i * parts + j] = total
 
 
 cdef double _expected(

@@ -121,8 +121,7 @@ cdef inline void tangent_rates(
     cdef double* by_number = t.by_number + stage * n * t.m
     cdef double* by_flow = t.by_flow + stage * n * 2
     cdef double* of_flows = t.of_flows + stage * 2 * t.m
-    cdef double* of_row
-    cdef double total
+    cdef double of_pressure = 0.0, of_flow = 0.0
     cdef bint rest = is_at_rest(x, u)
     cdef int64_t row, i, k
     theta = &t.theta
@@ -138,21 +137,20 @@ cdef inline void tangent_rates(
     for row in range(n):
         for i in range(3):
             by_state[row * n + i] += by_flow[2 * row] * flows.h_x[i] + by_flow[2 * row + 1] * flows.s_x[i]
-    for row in range(n):
-        if row == SAC:  # nothing of the line fills it
-            continue
-        total = 0.0
-        of_row = by_number + row * t.m
-        for k in range(theta.pairs):
-            total += t.by_coefficient[row * t.size + theta.coefficients[k]] * theta.slopes[k]
-            if k + 1 == theta.pairs or theta.columns[k + 1] != theta.columns[k]:
-                of_row[theta.columns[k]] = total
-                total = 0.0
+    for k in range(theta.pairs):  # each acts on the flow or on the pressure, nothing of the line on the sac
+        i = theta.coefficients[k]
+        if i == LUMP_A3 or i == LUMP_A4:
+            of_flow += t.by_coefficient[t.size + i] * theta.slopes[k]
+        else:
+            of_pressure += t.by_coefficient[i] * theta.slopes[k]
+        if k + 1 == theta.pairs or theta.columns[k + 1] != theta.columns[k]:
+            by_number[theta.columns[k]], by_number[t.m + theta.columns[k]] = of_pressure, of_flow
+            of_pressure = of_flow = 0.0
     for i in range(<int64_t> VALVE_NUMBERS):
         by_number[theta.valve[i]] = 0.0
     if u.servo.opening != 0.0:
-        total = -stiffness(x[0], &c.line.lump.softness)
-        add_valve(by_number, total, x[0], &c.line.lump.softness, c.line.lump.servo, u, theta)
+        of_pressure = -stiffness(x[0], &c.line.lump.softness)
+        add_valve(by_number, of_pressure, x[0], &c.line.lump.softness, c.line.lump.servo, u, theta)
     lump_rates(x, u, flows.q_h, flows.q_s, c, rate, n)
 
 

@@ -38,12 +38,11 @@ class Belief:
 
     def drifted(self, drift: NDArray[np.float64]) -> "Belief":
         """The belief one event later, when each parameter may have moved by `drift` (m,) (one sigma)."""
-        return Belief(self.mean, self.covariance + np.diag(drift**2), self.error_covariance)
+        return Belief(self.mean, _moved(self.covariance, drift), self.error_covariance)
 
     def widened(self, change: NDArray[np.float64]) -> "Belief":
         """The belief when each parameter did move, by about `change` (m,) (one sigma)."""
-        moved = np.diag(change**2)
-        return Belief(self.mean, self.covariance + moved, self.error_covariance + moved)
+        return Belief(self.mean, _moved(self.covariance, change), _moved(self.error_covariance, change))
 
     @cached_property
     def information(self) -> NDArray[np.float64]:
@@ -72,6 +71,12 @@ class Belief:
 def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> Belief:
     """Belief before any event: mean (m,), covariance (m, m)."""
     return Belief(mean, covariance, covariance)
+
+
+def _moved(covariance: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
+    result = covariance.copy()
+    result.ravel()[:: len(result) + 1] += change**2
+    return result
 
 
 def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -36,7 +36,7 @@ class Moving:
     def after(self, learned: Belief) -> Velocity:
         """The velocity, when `learned` is believed of theta after the event."""
         before, velocity = self.belief, self.velocity
-        gain = np.linalg.solve(before.covariance, velocity.across).T
+        gain = velocity.across.T @ before.information
         taught = before.covariance - learned.covariance
         return Velocity(
             velocity.mean + gain @ (learned.mean - before.mean),

@@ -77,7 +77,7 @@ def _problem_of_belief(learned: LearnedInjector, farthest: NDArray[np.float64]) 
     ):
         if not np.array_equal(covariance, covariance.T) or not _is_positive_definite(covariance):
             return f"{name} is not symmetric and positive definite"
-    if any(np.any(sums < 0.0) for sums in vars(learned.statistics).values()):
+    if any(np.any(sums < 0.0) for sums in plain(learned.statistics).values()):
         return "the statistics of the innovations are no sums of squares"
     if (colour := learned.colour) is None:
         return None

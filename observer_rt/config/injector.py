@@ -69,6 +69,7 @@ class RecordingConfig(Section):
     needle_lift: ColumnConfig
     line_pressure: ColumnConfig
     injection_rate: ColumnConfig | None = None
+    energizing: ColumnConfig | None = None
     time: TimeConfig | None = None  # MDF4 files bring their own; others need it, or `rate_hz`
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] | None = None
     """Rate at which rows follow each other, trusted where stamps are rounded or missing; also that of the grid."""
@@ -110,7 +111,7 @@ class RecordingConfig(Section):
     @property
     def signals(self) -> Iterator[tuple[str, ColumnConfig]]:
         """The signals mapped, by their names in a `Recording`."""
-        for name in ("rail_pressure", "needle_lift", "line_pressure", "injection_rate"):
+        for name in ("rail_pressure", "needle_lift", "line_pressure", "injection_rate", "energizing"):
             if (column := getattr(self, name)) is not None:
                 yield name, column
 

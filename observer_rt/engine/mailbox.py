@@ -14,6 +14,9 @@ from observer_rt.engine.stream.state import Observer, Reason
 
 # s and the time by which the pilot valve is ahead of the lift, after which its flow is known.
 KNOWN_AFTER = 0.25e-3
+COMMAND_AFTER = (
+    1e-3  # s, after which a command, which may come later than its samples, is known at the latest
+)
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:
@@ -113,8 +116,8 @@ def _write(
     line, valve = learned.coefficients.line, learned.coefficients.valve
     carried["line"][: len(line)] = line
     carried["valve"] = valve
-    later = KNOWN_AFTER + max(valve.start, valve.end) if line.servo > 0.0 else 0.0
-    carried["watch_later"] = round(later / constants.interval)
+    later = COMMAND_AFTER if valve.commanded else KNOWN_AFTER + max(valve.start, valve.end)
+    carried["watch_later"] = round(later / constants.interval) if line.servo > 0.0 else 0
     noise, scale = knowledge.state.noise, constants.coefficients.pressure_scale
     verdict["noise"] = noise.rail_pressure / scale, noise.needle_lift, noise.line_pressure / scale
     observer.verdicts.gains[slot] = schedule.gains

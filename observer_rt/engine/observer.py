@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.alignment.alignment import make_recorded
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
+    COMMANDS,
     INJECTIONS,
     LONG_PAST,
     PENDING_EVENTS,
@@ -66,6 +67,7 @@ WINDOW_TAIL = 0.5 * MILLISECOND
 LEARNING_LEAD = 1 * MILLISECOND
 BRIDGE = 0.5 * MILLISECOND
 SLOWEST_FILTER = 21e-6  # s of a sample period, up to which three samples are short for a line
+INDICES = 1 << 32  # after which a sample index begins again
 QUICKEST = 2.0  # times the speeds of the injector file, of which rail pressure and wear make up to 1.4
 
 
@@ -201,6 +203,31 @@ def _bound_stepper(stream: Stream, constants: Constants, before: Stepper | None 
     return stepper
 
 
+def samples_between(earlier: Any, later: Any) -> Any:
+    """Samples from one index to another, either of them modulo 2^32; nan if one is not known."""
+    return (later - earlier + INDICES / 2) % INDICES - INDICES / 2
+
+
+def energize(observer: Observer, number: int, start: int, length: float = math.inf) -> None:
+    """Tell the pilot valve of the `number`-th command (0, 1, ..), which may be known already but for its end.
+
+    start: index of the first sample of it; length [samples]: infinite as long as it is not known.
+    """
+    commands = observer.memory[0]["commands"]
+    commands["starts"][number % COMMANDS], commands["lengths"][number % COMMANDS] = start, length
+    commands["count"] = max(int(commands["count"]), number + 1)
+
+
+def commands_at(observer: Observer, start: int, end: int) -> NDArray[np.float64]:
+    """Commands (k, 2) as of `Window` that begin in, or not long before, positions [start, end)."""
+    commands = observer.memory[0]["commands"]
+    kept = np.arange(max(int(commands["count"]) - COMMANDS, 0), int(commands["count"])) % COMMANDS
+    first = observer.ring["index"][start % RING]
+    begun: NDArray[np.float64] = samples_between(first, commands["starts"][kept])
+    within = np.abs(begun) < end - start
+    return np.column_stack((begun, begun + commands["lengths"][kept]))[within]
+
+
 def event_window(observer: Observer, number: int) -> Window | None:
     """Learning window of the `number`-th closed event (0, 1, ..), copied; None when it cannot be learned."""
     event = observer.events[number % PENDING_EVENTS]
@@ -224,7 +251,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
         np.diff(window.inputs[:, 1] > 0.0, prepend=False) & (window.inputs[:, 1] > 0.0)
     )
     begun = Clock(start * observer.constants.interval, float(event["injections"] - openings))
-    return window._replace(clock=begun)
+    return window._replace(clock=begun, commands=commands_at(observer, start, end))
 
 
 def remembered(ring: NDArray[Any], start: int, end: int) -> NDArray[Any]:

@@ -22,7 +22,7 @@ from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
 from observer_rt.files.signals.naming import in_words, layout_of
 from observer_rt.files.signals.parquet_table import ParquetTable
-from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
+from observer_rt.files.signals.recording import OPTIONAL, TRUTH_SUFFIX, Recording
 from observer_rt.files.signals.signal_format import OwnLayout, SignalFormat
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table_signals import EvenSignals
@@ -48,8 +48,8 @@ _ADVICE = {  # what to do with other kinds of files
 
 
 def _header(columns: Sequence[WrittenColumn]) -> str:
-    *needed, optional = (column.header for column in columns)
-    return f"{','.join(needed)}[,{optional}]"
+    texts = (f"[,{each.header}]" if each.channel in OPTIONAL else f",{each.header}" for each in columns)
+    return "".join(texts)[1:]
 
 
 def _by_header(columns: Sequence[WrittenColumn]) -> RecordingConfig:
@@ -196,13 +196,13 @@ def write_recording(path: Path, recording: Recording) -> None:
 
 
 @contextmanager
-def open_parts(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
-    """Open a recording for writing; the function given appends a part. has_rate: the parts have an injection rate.
+def open_parts(path: Path, optional: Collection[str]) -> Iterator[Callable[[Recording], None]]:
+    """Open a recording for writing; the function given appends a part. optional: as of `recording_writer`.
 
     Raises `UserError` for a suffix that cannot be written, `OSError` when writing fails.
     """
     _check_suffix(path, suffixes_of(written(signal_formats())))
-    with recording_writer(path, has_rate) as write:
+    with recording_writer(path, optional) as write:
         yield write
 
 

@@ -11,21 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.laws import (
-    normalised_area,
-    nozzle_law,
-    nozzle_law_slopes,
-    seat_area_slope,
-    seat_law,
-    seat_law_slopes,
-)
-from observer_rt.core.model.model import (
-    NOZZLE_NUMBERS,
-    REACH,
-    flows_with_changes,
-    rates_of_change,
-    slopes_of_flows,
-)
+from observer_rt.core.model.laws import normalised_area, seat_area_slope
+from observer_rt.core.model.model import REACH, rates_of_change, slopes_of_flows
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
@@ -92,36 +79,6 @@ def away_from_kinks(x: State, u: tuple[float, float], c: Coefficients, learned: 
     assume(all(abs(value) > 1e-4 and abs(value - reach) > 1e-4 for value, reach in ends))
 
 
-@given(
-    models(), STATES, AREA, st.lists(st.floats(0.0, 0.1), min_size=NOZZLE_NUMBERS, max_size=NOZZLE_NUMBERS)
-)
-def test_nozzle(c: Coefficients, x: State, u_2: float, learned: list[float]) -> None:
-    numbers = x[2], u_2, *learned
-    away_from_kinks(x, (0.0, u_2), c, learned[0] + learned[1] * u_2)
-
-    def law(position: int, step: float) -> float:
-        x_3, area, *others = shifted(numbers, position, step)
-        return nozzle_law(x_3, area, np.array(others), c.nozzle)
-
-    slopes = nozzle_law_slopes(x[2], u_2, np.array(learned), c.nozzle)
-    for position in range(len(numbers)):
-        if position != 1 or u_2 > STEP:  # the chamber pressure rises while the needle is open
-            assert slopes[position] == pytest.approx(
-                float(difference(partial(law, position))), rel=1e-6, abs=1e-7
-            )
-
-
-@given(models(), PRESSURE, PRESSURE, AREA)
-def test_seat(c: Coefficients, x_1: float, x_3: float, u_2: float) -> None:
-    by_line = difference(lambda x: float(seat_law(x, x_3, u_2, c.seat)), x_1)
-    by_sac = difference(lambda x: float(seat_law(x_1, x, u_2, c.seat)), x_3)
-    by_area = difference(lambda u: float(seat_law(x_1, x_3, u, c.seat)), u_2)
-    slope, by_u = seat_law_slopes(x_1, x_3, u_2, c.seat)
-    assert (slope, -slope, by_u) == pytest.approx(
-        (float(by_line), float(by_sac), float(by_area)), rel=1e-6, abs=1e-7
-    )
-
-
 @given(st.floats(10e-6, 0.3e-3))
 def test_area_of_a_lift(lift: float) -> None:
     c = effective_model(load_injector()).coefficients
@@ -164,14 +121,18 @@ def test_flows_by_state_and_area(
     away_from_kinks(x, u, c, float(network.nozzle @ (1.0, u[1])))
     slopes = slopes_of_flows(np.array(x), u, c, network)
 
+    def flows(x: Sequence[float], u: tuple[float, float]) -> Sequence[float]:
+        values = slopes_of_flows(np.array(x), u, c, network)
+        return values["q_h"], values["q_s"]
+
     def by_state(position: int, d: float) -> Sequence[float]:
-        return flows_with_changes(np.array(shifted(x, position, d)), u, c, network)
+        return flows(shifted(x, position, d), u)
 
     for i in range(3):
         numeric = difference(partial(by_state, i))
         np.testing.assert_allclose((slopes["h_x"][i], slopes["s_x"][i]), numeric, rtol=1e-6, atol=1e-6)
     if u[1] > 0.0:  # a seat opens to one side only
-        numeric = difference(lambda d: flows_with_changes(np.array(x), (u[0], u[1] + d), c, network))
+        numeric = difference(lambda d: flows(x, (u[0], u[1] + d)))
         np.testing.assert_allclose((slopes["h_area"], slopes["s_area"]), numeric, rtol=1e-6, atol=1e-6)
 
 

@@ -104,6 +104,11 @@ class EnergizingLayout(OptionalInput):
     window: float
     """s from the start of energizing, within which the needle opens."""
 
+    @property
+    def tells_samples(self) -> bool:
+        """Whether it tells to the sample when the injector is energized, other than a level from time to time."""
+        return self.index is not None and (not self.is_level or len(self.names) > 1 or self.cycle is None)
+
     def reading(self, values: NDArray[np.float64], stamp: int, follows: bool) -> "EnergizingSignal":
         """Reading of a frame received at `stamp` [ns]; values: by the table, SI; follows: see `EnergizingSignal`."""
         return EnergizingSignal(

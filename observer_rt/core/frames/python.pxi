@@ -39,12 +39,6 @@ def carries(const uint8_t[::1] payload, selection, int64_t first, int64_t count)
     return is_selected(&payload[0], &lent, first, count)
 
 
-def crc_of_profile_5(const uint8_t[::1] payload, int64_t length, int64_t data_id) -> int:
-    """CRC of profile 5 over the first `length` bytes of `payload` (at least 3) and the 16-bit `data_id`."""
-    _require(3 <= length <= payload.shape[0], "bytes")
-    return crc16(&payload[0], length, data_id)
-
-
 def protect_frame(uint8_t[::1] payload, int64_t length, protection, int64_t counter) -> None:
     """Write the counter of the message's `counter`-th frame and then the CRC, in place; protection: `e2e.PROTECTION`."""
     cdef const Protection[::1] row = atleast_1d(protection)
@@ -95,19 +89,9 @@ def take_clock_stamp(Clock[::1] clock, int64_t index, int64_t stamp) -> bool:
     return take_stamp(&clock[0], index, stamp)
 
 
-def delay_by_clock(Clock[::1] clock, int64_t index, int64_t stamp) -> float:
-    """ns by which a stamp lies above the line; 0 for the first one."""
-    return delay_of(&clock[0], index, stamp)
-
-
 def time_by_clock(Clock[::1] clock, double index, int64_t epoch) -> float:
     """Time [ns after the stamp `epoch`] at which the frame that ends in sample `index` came, had it no jitter."""
     return time_of(&clock[0], index, epoch)
-
-
-def index_by_clock(Clock[::1] clock, double time, int64_t epoch) -> float:
-    """The sample, with its fraction, at a time [ns after the stamp `epoch`]."""
-    return index_at(&clock[0], time, epoch)
 
 
 def count_one_frame(Counting[::1] counting, Clock[::1] clock, int64_t sequence, int64_t stamp) -> int:

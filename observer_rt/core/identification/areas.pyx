@@ -4,7 +4,7 @@ from libc.math cimport fabs, isnan
 from libc.stdint cimport int64_t
 
 from observer_rt.core.model.hydraulics cimport Seat, normalised_area
-from observer_rt.core.stream.ramps cimport slope_of_means as _slope_of_means
+from observer_rt.core.stream.ramps cimport slope_of_means
 
 
 cdef struct Ramp:
@@ -15,11 +15,6 @@ cdef struct Ramp:
 cdef struct Foot:
     double hidden  # lift [m] up to which a sensor reads nothing
     double rounding  # samples before and after a needle leaves or meets its seat
-
-
-def slope_of_means(double partial, double full, double slope, double tolerance) -> float:
-    """Slope [m a sample] of a straight ramp from 0, of lifts [m] that are means: see `core.stream.ramps`."""
-    return _slope_of_means(partial, full, slope, tolerance)
 
 
 def fill_areas(
@@ -74,7 +69,7 @@ def fill_areas(
 cdef Ramp _ramp_of_means(double partial, double full, Ramp ramp, double tolerance) noexcept nogil:
     """A ramp at its outermost sample as laid through it, where it is long enough for that."""
     cdef Ramp laid
-    laid.slope = _slope_of_means(partial, full, ramp.slope, tolerance)
+    laid.slope = slope_of_means(partial, full, ramp.slope, tolerance)
     laid.lift = full - laid.slope
     return ramp if laid.slope == ramp.slope else laid
 

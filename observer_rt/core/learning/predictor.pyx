@@ -8,7 +8,7 @@ from numpy import array, zeros
 from observer_rt.core.learning.matrices cimport propagate
 from observer_rt.core.model.hydraulics cimport Seat, seat_area_slope
 from observer_rt.core.model.model cimport (
-    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, fault_and_rate, flow_numbers, flow_slopes, predict, rate_after,
+    Carried, Model, Terms, Weights, begin_forcing, correct, empty_sac, flow_numbers, flow_slopes, predict, rate_after,
     servos_over, shown_under_terms, trusted_under_terms, under_terms
 )
 from observer_rt.core.model.records cimport (
@@ -43,7 +43,9 @@ cdef class _Followed:
             raise ValueError("a window has fewer knots than samples")
         self.model, self.weights, self.terms = Model(learned.coefficients), Weights(learned.network), terms
         self.forced.coefficients, self.forced.network = self.model.coefficients, self.weights.network
-        self.servos = servos_over(self.inputs, samples, &self.model.coefficients, setting.interval)
+        self.servos = servos_over(
+            self.inputs, window.commands, samples, &self.model.coefficients, setting.interval
+        )
         self.interval.length, self.interval.substeps = setting.interval, setting.substeps
 
     cdef void force(self, const double* x, int64_t k) noexcept nogil:
@@ -115,15 +117,15 @@ cdef class _FlowRecord:
 
 def follow(
     window, setting, learned, int64_t corrected, double[:] errors, double[:] rate, gradient, double[:, :] slopes,
-    Terms terms=None, double[:, :] phi=None, run=None
+    Terms terms=None, run=None
 ) -> NDArray[np.float64]:
     """x~ before sample `corrected`, from there on x^: it follows x~ and then runs open loop; its last state (n,).
 
     window, setting, learned, gradient: named tuples of engine.estimation.predictor. terms: go on with these; None: they
     begin at the window's clock. errors: (n,) y - o - (indicated pressure), before the correction, errors[0] is 0; rate:
     of injection, before the correction [m3/s], (n,), or (0,) if not wanted. With a gradient of 0 (else None), slopes
-    (n, m) becomes d(errors)/dtheta. phi: (3, n) of the model [1/s], or None. run: an `OpenLoop` of zeros, filled from
-    `corrected` on until nothing flows, where the gradient begins, then at least m + states columns wide; or None.
+    (n, m) becomes d(errors)/dtheta. run: an `OpenLoop` of zeros, filled from `corrected` on until nothing flows, where
+    the gradient begins, then at least m + states columns wide; or None.
     """
     cdef _Followed it
     cdef _FlowRecord flows = None if run is None else _FlowRecord(run)
@@ -134,11 +136,10 @@ def follow(
     cdef const double[:, ::1] sensor_by
     cdef double[::1] sensor = learned.sensor.copy()
     cdef double[::1] before, indicated_by, error_by
-    cdef double[3] rows
     cdef double offset = setting.offset + learned.offset, late = setting.late
     cdef double interval = setting.interval, time = window.clock.time, injections = window.clock.injections
     cdef double indicated, shown, trusted
-    cdef bint is_measured, has_phi = phi is not None
+    cdef bint is_measured
     it = _Followed(window, setting, learned, Terms(setting.program, time, injections) if terms is None else terms)
     cdef int64_t samples = it.output.shape[0], n = it.model.coefficients.states, first = samples, width = slopes.shape[1]
     cdef int64_t k, j
@@ -147,13 +148,11 @@ def follow(
     sensor[0] += setting.lag
     if len(window.start) != n + 1 or gain.shape[0] < n or errors.shape[0] < samples or 0 < rate.shape[0] < samples:
         raise ValueError("what is followed does not fit the model or the window")
-    if has_phi and (phi.shape[0] != 3 or phi.shape[1] < samples) or run is not None and flows.rate.shape[0] < samples:
+    if run is not None and flows.rate.shape[0] < samples:
         raise ValueError("what is recorded does not fit the window")
     errors[:1] = 0.0
     rate[:1] = 0.0
     slopes[:1] = 0.0
-    if has_phi:
-        phi[:, :1] = 0.0
     indicated = window.start[n]
     if gradient is not None:
         carried = Carried(gradient.tangent)
@@ -197,10 +196,6 @@ def follow(
                 correct(&x[0], &indicated, trusted, &gain[0], n, g)
             if it.resting[k] != 0 and it.forced.interval.end.area <= 0.0:
                 empty_sac(&x[0], NULL if g == NULL else &g.tangent)
-            if has_phi:
-                fault_and_rate(&x[0], it.forced.interval.end, &it.forced.coefficients, &it.forced.network, rows)
-                for j in range(3):
-                    phi[j, k] = rows[j]
             if k >= first:
                 flows.take(k, &x[0], &it.forced, &g.tangent)
     return state

@@ -1,17 +1,12 @@
-"""Laws of single elements, for Python: orifices, seat, nozzle, sensor, neuron; see the headers of these names."""
+"""Laws of single elements, for Python: orifices, seat, sensor, neuron; see the headers of these names."""
 
 from observer_rt.core.model cimport hydraulics, network, sensor
-from observer_rt.core.model.hydraulics cimport NOZZLE_NUMBERS, Nozzle, Seat
+from observer_rt.core.model.hydraulics cimport Seat
 
 
 def root(double difference, double transition) -> float:
     """Signed square root of a pressure difference, linear below the transition pressure."""
     return hydraulics.root(difference, transition)
-
-
-def root_slope(double difference, double transition) -> float:
-    """Derivative of `root` with respect to the pressure difference."""
-    return hydraulics.root_slope(difference, transition)
 
 
 def seat_area(double lift, double seat_diameter, double half_cone_angle) -> float:
@@ -29,37 +24,6 @@ def normalised_area(double lift, seat) -> float:
     """u_2 = A_S(x_N)/A_0 of a lift [m]; a flow coefficient that depends on the lift is part of it."""
     cdef Seat of_seat = seat._asdict()
     return hydraulics.normalised_area(lift, &of_seat)
-
-
-def seat_law(double x_1, double x_3, double u_2, seat) -> float:
-    """Normalised seat flow q_S of (21)."""
-    cdef Seat of_seat = seat._asdict()
-    return hydraulics.seat_law(x_1, x_3, u_2, &of_seat)
-
-
-def seat_law_slopes(double x_1, double x_3, double u_2, seat) -> tuple[float, float]:
-    """Derivatives of `seat_law` with respect to the pressure difference x_1 - x_3 and to u_2."""
-    cdef Seat of_seat = seat._asdict()
-    cdef double by_area = 0.0
-    by_difference = hydraulics.seat_law_slopes(x_1, x_3, u_2, &of_seat, &by_area)
-    return by_difference, by_area
-
-
-def nozzle_law(double x_3, double u_2, const double[::1] learned, nozzle) -> float:
-    """Normalised nozzle flow q_H of (23), against a chamber pressure that rises while the needle is open.
-
-    learned: of the rise, as `Network.nozzle`.
-    """
-    cdef Nozzle of_nozzle = nozzle._asdict()
-    return hydraulics.nozzle_law(x_3, u_2, &learned[0], &of_nozzle)
-
-
-def nozzle_law_slopes(double x_3, double u_2, const double[::1] learned, nozzle) -> tuple[float, ...]:
-    """Derivatives of `nozzle_law` with respect to x_3, u_2 and the numbers that are learned of it."""
-    cdef Nozzle of_nozzle = nozzle._asdict()
-    slopes = hydraulics.nozzle_law_slopes(x_3, u_2, &learned[0], &of_nozzle)
-    by_number = [slopes.by_number[i][0] * slopes.by_number[i][1] for i in range(NOZZLE_NUMBERS)]
-    return slopes.by_sac, slopes.by_area[0] * slopes.by_area[1], *by_number
 
 
 def lagged(double indicated, double pressure_start, double pressure_end, double interval, double lag) -> float:

@@ -6,7 +6,7 @@ from observer_rt.core.model.hydraulics cimport Seat
 from observer_rt.core.model.records cimport (
     Coefficients, FlowSlopes, Forced, Forcing, Gradient, Inputs, Interval, Knot, Network, Tangent
 )
-from observer_rt.core.model.valve cimport Strokes, Valve
+from observer_rt.core.model.valve cimport Stroke, Strokes, Valve
 
 
 cdef class Model:
@@ -53,8 +53,13 @@ cdef bint follow_lift(
     Strokes* s, int64_t position, double before, double area, double pressure, double interval, const Seat* seat
 ) noexcept nogil
 cdef void begin_strokes(Strokes* s) noexcept nogil
-cdef double valve_at(int64_t position, double area, const Strokes* s, const Valve* valve, double interval) noexcept nogil
-cdef servos_over(const double[:, :] inputs, int64_t samples, const Coefficients* c, double interval)
+cdef double valve_at(
+    int64_t position, double area, const Stroke* before, const Stroke* last, const Strokes* s, const Valve* valve,
+    double interval
+) noexcept nogil
+cdef servos_over(
+    const double[:, :] inputs, const double[:, :] commands, int64_t samples, const Coefficients* c, double interval
+)
 cdef void empty_sac(double* x, Tangent* t) noexcept nogil
 cdef void begin_forcing(Forcing* f, double time, double injections) noexcept nogil
 cdef void under_terms(

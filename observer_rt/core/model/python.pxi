@@ -1,6 +1,6 @@
 # Functions of the model that Python calls.
 
-from numpy import ascontiguousarray, full, zeros
+from numpy import asarray, ascontiguousarray, full, zeros
 
 
 cdef class Model:
@@ -172,29 +172,6 @@ def rates_of_change(x, u, coefficients, network, tangent=None) -> list[float]:
         carried = Carried(tangent)
         tangent_rates(&state[0], _inputs(u), &model.coefficients, &weights.network, &carried.tangent, 0, rate, n)
     return [rate[i] for i in range(n)]
-
-
-def flows_with_changes(x, u, coefficients, network) -> tuple[float, float]:
-    """Normalised flows with phi: q_H through the nozzle, q_S through the seat."""
-    cdef const double[::1] state = _state(x)
-    cdef Model model = Model(coefficients)
-    cdef Weights weights = Weights(network)
-    cdef double q_h = 0.0, q_s = 0.0
-    changed_flows(&state[0], _inputs(u), &model.coefficients, &weights.network, &q_h, &q_s)
-    return q_h, q_s
-
-
-def changes_of_flows(x, u, network) -> tuple[float, float]:
-    """(N_H, N_S) = W sigma(V z) + b (7), relative changes of Q_H and Q_S, with z = [x u 1]; u = [p_R A_S], or with the
-    time [s] since the needle opened."""
-    cdef const double[::1] state = _state(x)
-    cdef Weights weights = Weights(network)
-    cdef Inputs inputs = _inputs(u)
-    cdef double unused
-    return (
-        nozzle_change(state[SAC], inputs, &weights.network, &unused, &unused),
-        seat_change(state[0] - state[SAC], inputs.area, &weights.network, &unused, &unused),
-    )
 
 
 def slopes_of_flows(x, u, coefficients, network) -> dict[str, Any]:

@@ -101,20 +101,28 @@ cdef void begin_strokes(Strokes* s) noexcept nogil:
     s.last.pressure = s.before.pressure = 1.0
 
 
-cdef double valve_at(int64_t position, double area, const Strokes* s, const Valve* valve, double interval) noexcept nogil:
-    """Opening of the valve at a sample, by the last two strokes; what is known of them may change."""
+cdef double valve_at(
+    int64_t position, double area, const Stroke* before, const Stroke* last, const Strokes* s, const Valve* valve,
+    double interval
+) noexcept nogil:
+    """Opening of the valve at a sample, by the last two strokes or commands; what is known of them may change."""
     cdef double edge = valve_edge(interval)
     cdef Servo servo
     memset(&servo, 0, sizeof(Servo))
-    join_valve(&servo, position, &s.before, valve, interval, edge)
-    join_valve(&servo, position, &s.last, valve, interval, edge)
+    join_valve(&servo, position, before, valve, interval, edge)
+    join_valve(&servo, position, last, valve, interval, edge)
     if servo.opening > 0.0:
         hold_valve(&servo, stop_share(area, s), valve)
     return servo.opening
 
 
-cdef servos_over(const double[:, :] inputs, int64_t samples, const Coefficients* c, double interval):
-    """`Servo` at the first samples of a window, in rows (samples, 6); inputs (n, 2), of which n may be more."""
+cdef servos_over(
+    const double[:, :] inputs, const double[:, :] commands, int64_t samples, const Coefficients* c, double interval
+):
+    """`Servo` at the first samples of a window, in rows (samples, 6); inputs (n, 2), of which n may be more.
+
+    commands (k, 2): as of `Window`, by which the valve goes where it does.
+    """
     cdef double[:, ::1] result = zeros((samples, 2 + VALVE_NUMBERS))
     cdef double edge = valve_edge(interval), first, last
     cdef Strokes s
@@ -123,11 +131,13 @@ cdef servos_over(const double[:, :] inputs, int64_t samples, const Coefficients*
     cdef int64_t k, n = inputs.shape[0]
     cdef bint was_lifted
     strokes = []
+    if c.valve.commanded != 0.0:
+        strokes = [dict(lifts=first, falls=last, pressure=1.0) for first, last in asarray(commands).tolist()]
     begin_strokes(&s)
     for k in range(1, n):
         was_lifted = s.is_lifted
         follow_lift(&s, k, inputs[k - 1, 1], inputs[k, 1], above_100_mpa(inputs[k, 0], c), interval, &c.seat)
-        if was_lifted and (not s.is_lifted or k == n - 1):
+        if c.valve.commanded == 0.0 and was_lifted and (not s.is_lifted or k == n - 1):
             strokes.append(s.last)
     for stroke in strokes:
         first = max(valve_begins(&stroke, &c.valve, interval) - 6.0 * edge, 0.0)

@@ -1,5 +1,6 @@
 # The pilot valve of a servo injector, which drains the control chamber, and so the line, while it is open: from before
-# the needle leaves its seat to before it begins to fall. Both are taken from the seat area that the lift opens.
+# the needle leaves its seat to before it begins to fall. Both are taken from the seat area that the lift opens; or from
+# the injector's command, where that is known.
 
 from libc.math cimport INFINITY, isinf, log, pow, tanh
 from libc.stdint cimport int64_t
@@ -27,13 +28,14 @@ cdef struct Valve:
     double end  # s before it begins to fall
     double hold  # share by which the flow is larger while the needle is at its stop
     double exponent  # of both times with one over the rail pressure
+    double commanded  # 1: start and end count back from those of the command, whatever the rail pressure; else 0
 
 
-# An opening of the needle, in samples; `falls` is infinite as long as it is not known.
+# An opening of the needle, or the command for it, in samples; `falls` is infinite as long as it is not known.
 cdef struct Stroke:
     double lifts
     double falls
-    double pressure  # of the rail at its beginning, over 100 MPa
+    double pressure  # of the rail at its beginning, over 100 MPa; of a command 1
 
 
 # How the valve stands: G (1 + h s), and its derivatives by the numbers of `Valve`; speed: of the needle, m/s.

@@ -16,6 +16,7 @@ cdef enum:
     PENDING_EVENTS = 512  # closed, not yet judged
     INJECTIONS = 1024  # finished, not yet reported
     SLOTS = 8  # events that may have a verdict before they are taken
+    COMMANDS = 64  # of the injector, that are remembered
     RAIL = 0
     LIFT = 1
     LINE = 2
@@ -186,6 +187,12 @@ cdef struct Mode:
     unsigned char draining  # no more samples will come: do without look-ahead
     unsigned char waits_for_verdicts  # else an event without one when it is due is not judged
 
+# engine/observer.py: when the injector was energized, where its pilot valve goes by that; the n-th at n % COMMANDS
+cdef struct Commands:
+    int64_t count
+    int64_t starts[COMMANDS]  # sample index
+    double lengths[COMMANDS]  # samples, infinite while not known
+
 # engine/observer.py: what is known before the first sample, and stays
 cdef struct Prior:
     double healthy_variance  # what e~ of a healthy injector has, over its square; 1 if the model is right
@@ -344,6 +351,7 @@ cdef struct Outliers:
 cdef struct ObserverMemory:
     Positions positions
     Mode mode
+    Commands commands
     Prior prior
     Carried in_force
     InnovationNoise innovation_noise

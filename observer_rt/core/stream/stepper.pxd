@@ -4,7 +4,7 @@ from libc.stdint cimport int64_t
 
 from observer_rt.core.model.model cimport Terms
 from observer_rt.core.model.records cimport Coefficients, Forced, Forcing, Network
-from observer_rt.core.model.valve cimport Strokes
+from observer_rt.core.model.valve cimport Stroke, Strokes
 from observer_rt.core.stream.state cimport Observer
 from observer_rt.core.stream.stream cimport PairStepper, Stream
 
@@ -18,6 +18,9 @@ cdef struct Stepping:
     int64_t substeps
     int64_t started  # position
     Strokes strokes
+    int64_t commands  # taken in so far
+    Stroke command_before
+    Stroke command
     Observer* observer
     Forcing* of_tilde
     Forcing* of_hat

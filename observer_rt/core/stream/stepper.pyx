@@ -1,7 +1,7 @@
 """Stepper of the pair x~ and x^ from sample to sample: the only part of the stream that knows line and phi."""
 
 from libc.math cimport NAN, isfinite, pow
-from libc.stdint cimport int64_t
+from libc.stdint cimport int32_t, int64_t
 from libc.string cimport memcpy
 
 from observer_rt.core.model.model cimport (
@@ -11,9 +11,9 @@ from observer_rt.core.model.model cimport (
 from observer_rt.core.model.records cimport (
     SAC, Coefficients, Forced, Forcing, Inputs, Interval, Knot, Network, inputs_of, opened_since
 )
-from observer_rt.core.model.valve cimport valve_edge
+from observer_rt.core.model.valve cimport Stroke, valve_edge
 from observer_rt.core.stream.state cimport (
-    MASK, STEPPING_CORRECT, STEPPING_PREDICT, Sample
+    COMMANDS, MASK, STEPPING_CORRECT, STEPPING_PREDICT, Sample
 )
 from observer_rt.core.stream.stream cimport Stream
 
@@ -39,6 +39,7 @@ cdef class Stepper(PairStepper):
         s.forced.network = s.network
         s.fraction, s.interval, s.substeps = sensor.fraction, interval, substeps
         begin_strokes(&s.strokes)
+        s.command = s.command_before = s.strokes.last
         s.observer = &stream.observer
         s.of_tilde, s.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
         self.step, self.stepper = step, s
@@ -48,7 +49,9 @@ cdef class Stepper(PairStepper):
         if before.terms_of_tilde.forcing.rows != self.terms_of_tilde.forcing.rows:
             raise ValueError("other terms than before")
         self.terms_of_tilde, self.terms_of_hat = before.terms_of_tilde, before.terms_of_hat
-        self.stepping.strokes, self.stepping.started = before.stepping.strokes, before.stepping.started
+        s = &self.stepping
+        s.strokes, s.started, s.commands = before.stepping.strokes, before.stepping.started, before.stepping.commands
+        s.command, s.command_before = before.stepping.command, before.stepping.command_before
         self.stepping.of_tilde, self.stepping.of_hat = &self.terms_of_tilde.forcing, &self.terms_of_hat.forcing
 
 
@@ -124,7 +127,7 @@ cdef double _predict(Stepping* s, int64_t position) noexcept nogil:
 
 
 cdef bint _follow_valve(Stepping* s, int64_t position) noexcept nogil:
-    """The pilot valve at a sample by the lift up to it; whether it shows that it stood otherwise before."""
+    """The pilot valve at a sample by lift or commands up to it; whether they show that it stood otherwise before."""
     cdef bint is_shown
     ring, in_force = s.observer.ring, &s.observer.memory.in_force
     before, row = &ring[(position - 1) & MASK], &ring[position & MASK]
@@ -135,22 +138,65 @@ cdef bint _follow_valve(Stepping* s, int64_t position) noexcept nogil:
     if in_force.watch_later == 0:  # there is no control flow
         row.valve = 0.0
         return False
-    row.valve = valve_at(position, row.seat_area, &s.strokes, &in_force.valve, s.interval)
+    if in_force.valve.commanded != 0.0:
+        is_shown = _follow_commands(s, position)
+    row.valve = _valve_at(s, position)
     return is_shown and s.of_tilde.rows == 0
 
 
+cdef bint _follow_commands(Stepping* s, int64_t position) noexcept nogil:
+    """Take in the commands up to a sample; whether they show that the valve stood otherwise before."""
+    cdef bint is_shown = False
+    cdef Stroke stroke
+    commands = &s.observer.memory.commands
+    s.commands = max(s.commands, commands.count - COMMANDS)
+    if s.commands > 0:
+        stroke = _command(s, s.commands - 1, position)
+        if stroke.falls != s.command.falls:  # its end has become known
+            is_shown, s.strokes.shown = True, min(stroke.falls, s.command.falls)
+        s.command = stroke
+    while s.commands < commands.count:
+        stroke = _command(s, s.commands, position)
+        if stroke.lifts > position + 6.0 * valve_edge(s.interval):
+            break
+        s.strokes.shown = min(s.strokes.shown, stroke.lifts) if is_shown else stroke.lifts
+        is_shown, s.commands = True, s.commands + 1
+        s.command_before, s.command = s.command, stroke
+    return is_shown
+
+
+cdef inline Stroke _command(Stepping* s, int64_t number, int64_t position) noexcept nogil:
+    """The command of a number, in positions by the index of a sample, which is counted modulo 2^32."""
+    cdef int64_t place = number % COMMANDS
+    cdef Stroke result
+    commands = &s.observer.memory.commands
+    result.lifts = position + <int32_t> (commands.starts[place] - s.observer.ring[position & MASK].index)
+    result.falls, result.pressure = result.lifts + commands.lengths[place], 1.0
+    return result
+
+
+cdef inline double _valve_at(Stepping* s, int64_t position) noexcept nogil:
+    """Opening of the valve at a sample, by what is known of lift or commands."""
+    cdef double area = s.observer.ring[position & MASK].seat_area
+    valve = &s.observer.memory.in_force.valve
+    if valve.commanded != 0.0:
+        return valve_at(position, area, &s.command_before, &s.command, &s.strokes, valve, s.interval)
+    return valve_at(position, area, &s.strokes.before, &s.strokes.last, &s.strokes, valve, s.interval)
+
+
 cdef void _run_again(Stepping* s, int64_t position) noexcept nogil:
-    """The pair once more over the samples before one that showed how the valve had stood; published rates stay.
+    """The pair once more over the samples before one at which was seen how the valve had stood; published rates stay.
 
     Not where terms are in force, which remember what they saw.
     """
     cdef int64_t earliest = max(s.started + 1, position - <int64_t> (REMEMBERED / s.interval)), k
-    cdef double before, shown
+    cdef double before, shown, pressure
     valve, ring = &s.observer.memory.in_force.valve, s.observer.ring
-    before = max(valve.start, valve.end) * pow(s.strokes.last.pressure, -valve.exponent) / s.interval
+    pressure = s.strokes.last.pressure if valve.commanded == 0.0 else 1.0
+    before = max(valve.start, valve.end) * pow(pressure, -valve.exponent) / s.interval
     for k in range(max(earliest, <int64_t> (s.strokes.shown - before - 6.0 * valve_edge(s.interval))), position):
         row = &ring[k & MASK]
-        row.valve = valve_at(k, row.seat_area, &s.strokes, valve, s.interval)
+        row.valve = _valve_at(s, k)
         shown = _predict_sample(s, k)
         if row.innovation != 0.0:
             y = ring[(k + s.observer.constants.sensor.late) & MASK].line_pressure

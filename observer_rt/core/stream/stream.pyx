@@ -56,6 +56,7 @@ globals().update(
     RAIL_BIN=RAIL_BIN,
     RAIL_BINS=RAIL_BINS,
     REACH=REACH,
+    COMMANDS=COMMANDS,
     RECORDED_RING=RECORDED_RING,
     RESTLESS=RESTLESS,
     RING=RING,
@@ -68,7 +69,7 @@ globals().update(
 
 
 # Records as Python makes arrays of them: foundation.records.
-cdef double[1024] _blank  # room for each of them
+cdef double[2048] _blank  # room for each of them
 RECORDS = {
     "ObserverMemory": (memoryview(<ObserverMemory[:1:1]> <ObserverMemory*> _blank), (<ObserverMemory*> _blank)[0]),
     "Recorded": (memoryview(<Recorded[:1:1]> <Recorded*> _blank), (<Recorded*> _blank)[0]),

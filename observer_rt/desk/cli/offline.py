@@ -50,6 +50,7 @@ class SimulateOptions:
     ] = ()
     noise: Annotated[str, Option("on: noise and 16-bit quantisation; off: none.", "on|off")] = "on"
     measured_rate: Annotated[bool, Option("Add a measured injection rate with its errors.")] = False
+    energizing: Annotated[bool, Option("Add a column that is 1 while the injector is energized.")] = False
     seed: Annotated[int, Option("Seed of the noise.", minimum=0)] = 0
     model: Annotated[Path, Option("Injector file (default: the nominal injector).")] = NOMINAL_INJECTOR
     force: shared.Force = False
@@ -90,7 +91,10 @@ def simulate(options: SimulateOptions) -> None:
         made = simulation.simulate(
             parameters, schedule, rate, deviations, noise, options.measured_rate, options.seed, progress
         )
-    write_recording(output, made.recording)
+    recording = made.recording
+    if options.energizing:
+        recording = recording.with_arrays({"energizing": times.energized(schedule, recording.time)})
+    write_recording(output, recording)
     simulation.write_truth(truth, made.truth)
     effects = "; ".join(map(simulation.sizes_of, deviations)) or "no effect"
     count = f"{made.recording.samples} samples at {rate:g} Hz, {injections} events"

@@ -81,7 +81,7 @@ def _signals(
             with (
                 replacing(targets[number]) as part,
                 file_errors(targets[number]),
-                open_parts(part, stream.has_rate) as write,
+                open_parts(part, stream.optional) as write,
             ):
                 for chunk in part_of:
                     write(chunk)

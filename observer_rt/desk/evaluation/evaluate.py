@@ -61,7 +61,7 @@ class Evaluation:
         """curves_of: the nominal model, where curves of all injections are drawn; keeps_trace: in memory."""
         self.path = source.path
         self.sample_rate = source.sample_rate
-        self.has_rate = source.has_rate
+        self.has_rate = "injection_rate" in source.optional
         self.injections: Spool[InjectionResult] = Spool(_IN_MEMORY)
         self.curves: Spool[RateCurves] = Spool()
         """Curves of every injection, in their order, where any are drawn."""
@@ -215,10 +215,11 @@ def _observed(
 ) -> ObserverRun:
     """One observer that all sources went through."""
     sources = [evaluation.source for evaluation in evaluations]
-    bench, fuel_temperature = bench_for_all(bench, sources), None
+    bench, fuel_temperature, commanded = bench_for_all(bench, sources), None, None
     if not any(isinstance(source, LoggedSignals) for source in sources):
         fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
-    run = begin(bench, fuel_temperature=fuel_temperature)
+        commanded = all("energizing" in source.optional for source in sources)
+    run = begin(bench, fuel_temperature=fuel_temperature, commanded=commanded)
     core, before = run.core, run.core.counters
     for evaluation in evaluations:
         evaluation.observe(run)

@@ -18,7 +18,7 @@ from observer_rt.config.bench import Bench
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.segment import Segment, Signal
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.observer import remembered
+from observer_rt.engine.observer import commands_at, energize, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.engine.service.core import Core
@@ -75,7 +75,8 @@ class NominalModel:
                 position = before + from_row
                 clock = Clock(position * observer.constants.interval, float(openings[from_row]))
                 self._follower.begin(observer.x_tilde[position % RING], clock)
-            rates[from_row:stop] = self._follower.along(rows[from_row:stop])
+            commands = commands_at(observer, before + from_row, before + stop)
+            rates[from_row:stop] = self._follower.along(rows[from_row:stop], commands)
         self._injections = int(openings[-1])
         return np.where(np.isnan(rows["injection_rate"]), np.nan, rates)[first - before :]
 
@@ -135,8 +136,9 @@ class ObserverRun:
         fuel_temperature: float | None = None,
         keeps_frames: bool = False,
         reads_ahead: bool = True,
+        commanded: bool | None = None,
     ) -> None:
-        """keeps_frames: those that were sent; reads_ahead: recordings, in a thread beside."""
+        """keeps_frames: that were sent; reads_ahead: recordings, in a thread beside; commanded: as of `Core`."""
         self.frames: list[OutputFrame] = []
         """Frames that were sent, with `keeps_frames`."""
         self._news: list[News] = []
@@ -152,7 +154,9 @@ class ObserverRun:
             learner_of=learner_of,
             fuel_temperature=fuel_temperature,
             writes_summaries=keeps_frames,
+            commanded=commanded,
         )
+        self._commands, self._is_energized = 0, False
         self._reading = _Reading(self.core)
         self._nominal = NominalModel(self.core.compiled.observer.constants)
         self._device = Device(bus)
@@ -170,6 +174,8 @@ class ObserverRun:
             if begun is not None:
                 self._segments.append(Segment(sink, begun, 0, rate))
             self._segments[-1].give(chunk.time, chunk.injection_rate)
+            if chunk.energizing is not None:
+                self._energize(self._segments[-1].first_index + chunk.first, chunk.energizing > 0.5)
             self._observe(blocks)
         return self._segments[before:]
 
@@ -178,6 +184,17 @@ class ObserverRun:
         for chunk in self._device.chunks(stream.chunks()):
             begun = self._device.begin(stream.sample_rate) if chunk.first == 0 else None
             yield chunk, begun, list(self._device.blocks(chunk))
+
+    def _energize(self, first_index: int, level: NDArray[np.bool_]) -> None:
+        """Tell the observer the commands in samples (n,) of a level, which no frame carries."""
+        observer = self.core.compiled.observer
+        for row in np.flatnonzero(np.diff(level, prepend=self._is_energized)).tolist():
+            if level[row]:
+                self._commands, self._begun = self._commands + 1, first_index + row
+                energize(observer, self._commands - 1, self._begun)
+            else:
+                energize(observer, self._commands - 1, self._begun, first_index + row - self._begun)
+        self._is_energized = bool(level[-1])
 
     def take_frames(self, frames: Iterable[BusFrame], segments: Iterable[Segment]) -> None:
         """Observe frames as they are, which carry the samples of segments in their order."""

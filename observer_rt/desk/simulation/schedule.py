@@ -245,6 +245,14 @@ def stroke(shot: Shot, start: float, rail_pressure: float, parameters: InjectorP
     return Stroke(opening, top, closing, closing + peak_lift / closing_speed, opening_speed, closing_speed)
 
 
+def energized(schedule: Schedule, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """1 at times (n,) [s] at which the injector is energized, else 0."""
+    shots = [(event.start + shot.offset, shot.duration) for event in schedule.events for shot in event.shots]
+    starts, durations = np.array(shots, np.float64).reshape(-1, 2).T
+    last = np.maximum(np.searchsorted(starts, time, side="right") - 1, 0)
+    return ((starts[last] <= time) & (time < starts[last] + durations[last])).astype(np.float64)
+
+
 def strokes(schedule: Schedule, parameters: InjectorParameters) -> tuple[Stroke, ...]:
     """All needle strokes of a schedule, in order.
 

@@ -13,6 +13,7 @@ from observer_rt.model.forcing import NO_CLOCK, NO_PROGRAM, Clock
 from observer_rt.model.right_hand_side import Tangent, tangent_of
 
 NO_RATE = np.empty(0)
+NO_COMMANDS = np.empty((0, 2))
 NO_SLOPES = np.empty((0, 0))
 
 
@@ -23,7 +24,8 @@ class Window(NamedTuple):
     (n,) needle shut so long that p_S = p_C; start: (states + 1,) x~ and the indicated pressure at the first sample;
     opening: index of the first sample with an open needle; knots: (n, 2), where the area bends after each sample, as
     in `integrator.advance_over`, for a lift that was sampled between the samples. (0, 2): it was not. masked:
-    (n,) y is an outlier and does not count; (0,): none is. clock: time and openings up to the first sample.
+    (n,) y is an outlier and does not count; (0,): none is. clock: time and openings up to the first sample. commands:
+    (k, 2), first samples with and without energizing, infinite where not known, by which a pilot valve may go.
     """
 
     inputs: NDArray[np.float64]
@@ -34,6 +36,7 @@ class Window(NamedTuple):
     knots: NDArray[np.float64] = np.empty((0, 2))
     masked: NDArray[np.bool_] = np.empty(0, np.bool_)
     clock: Clock = NO_CLOCK
+    commands: NDArray[np.float64] = NO_COMMANDS
 
     def until(self, end: int) -> "Window":
         """Cuts the window to its first `end` samples; the inputs go on, for a pilot valve is ahead of the lift."""

@@ -381,7 +381,7 @@ def by_theta(theta: NDArray[np.float64], c: Coefficients) -> ByTheta:
 @_several
 def _meaning(content: bytes, line: Any, c: Coefficients) -> LearnedModel:
     theta = np.frombuffer(content)
-    valve = Valve(*(np.array(c.valve) + SCALARS.valve.of(theta)).tolist())
+    valve = Valve(*(np.array(c.valve) + np.append(SCALARS.valve.of(theta), 0.0)).tolist())
     changed = c._replace(line=_changed(line, SCALARS.of_line(theta)), valve=valve)
     return LearnedModel(
         network_of(theta), changed, float(theta[Parameter.LINE_PRESSURE_OFFSET]), SCALARS.sensor.of(theta)

@@ -88,6 +88,7 @@ class Core:
         learner_of: LearnerFactory = make_learner,
         fuel_temperature: float | None = None,
         writes_summaries: bool = True,
+        commanded: bool | None = None,
     ) -> None:
         """fitted: the injector with its bench; bus: its frames; knowledge: restored from an earlier run, None: none.
 
@@ -95,11 +96,14 @@ class Core:
         listeners: called with every report and notice. learner_of: makes the learner; what it raises is raised,
         `UserError` where the training does not fit injector or sample rate. fuel_temperature [K]: on a bench that
         measures it, what to take until it is measured; None: nothing is valid. writes_summaries: among the frames
-        to send.
+        to send. commanded: whether a pilot valve goes by commands; None: where the bus tells their samples.
         """
         config = fitted.config
         is_restored = knowledge is not None
         constants = bench_constants(fitted, is_restored)
+        by_bus = bus.energizing is not None and bus.energizing.tells_samples
+        if by_bus if commanded is None else commanded:
+            constants = constants.by_commands()
         noise = configured_noise(fitted)
         start = knowledge or no_knowledge(noise, constants.coefficients.pressure_scale)
         learner = learner_of(fitted, constants, start)

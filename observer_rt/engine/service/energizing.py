@@ -16,13 +16,12 @@ from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayou
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.core.frames.frames import is_grid_prompt, place_by_time
 from observer_rt.core.stream.stream import INJECTIONS, RING
-from observer_rt.engine.observer import was_shut
+from observer_rt.engine.observer import energize, samples_between, was_shut
 from observer_rt.engine.reports.injection_report import CommandedOpening
 from observer_rt.engine.reports.news import Mismatch
 from observer_rt.engine.service.pipeline import CompiledPipeline
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
-INDICES = 1 << 32  # after which a sample index begins again
 SPANS = 8  # in which commands may have been lost
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
 REMEMBERED = 64  # commands
@@ -30,25 +29,18 @@ RECENT = 100  # delays that mean and spread are of
 LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a command after its opening
 
 
-def samples_between(earlier: float, later: float) -> float:
-    """Samples from one index to another, either of them modulo 2^32; nan if one is not known."""
-    return (later - earlier + INDICES / 2) % INDICES - INDICES / 2
-
-
 @dataclass(eq=False)
 class Command:
     """One energizing of the injector; moments are sample indices, or ns by the clock of the stamps.
 
-    margin [samples]: what the start may lie beside `start`; duration [s], nan while not known. A command that is
-    not certain may be the end of one before it: frames between the two were lost. came: samples processed when it
-    did; was_shut: the needle as it started, None while not known.
+    margin [samples]: what the start may lie beside `start`; number: from 1; duration [s], nan while not known. came:
+    samples processed when it did; was_shut: the needle as it started, None while not known.
     """
 
     start: int
     margin: float
-    is_certain: bool = True
     duration: float = math.nan
-    number: int = 0  # from 1, once it is certain
+    number: int = 0
     came: int = 0
     was_shut: bool | None = None
     has_opened: bool = False
@@ -70,7 +62,8 @@ class CommandReader:
         if self._cycle is not None and (self._is_level or not self.by_index):
             self._longest = 1.5 * self._cycle - (self._samples - 1)
         self._level: bool | None = None
-        self._under_way: Command | None = None
+        self.under_way: Command | None = None
+        """The command whose end is still to come."""
         self._last: int | None = None  # moment at which something was known last
         self._lost: deque[tuple[int, int]] = deque(maxlen=SPANS)
 
@@ -127,7 +120,7 @@ class CommandReader:
 
     def _lose(self, begin: int, end: int) -> None:
         self._level = None
-        self._under_way = None
+        self.under_way = None
         if self._lost and self._lost[-1][0] == begin:
             self._lost.pop()  # it goes on
         self._lost.append((begin, end))
@@ -140,7 +133,7 @@ class CommandReader:
         """Takes one sample; returns a command where energizing starts with it."""
         if math.isnan(value):
             self._level = None
-            self._under_way = None
+            self.under_way = None
             return None
         was, before = self._level, self._last
         if was is None and before is not None:
@@ -149,15 +142,15 @@ class CommandReader:
         if self._level == was:
             return None
         if not self._level:
-            if self._under_way is not None:
+            if self.under_way is not None:
                 end, _ = self._edge(before, moment)
-                lasted = self._distance(self._under_way.start, end)
-                self._under_way.duration = lasted / self._sample_rate
+                lasted = self._distance(self.under_way.start, end)
+                self.under_way.duration = lasted / self._sample_rate
             return None
         if was is None and self._cycle is not None:
-            return Command(moment, 0.0, is_certain=False)
-        self._under_way = Command(*self._edge(before, moment))
-        return self._under_way
+            return None  # it may have been so for long: frames before were lost
+        self.under_way = Command(*self._edge(before, moment))
+        return self.under_way
 
     def _edge(self, before: int | None, moment: int) -> tuple[int, float]:
         """Change of a level that is another at `moment` than before, and by how many samples its time may be off.
@@ -218,6 +211,7 @@ class EnergizingWatch:
         self._compiled = compiled
         self._on_mismatch = on_mismatch
         self._waiting: deque[Command] = deque(maxlen=REMEMBERED)
+        self._energized: Command | None = None  # of which the pilot valve knows no end
         # indices of openings without a command, and samples processed when they were reported
         self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
         self._delays: deque[float] = deque(maxlen=RECENT)
@@ -228,10 +222,23 @@ class EnergizingWatch:
     def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
         """Take what a frame says, as of `EnergizingLayout.reading`; processed: samples when it came."""
         for command in self._reader.read(self._energizing.reading(values, stamp, follows)):
-            if command.is_certain:
-                self._number(command)
-            command.came = processed
+            self._tell_valve()
+            self._commands += 1
+            command.number, command.came, self._energized = self._commands, processed, command
             self._waiting.append(command)
+        self._tell_valve()
+
+    def _tell_valve(self) -> None:
+        """Tells the pilot valve of the last command, as long as that has no end; without one it stays shut."""
+        command = self._energized
+        if command is None or not self._energizing.tells_samples:
+            return
+        length = math.inf if command is self._reader.under_way else 0.0
+        if not math.isnan(command.duration):
+            length = command.duration * self._sample_rate
+        energize(self._compiled.observer, command.number - 1, command.start, length)
+        if length < math.inf:
+            self._energized = None
 
     @property
     def looks_at_each(self) -> bool:
@@ -250,11 +257,9 @@ class EnergizingWatch:
             return None
         command.has_opened = True
         delay = math.nan
-        if command.is_certain and is_seen:
+        if is_seen:
             delay = samples_between(self._position(command.start), opening) / self._sample_rate
             self._delays.append(delay)
-        else:
-            self._number(command)
         return CommandedOpening(command.number, delay, command.duration)
 
     def look(self) -> None:
@@ -292,11 +297,6 @@ class EnergizingWatch:
     def _newest_index(self) -> int:
         return int(self._compiled.observer.ring[(self._processed - 1) % RING]["index"])
 
-    def _number(self, command: Command) -> None:
-        if command.number == 0:
-            self._commands += 1
-            command.number = self._commands
-
     def _position(self, moment: int) -> float:
         """Index of a moment; nan while the clock of the stamps is not known."""
         return float(moment) if self._reader.by_index else place_by_time(self._keeping, moment)
@@ -305,14 +305,11 @@ class EnergizingWatch:
         """The command that an opening belongs to, None without one."""
         since = [(samples_between(self._position(one.start), opening), one) for one in self._waiting]
         started = [each for each in since if -each[1].margin <= each[0] <= self._window + each[1].margin]
-        elapsed, last = _latest(started, is_certain=True)
+        _, last = min(started, key=itemgetter(0), default=(math.inf, None))
         if last is not None and not last.has_opened:
             return last
-        elapsed_doubtful, doubtful = _latest(started, is_certain=False)
-        if doubtful is not None and not doubtful.has_opened and elapsed_doubtful < elapsed:
-            return doubtful
         late = [each for each in since if -self._late <= each[0] + each[1].margin < 0.0]
-        late = [each for each in late if each[1].is_certain and not each[1].has_opened]
+        late = [each for each in late if not each[1].has_opened]
         return max(late, key=itemgetter(0))[1] if late else None
 
     @property
@@ -357,7 +354,7 @@ class EnergizingWatch:
 
     def _judge(self, command: Command) -> None:
         """Judges a command whose window is over and whose openings are decided."""
-        if command.has_opened or not command.is_certain or not command.was_shut:
+        if command.has_opened or not command.was_shut:
             return
         start = self._position(command.start)
         if any(
@@ -370,9 +367,3 @@ class EnergizingWatch:
 
     def _tell(self, is_missing: bool, number: int, index: int) -> None:
         self._on_mismatch(Mismatch(is_missing, number, index, self._window / self._sample_rate))
-
-
-def _latest(since: Sequence[tuple[float, Command]], is_certain: bool) -> tuple[float, Command | None]:
-    """Last one of the certain or of the doubtful commands, and samples since it; (inf, None) without one."""
-    alike = [one for one in since if one[1].is_certain is is_certain]
-    return min(alike, key=itemgetter(0), default=(math.inf, None))

@@ -93,4 +93,6 @@ class CompiledPipeline:
 
     def change_constants(self, constants: Constants) -> None:
         """Observe with other constants from here on; not while compiled code is at work with it."""
+        if self.observer.constants.coefficients.valve.commanded:
+            constants = constants.by_commands()
         self.pipeline = self.pipeline._replace(observer=with_constants(self.observer, constants))

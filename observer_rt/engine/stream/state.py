@@ -124,6 +124,11 @@ class Constants(NamedTuple):
     program: NDArray[np.float64]  # of the terms in force
     calibration: StatedAccuracy  # of level and pressure sensors
 
+    def by_commands(self) -> "Constants":
+        """The same where a pilot valve goes by the injector's commands: `observer.energize`."""
+        valve = self.coefficients.valve.by_commands()
+        return self._replace(coefficients=self.coefficients._replace(valve=valve))
+
 
 class Observer(NamedTuple):
     """Constants, preallocated memory, and what of the core works on it."""

@@ -11,7 +11,8 @@ from pathlib import Path
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.signals.calendar import Calendar, calendar_of
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
-from observer_rt.files.signals.table import OPTIONAL, TIME, Heading
+from observer_rt.files.signals.recording import OPTIONAL
+from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.foundation.errors import UserError, hint
 from observer_rt.foundation.files import encoding_of
 
@@ -129,7 +130,7 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
     for signal, column in wanted.items():
         if (at := _column_number(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
             places[signal] = at
-        elif not (is_own and signal == OPTIONAL):
+        elif not (is_own and signal in OPTIONAL):
             raise _missing(f"{path}, line {heading + 1}", column.name, best.above[heading])
     return Dialect(
         encoding,

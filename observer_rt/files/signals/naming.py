@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.table import OPTIONAL, TIME, Heading
+from observer_rt.files.signals.recording import OPTIONAL
+from observer_rt.files.signals.table import TIME, Heading
 from observer_rt.files.signals.table_signals import UNITS
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import spelled
@@ -16,7 +17,7 @@ _ALIASES = {  # in German, English and French, of names in small letters whose w
     "rail_pressure": r"rail|common|accumul|speicher|rampe|verteiler|\bp ?cr\b",
     "needle_lift": r"lift|hub\b|needle|nadel|lev[ée]e|aiguille|\bstroke|\bh ?n\b",
     "line_pressure": r"\bp?line|leitung|pipe|\btube|\bfeed|zulauf|inlet|conduite|ligne|\bp ?inj|\binj\w* p",
-    OPTIONAL: r"\brate\b|\broi\b|verlauf|\bd[mvq] ?dt\b|taux|d[ée]bit",
+    "injection_rate": r"\brate\b|\broi\b|verlauf|\bd[mvq] ?dt\b|taux|d[ée]bit",
 }
 _COMMANDED = r"\bset|soll|target|demand|desired|\bcmd|consigne"
 _GAUGE = re.compile(r"[ _]?(?:\((?:abs|a|g|rel)\)|abs|rel)\.?$", re.IGNORECASE)
@@ -40,7 +41,7 @@ def layout_of(location: str, headings: Sequence[Heading], brings_time: bool = Fa
     Raises `UserError` with the section to write where a signal has no heading or unit of its own, or several.
     """
     choices = [_chosen(signal, headings) for signal in _ALIASES if signal != TIME or not brings_time]
-    needed = [each for each in choices if each.signal != OPTIONAL or each.heading is not None]
+    needed = [each for each in choices if each.signal not in OPTIONAL or each.heading is not None]
     problems = [f"{each.signal}: {each.problem}" for each in needed if each.problem]
     if problems:
         raise UserError(

@@ -14,10 +14,6 @@ from observer_rt.foundation.errors import UserError
 
 READABLE = "give a complete Parquet file"
 
-_FIRST_PAGE = 4  # bytes: the magic number
-# of Thrift's compact protocol: type of a field, number of the checksum's in a page header
-_I32, _CHECKSUM = 5, 4
-
 
 class ParquetTable(FileTable):
     """Columns by their names; units from the fields' metadata `unit`. Null is "not available".
@@ -30,11 +26,6 @@ class ParquetTable(FileTable):
         wanted = self._wanted()
         with _opened(path) as file:
             schema = file.schema_arrow
-            if not _has_page_checksums(path, file.metadata):
-                self.notes.append(
-                    f"{path}: its pages have no checksums, so that damage may pass unseen: write it with "
-                    "write_page_checksum=True"
-                )
         self.mapped = present(path, wanted, schema.names, is_own)
         self.columns = {field.name: _unit(field.metadata) for field in schema}
         self.units = {name: unit for name, each in self.mapped.items() if (unit := self.columns[each.name])}
@@ -123,25 +114,6 @@ def _opened(path: Path) -> Iterator[Any]:
             yield file
     except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
-
-
-def _has_page_checksums(path: Path, metadata: Any) -> bool:
-    """Whether the first page of a Parquet file has one, or there is no page."""
-    if not metadata.num_row_groups or not metadata.num_columns:
-        return True
-    with path.open("rb") as file:
-        file.seek(
-            _FIRST_PAGE
-        )  # not where metadata say: pyarrow ends the process over the damaged ones of a column
-        header = iter(file.read(64))
-    field = 0
-    for begin in header:  # the fields in order: type, two sizes, the checksum if there is one
-        field += begin >> 4
-        if begin & 0x0F != _I32 or field >= _CHECKSUM:
-            return begin & 0x0F == _I32 and field == _CHECKSUM
-        while next(header, 0) & 0x80:  # the rest of its value
-            pass
-    return False
 
 
 def _unit(metadata: dict[bytes, bytes] | None) -> str:

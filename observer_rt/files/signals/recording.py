@@ -32,7 +32,8 @@ EQUIDISTANT = (
     "of a bench file, which bridges and splits"
 )
 
-SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", "injection_rate")
+OPTIONAL = ("injection_rate", "energizing")  # which a recording may have or not
+SIGNALS = ("rail_pressure", "needle_lift", "line_pressure", *OPTIONAL)
 Arrays = Mapping[str, NDArray[np.float64]]
 """Time and signals by name, each (n,)."""
 
@@ -166,6 +167,8 @@ class Recording:
     """File of the recording; None for one made in memory."""
     meaning: Meaning | None = field(default=None, kw_only=True)
     """Meaning of a sample; None: as the bench file states, without one an instant."""
+    energizing: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    """More than 0.5 while the injector is energized; None where that was not recorded."""
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     """Notes on what its reader left out or found odd."""
 
@@ -189,7 +192,7 @@ class Recording:
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:
-        """The signals by name, without time and without a rate that was not measured."""
+        """The signals by name, without time and those that were not recorded."""
         return {name: values for name in SIGNALS if (values := getattr(self, name)) is not None}
 
     @property

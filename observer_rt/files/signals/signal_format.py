@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.recording import Recording
-from observer_rt.files.signals.table import OPTIONAL, FileTable
+from observer_rt.files.signals.recording import OPTIONAL, Recording
+from observer_rt.files.signals.table import FileTable
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class OwnLayout:
     def is_of(self, path: Path, other: RecordingConfig | None) -> bool:
         """Whether a file is in our own layout, and not in another one."""
         names = self.table.names(path)
-        needed = [column.name for name, column in self.mapping.signals if name != OPTIONAL]
+        needed = [column.name for name, column in self.mapping.signals if name not in OPTIONAL]
         needed += [self.mapping.time.name] if self.mapping.time is not None else []
         is_in_another = other is not None and all(column.name in names for _, column in other.signals)
         return all(name in names for name in needed) and not is_in_another

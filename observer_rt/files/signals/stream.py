@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
 from observer_rt.engine.signal_survey import Survey
-from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.foundation.errors import UserError
 
 SAMPLES_AT_ONCE = 1 << 14
@@ -34,8 +34,8 @@ class SignalStream(ABC):
         self.stretches: tuple[Stretch, ...] = ()
         """At least one; several where the file was split."""
         self.rate = 0.0
-        self.has_rate = False
-        """Whether an injection rate was measured."""
+        self.optional: tuple[str, ...] = ()
+        """Signals that it has, of those that a recording need not have."""
         self.notes: tuple[str, ...] = ()
         """Notes for the user on how the file was read."""
         self.survey = Survey()
@@ -136,7 +136,7 @@ class HeldSignals(SignalStream):
         self._recording = recording
         self.rate = recording.sample_rate
         self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
-        self.has_rate = recording.injection_rate is not None
+        self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
         self.meaning = recording.meaning
         for name, values in recording.signals.items():
             for first in range(0, values.size, SAMPLES_AT_ONCE):  # what is in the cache

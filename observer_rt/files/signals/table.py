@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
+from observer_rt.files.signals.recording import OPTIONAL
 from observer_rt.foundation.errors import UserError, hint
 
 TIME = "time"
 LARGEST = 1e30  # no measurement, but what can be written in any unit
-OPTIONAL = "injection_rate"  # which a file in our own layout may have or not
 Values = NDArray[np.float64]
 
 
@@ -123,7 +123,7 @@ def present(
     for name, column in wanted.items():
         if column.name in names:
             columns[name] = column
-        elif not (is_own and name == OPTIONAL):
+        elif not (is_own and name in OPTIONAL):
             raise UserError(
                 str(path),
                 f"{word} '{column.name}' is missing{hint(column.name, names)}",

@@ -7,7 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from observer_rt.config.injector import ColumnConfig
-from observer_rt.files.signals.recording import EQUIDISTANT, Chunk, TimeGrid, UnevenTime, refuse_infinite
+from observer_rt.files.signals.recording import (
+    EQUIDISTANT,
+    OPTIONAL,
+    Chunk,
+    TimeGrid,
+    UnevenTime,
+    refuse_infinite,
+)
 from observer_rt.files.signals.stream import SignalStream, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
 from observer_rt.foundation.errors import UserError
@@ -61,7 +68,7 @@ class TableSignals(SignalStream):
             name: column for name, column in table.mapped.items() if name != TIME or not table.brings_time
         }
         self._scales = {name: self._scale(name, column) for name, column in self._mapped.items()}
-        self.has_rate = "injection_rate" in self._mapped
+        self.optional = tuple(name for name in OPTIONAL if name in self._mapped)
         self.notes = tuple(table.notes)
         self.origin = table.origin
 
@@ -87,6 +94,8 @@ class TableSignals(SignalStream):
         """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""
         stated = (self._table.units.get(name, ""), "as the file says")
         unit, said = stated if column.unit is None else (column.unit, "as the bench file says")
+        if name not in UNITS:  # a level
+            return unit, said
         spelling = spelled(unit, UNITS[name])
         if not spelling:
             raise UserError(
@@ -98,7 +107,7 @@ class TableSignals(SignalStream):
         return spelling, said
 
     def _scale(self, name: str, column: ColumnConfig) -> _Scale:
-        unit = UNITS[name][self._unit(name, column)[0]]
+        unit = UNITS.get(name, {}).get(self._unit(name, column)[0], 1.0)
         return _Scale(column.factor * unit, column.offset * unit, self._table.is_text and name != TIME)
 
 

@@ -1,7 +1,7 @@
 """Tables and recordings written part by part, as CSV, MDF4 or Parquet by suffix, in our own layouts."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.recording import OPTIONAL, Recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 
 WRITE_FORMAT = "%.12g"
@@ -177,23 +177,28 @@ RAIL_PRESSURE = WrittenColumn("rail_pressure_MPa", "rail_pressure", "MPa", facto
 NEEDLE_LIFT = WrittenColumn("needle_lift_mm", "needle_lift", "mm", factor=MILLIMETRE)
 LINE_PRESSURE = WrittenColumn("line_pressure_MPa", "line_pressure", "MPa", factor=MEGAPASCAL)
 INJECTION_RATE = WrittenColumn("injection_rate_mm3_per_ms", "injection_rate", "mm3/ms", factor=MM3_PER_MS)
+ENERGIZING = WrittenColumn("energizing", "energizing", "-")
 
-PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE)
+PRINTED = (TIME, RAIL_PRESSURE, NEEDLE_LIFT, LINE_PRESSURE, INJECTION_RATE, ENERGIZING)
 SI = (  # every double comes back as it was
     TIME,
     WrittenColumn("rail_pressure_Pa", "rail_pressure", "Pa"),
     WrittenColumn("needle_lift_m", "needle_lift", "m"),
     WrittenColumn("line_pressure_Pa", "line_pressure", "Pa"),
     WrittenColumn("injection_rate_m3_per_s", "injection_rate", "m3/s"),
+    ENERGIZING,
 )
 _LAYOUTS = {".csv": PRINTED, ".mf4": SI, ".parquet": SI}
 
 
 @contextmanager
-def recording_writer(path: Path, has_rate: bool) -> Iterator[Callable[[Recording], None]]:
-    """Writes the parts it is given in our own layout of the suffix, replacing an existing file."""
+def recording_writer(path: Path, optional: Collection[str]) -> Iterator[Callable[[Recording], None]]:
+    """Writes the parts it is given in our own layout of the suffix, replacing an existing file.
+
+    optional: signals that the parts have, of those that a recording need not have.
+    """
     suffix = path.suffix.lower()
-    columns = _LAYOUTS[suffix] if has_rate else _LAYOUTS[suffix][:-1]
+    columns = [each for each in _LAYOUTS[suffix] if each.channel not in OPTIONAL or each.channel in optional]
     with TABLE_WRITERS[suffix](path, columns) as writer:
 
         def write(part: Recording) -> None:
@@ -205,7 +210,7 @@ def recording_writer(path: Path, has_rate: bool) -> Iterator[Callable[[Recording
 
 def write_whole(path: Path, recording: Recording) -> None:
     """Write a recording that is in memory."""
-    with recording_writer(path, recording.injection_rate is not None) as write:
+    with recording_writer(path, recording.signals) as write:
         write(recording)
 
 

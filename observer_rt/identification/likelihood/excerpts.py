@@ -169,7 +169,7 @@ def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], injections: Foun
     for excerpt in excerpts:
         events.append(excerpt.event.moved(begin))
         begin += excerpt.samples
-    names = ["rail_pressure", "needle_lift", "line_pressure", *(["injection_rate"] * source.has_rate)]
+    names = ["rail_pressure", "needle_lift", "line_pressure", *source.optional]
     signals = {name: np.full(max(begin, 2), np.nan) for name in names}
     begin = 0
     for excerpt in excerpts:

@@ -7,13 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.bus.alignment.timekeeping import jitter_of, make_clock
-from observer_rt.core.frames.frames import (
-    WINDOW,
-    delay_by_clock,
-    index_by_clock,
-    take_clock_stamp,
-    time_by_clock,
-)
+from observer_rt.core.frames.frames import WINDOW, take_clock_stamp, time_by_clock
 
 EPOCH = 1_700_000_000_000_000_000  # ns
 INTERVAL = 50e-6  # s
@@ -105,14 +99,6 @@ def test_receivers_clock_set_anew_is_noticed_and_learned(step: float) -> None:
     assert abs(error(after, taken[-1] + step, taken.size - 1)) < 1e-9
 
 
-def test_time_and_index_are_inverse() -> None:
-    clock = fed(sent(2.0, 40e-6) + DELAY)
-    for index in (0.0, 123.25, 1e6, 1e9):
-        assert index_by_clock(clock, time_by_clock(clock, index, EPOCH - 17), EPOCH - 17) == pytest.approx(
-            index, abs=1e-4
-        )
-
-
 def test_jitter_is_that_of_the_delays() -> None:
     random = np.random.default_rng(3)
     taken = sent(2.0)
@@ -122,12 +108,3 @@ def test_jitter_is_that_of_the_delays() -> None:
     assert jitter.sigma * 1e9 == pytest.approx(late.std(), rel=0.03)
     assert jitter.greatest * 1e9 == pytest.approx(late.max(), rel=0.01)
     assert jitter_of(make_clock(INTERVAL, 1, 0.0)[0]).frames == 0
-
-
-def test_delay_is_that_over_the_promptest() -> None:
-    taken = sent(2.0)
-    clock = fed(taken + DELAY)
-    last = taken.size - 1
-    assert delay_by_clock(clock, last, EPOCH + round(taken[-1] + DELAY + 70e3)) == pytest.approx(
-        70e3, abs=2.0
-    )

@@ -25,7 +25,6 @@ from observer_rt.bus.database.e2e import (
 from observer_rt.core.frames.frames import (
     check_frame,
     counter_in,
-    crc_of_profile_5,
     protect_frame,
     status_by_counter,
     take_into_state,
@@ -59,7 +58,9 @@ def protected(length: int = 64, data_id: int = DATA_ID, counter: int = 7) -> NDA
 def test_crc_of_the_catalogue_check_string() -> None:
     """CRC-16/CCITT-FALSE of "123456789" is 0x29B1: the last two characters serve as the data id."""
     payload = frame_of(b"\0\0" + b"1234567")
-    assert crc_of_profile_5(payload, 9, ord("8") | ord("9") << 8) == 0x29B1
+    protect_frame(payload, 9, protection_of(PROFILE_5, ord("8") | ord("9") << 8), ord("1"))
+    assert payload.tobytes()[2:] == b"1234567"
+    assert int.from_bytes(payload.tobytes()[:2], "little") == 0x29B1
 
 
 def test_only_the_protected_length_counts() -> None:

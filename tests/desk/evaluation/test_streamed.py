@@ -17,7 +17,7 @@ from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.segment import Segment, Signal
 from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.files.replay.framing import Framer, all_samples
-from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream, Stretch
 from observer_rt.model.effects import effective_model
 from tests.desk.evaluation.documents import recording_json
@@ -39,7 +39,7 @@ class Cut(SignalStream):
         super().__init__(recording.path)
         self._recording, self._bounds, self._at_once = recording, bounds, at_once
         self.rate = recording.sample_rate
-        self.has_rate = recording.injection_rate is not None
+        self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
         pairs = list(pairwise(bounds))
         self.stretches = tuple(Stretch(float(recording.time[a]), b - a) for a, b in pairs)
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.model.laws import lagged
-from observer_rt.core.model.model import advance_state
+from observer_rt.core.model.model import advance_state, slopes_of_flows
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, learned_of
 from observer_rt.model.effective import Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.network import HIDDEN
+from observer_rt.model.network import HIDDEN, Network, constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.model.stability import substeps_needed
@@ -24,6 +24,14 @@ from tests.intervals import Interval
 SAMPLE_RATE = 100e3
 NOISE = NoiseLevels(rail_pressure=0.1e6, line_pressure=0.15e6, needle_lift=0.4e-6)
 RAIL = 0.95
+
+
+def changes_of_flows(x: tuple[float, ...], u: tuple[float, ...], network: Network) -> tuple[float, float]:
+    """N_H and N_S of (7): relative changes of both flows at a state; u = [p_R A_S], or with the time [s] since the
+    needle opened."""
+    c = coefficients(load_injector())
+    learned, healthy = (slopes_of_flows(x, u, c, each) for each in (network, constant_network()))
+    return learned["q_h"] / healthy["q_h"] - 1.0, learned["q_s"] / healthy["q_s"] - 1.0
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.core.model.model import changes_of_flows, rest_state
+from observer_rt.core.model.model import rest_state
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import (
@@ -27,6 +27,7 @@ from tests.differences import differences
 from tests.engine.estimation.conftest import (
     SAMPLE_RATE,
     Case,
+    changes_of_flows,
     event_inputs,
     innovations_at,
     make_case,
@@ -187,13 +188,13 @@ def test_meaning_of_a_parameter_vector() -> None:
     assert learned.sensor[0] == pytest.approx(40e-6)
     assert changes_of_flows(x, u, learned.network) == (0.0, 0.0)
     theta[Parameter.NOZZLE_BIAS] = 0.2
-    assert changes_of_flows(x, u, network_of(theta)) == (0.2, 0.0)
+    assert changes_of_flows(x, u, network_of(theta)) == pytest.approx((0.2, 0.0))
     theta[Parameter.SEAT_BIAS] = -0.1
-    assert changes_of_flows(x, u, network_of(theta)) == (0.2, -0.1)
+    assert changes_of_flows(x, u, network_of(theta)) == pytest.approx((0.2, -0.1))
     theta[Parameter.NOZZLE_WEIGHT] = 0.05  # of the pressure drop, the centres .16 p_0 apart
     nozzle, seat = changes_of_flows(x, u, network_of(theta))
     assert nozzle == pytest.approx(0.2 + 0.05 * math.tanh((x[2] - 0.1) / (0.7 * 0.16)), abs=1e-5)
-    assert seat == -0.1
+    assert seat == pytest.approx(-0.1)
 
 
 @pytest.mark.parametrize("together", [1, 3, 5])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.core.model.model import changes_of_flows
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import (
@@ -24,6 +23,7 @@ from observer_rt.engine.learning.memory import plain, restored
 from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
+from tests.engine.estimation.conftest import changes_of_flows
 from tests.engine.learning.strokes import stroke_of
 from tests.engine.sample_stream import NOISE, NOMINAL, judge
 

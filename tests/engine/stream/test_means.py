@@ -5,13 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig
-from observer_rt.core.identification.areas import slope_of_means as slope_of_means
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.simulation.plant import Truth, run_plant
 from observer_rt.desk.simulation.schedule import make_schedule, strokes
@@ -122,13 +119,3 @@ def test_only_the_last_sample_waits_for_the_next(worn: bool) -> None:
     assert trace.injection_rate.size == recorded(worn).samples
     assert np.isfinite(trace.injection_rate[-10:-1]).all()
     assert np.isnan(trace.injection_rate[-1])
-
-
-@given(st.floats(0.02, 1.0), st.floats(10e-6, 60e-6), st.booleans())
-def test_slope_of_a_ramp_by_means(share: float, slope: float, is_long: bool) -> None:
-    """Exact where two whole periods follow the part of one; else by the part and one whole period."""
-    partial, full = 0.5 * slope * share**2, slope * (share + 0.5)
-    after = slope if is_long else 0.3 * slope  # the needle turns back in the second whole period
-    tolerance = 0.0 if share > 0.1 else 1e-9
-    result = slope_of_means(partial, full, after, tolerance + 1e-12)
-    assert result == pytest.approx(slope, rel=1e-6)

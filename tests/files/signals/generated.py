@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.files.signals.recording import OPTIONAL, Chunk, Recording
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream, Stretch, cut
 
 
@@ -17,7 +17,7 @@ class RepeatedRecording(SignalStream):
         super().__init__(Path("repeated.csv"))
         self._recording, self._times = recording, times
         self.rate = recording.sample_rate
-        self.has_rate = recording.injection_rate is not None
+        self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
         start, stretches = 0.0, []
         for number in times:
             stretches.append(Stretch(start, number * recording.samples))

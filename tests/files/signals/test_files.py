@@ -37,6 +37,7 @@ def quantised_recordings(draw: st.DrawFn) -> Recording:
         needle_lift=_signal(draw, samples, -5000, 1.0, 1e8),
         line_pressure=_signal(draw, samples, -2000, 5000.0, 1.0),
         injection_rate=_signal(draw, samples, -10_000, 1.0, 1e8) if draw(st.booleans()) else None,
+        energizing=_signal(draw, samples, 0, 1.0, 1.0) if draw(st.booleans()) else None,
     )
 
 

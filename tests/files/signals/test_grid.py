@@ -260,15 +260,3 @@ def test_the_first_sample_of_every_block_is_no_recording(tmp_path: Path) -> None
     config = bench(tmp_path, text=COLUMNS.replace('"p_Rail"', '"p_Rail_00"')).injector
     with pytest.raises(UserError, match="a row holds 9 samples, p_Rail_00 to p_Rail_08"):
         open_recording(path, config)
-
-
-@pytest.mark.parametrize("has_checksums", [False, True])
-def test_parquet_without_checksums_of_its_pages_is_noted(tmp_path: Path, has_checksums: bool) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
-    columns = signals(50)
-    table = pyarrow.table({**columns, "t": columns["t"] * 1e3})
-    pyarrow.parquet.write_table(table, tmp_path / "x.parquet", write_page_checksum=has_checksums)
-    notes = open_recording(tmp_path / "x.parquet", bench(tmp_path).injector).notes
-    assert any("no checksums" in note for note in notes) is not has_checksums

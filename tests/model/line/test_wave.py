@@ -14,8 +14,8 @@ from observer_rt.core.model.model import (
     WEIGHTS,
     advance_state,
     fault_with_rate,
-    flows_with_changes,
     rest_state,
+    slopes_of_flows,
 )
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients, averaged
@@ -229,7 +229,8 @@ def test_a_tiny_sac_is_where_its_flows_balance() -> None:
     c = effective_model(injector(1e-11)).coefficients
     states, _ = run(c, RATE, 1, 0.9e-3)
     x = states[-1]
-    q_h, q_s = flows_with_changes(x, (RAIL, area(0.9e-3)), c, constant_network())
+    flows = slopes_of_flows(x, (RAIL, area(0.9e-3)), c, constant_network())
+    q_h, q_s = flows["q_h"], flows["q_s"]
     assert c.nozzle.flow * q_h == pytest.approx(c.sac.a5 / c.sac.a6 * c.nozzle.flow * q_s, rel=1e-5)
 
 

@@ -280,7 +280,10 @@ class Energizing:
                 float(window.inputs[window.opening, 0]) * model.pressure_scale + model.chamber_pressure
             ) / AT
             ahead = model.valve.start * rail**-model.valve.exponent + FLOW_BLURS
-            places = places.before_flow(round(ahead / interval))
+            if model.valve.commanded:
+                begun = window.commands[window.commands[:, 0] <= window.opening, 0]
+                ahead += interval * (window.opening - begun.max(initial=-np.inf))
+            places = places.before_flow(round(min(ahead / interval, places.longest)))
         first = window.opening - places.longest
         if first <= 0:
             return self, False

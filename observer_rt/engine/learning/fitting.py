@@ -1,36 +1,18 @@
 """One event fitted from a prior: Gauss-Newton on the prediction error, gated scalars chosen anew in every step."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
-from observer_rt.engine.estimation.prediction_error import Linearisation
+from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.model.effective import Coefficients
 
 HALVINGS = 4  # of a step that does not lower the cost
 TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
 AGREEMENT = 0.05  # between expected and found cost, up to which the linearisation is not repeated
-
-
-class Cost(Protocol):
-    """J of one event, as `EventCost` has it; theta (m,). Every evaluation leaves arrays of its own behind."""
-
-    innovations: NDArray[np.float64]
-    """(n,) at the theta that was asked for last, white if the model is right."""
-    unfiltered: NDArray[np.float64]
-    """(n,) the same with the colour of the noise."""
-    slopes: NDArray[np.float64]
-    """(n, m) their derivatives where J was last linearised."""
-
-    def value(self, theta: NDArray[np.float64]) -> float:
-        """J(theta); inf where it is not finite."""
-
-    def linearised(self, theta: NDArray[np.float64]) -> Linearisation:
-        """J round theta."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +67,7 @@ class EventFit:
 class EventFitter:
     """Fits one event from any prior; active: the gated columns in use."""
 
-    cost: Cost
+    cost: EventCost
     active: frozenset[int]
     limits: Limits
 

@@ -24,11 +24,6 @@ class Evidence(NamedTuple):
     theta: Theta
 
 
-def evidence(cost: Linearisation, prior: Belief, limits: Limits) -> Evidence:
-    """Evidence for one prior, as below."""
-    return evidences(cost, [prior], limits)[0]
-
-
 def evidences(cost: Linearisation, priors: Sequence[Belief], limits: Limits) -> list[Evidence]:
     """Integrates exp(-cost) over Gaussian priors, the cost a parabola round where it was linearised.
 

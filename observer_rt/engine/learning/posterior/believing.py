@@ -67,7 +67,7 @@ class Believing:
             theta, active = best_subset(belief.mean, belief.covariance, limits.gate, before.active)
             theta = np.clip(theta, limits.lowest, limits.highest)
         reading = explanation.reading
-        statistics = reading.leaves(explanation.theta, explanation.fit).statistics
+        statistics = reading.healthy.relative(reading.leaves(explanation.theta, explanation.fit))
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
         if temper > 1.0:
             information = information / temper

@@ -13,7 +13,8 @@ from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.evidence import evidence, evidences
+from observer_rt.engine.learning.account.evidence import evidences
+from observer_rt.engine.learning.account.fault_density import nearly_white
 from observer_rt.engine.learning.account.hypotheses import (
     AT_FAULT,
     BEFORE,
@@ -233,7 +234,7 @@ class Weighing:
         """Nats by which what a kind leaves is more likely, being nearly white; as before, if it leaves as much."""
         leaves, as_before = (each.cost.expected(each.theta) for each in (explanation, before))
         alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else explanation
-        return reading.leaves(alike.theta, alike.fit).nearly_white
+        return nearly_white(reading.leaves(alike.theta, alike.fit), reading.cost.temper, reading.healthy)
 
     def _fit(
         self,
@@ -259,6 +260,7 @@ class Weighing:
         )
         explanation.cost = explanation.fit.linearisation
         explanation.log = (
-            evidence(explanation.cost, explanation.held.prior, self._reader.limits).log + explanation.held.log
+            evidences(explanation.cost, [explanation.held.prior], self._reader.limits)[0].log
+            + explanation.held.log
         )
         explanation.theta = explanation.cost.theta

@@ -94,8 +94,9 @@ def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
     if objection.reason not in UNEXPLAINED or objection.phase is not None:
         return objection
     explanation, _ = explained.carried[0]
-    left = explanation.reading.leaves(explanation.theta, explanation.fit)
-    return replace(objection, phase=inadequate_phase(left.statistics))
+    reading = explanation.reading
+    left = reading.healthy.relative(reading.leaves(explanation.theta, explanation.fit))
+    return replace(objection, phase=inadequate_phase(left))
 
 
 def _with_range(explained: ExplainedEvent, reader: EventReader) -> tuple[LearningState, bool]:

@@ -13,7 +13,7 @@ from observer_rt.engine.estimation.prediction_error import EventCost, Linearisat
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account.constants import NEAR
-from observer_rt.engine.learning.account.fault_density import at_fault, nearly_white
+from observer_rt.engine.learning.account.fault_density import at_fault
 from observer_rt.engine.learning.adequacy import CLIP
 from observer_rt.engine.learning.disturbances.colour import is_same
 from observer_rt.engine.learning.disturbances.noise_levels import mask_of
@@ -22,25 +22,6 @@ from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.reader import Follows
 from observer_rt.engine.learning.posterior.resting_pressure import RestingPressure
-
-
-@dataclass(frozen=True, eq=False)
-class Left:
-    """What innovations an event leaves, clipped, and a healthy injector; temper: what events scatter beyond noise."""
-
-    clipped: PhaseStatistics
-    healthy: Healthy
-    temper: float
-
-    @property
-    def statistics(self) -> PhaseStatistics:
-        """Statistics against a healthy injector's."""
-        return self.healthy.relative(self.clipped)
-
-    @cached_property
-    def nearly_white(self) -> float:
-        """Nats by being nearly white."""
-        return nearly_white(self.clipped, self.temper, self.healthy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +44,7 @@ class EventReading:
     phases: NDArray[np.int8]
     healthy: Healthy
     resting: RestingPressure
-    _left: dict[bytes, Left] = field(default_factory=dict)
+    _left: dict[bytes, PhaseStatistics] = field(default_factory=dict)
 
     @cached_property
     def level(self) -> float:
@@ -81,12 +62,11 @@ class EventReading:
             return fit.innovations
         return self.innovations + self.slopes @ (theta - self.first.theta)
 
-    def leaves(self, theta: Theta, fit: EventFit | None) -> Left:
-        """What theta (m,) leaves."""
+    def leaves(self, theta: Theta, fit: EventFit | None) -> PhaseStatistics:
+        """Statistics of what theta (m,) leaves, clipped."""
         key = theta.tobytes()
         if key not in self._left:
-            clipped = self._statistics(theta, fit, CLIP)
-            self._left[key] = Left(clipped, self.healthy, self.cost.temper)
+            self._left[key] = self._statistics(theta, fit, CLIP)
         return self._left[key]
 
     def at_fault(self, theta: Theta, fit: EventFit | None) -> float:

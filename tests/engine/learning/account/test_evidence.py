@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.learning.account.constants import BEYOND
-from observer_rt.engine.learning.account.evidence import evidence
+from observer_rt.engine.learning.account.evidence import Evidence, evidences
 from observer_rt.engine.learning.fitting import Limits
 
 FAR = np.full(2, 1e3)
@@ -28,6 +28,10 @@ def parabola(entries: list[float]) -> Linearisation:
 def prior(mean: list[float], sigma: list[float], correlation: float) -> Belief:
     covariance = np.outer(sigma, sigma) * np.array([[1.0, correlation], [correlation, 1.0]])
     return prior_belief(np.array(mean), covariance)
+
+
+def evidence(cost: Linearisation, belief: Belief, limits: Limits) -> Evidence:
+    return evidences(cost, [belief], limits)[0]
 
 
 def integral(cost: Linearisation, belief: Belief) -> tuple[float, NDArray[np.float64]]:

@@ -100,8 +100,8 @@ class EvidenceKeeper:
             self._hand_on()
         if not self._reports:
             constants = self._core.compiled.observer.constants
-            start = news.start + constants.timing.window_lead - round(LEAD / constants.interval)
-            end = min(self._core.processed, news.start + round(LONGEST / constants.interval))
+            start = news.start_position + constants.timing.window_lead - round(LEAD / constants.interval)
+            end = min(self._core.processed, news.start_position + round(LONGEST / constants.interval))
             self._inputs = event_inputs(self._core.compiled.observer, start, end)
         self._reports.append(news)
 

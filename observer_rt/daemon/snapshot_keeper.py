@@ -85,7 +85,7 @@ class SnapshotKeeper:
         """Take in an injection, and later its measured mass; a listener, which waits for nobody."""
         now = time.time_ns()
         if isinstance(news, InjectionReport) and self._daemon is not None:
-            self._samples.append((news, self._daemon.core.rows(news.start, news.end + 1)))
+            self._samples.append((news, self._daemon.core.rows(news.start_position, news.end_position + 1)))
             self._news.append((news, now))
         elif isinstance(news, MeasuredMass):
             self._news.append((news, now))

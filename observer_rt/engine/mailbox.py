@@ -90,7 +90,7 @@ def _post(
 
 def _at_rest(observer: Observer, number: int) -> float:
     """Mean square of the innovations at rest, of half as many samples before an event's end as are remembered."""
-    end = int(observer.events[number % PENDING_EVENTS]["window_end"]) + 1
+    end = int(observer.events[number % PENDING_EVENTS]["end_position"]) + 1
     rows = observer.ring[np.arange(max(end - RING // 2, 0), end) % RING]
     at_rest = rows["innovation"][rows["resting"]]
     return float(np.mean(at_rest**2)) if at_rest.size else np.nan

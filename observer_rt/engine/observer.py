@@ -241,7 +241,7 @@ def event_window(observer: Observer, number: int) -> Window | None:
         output=np.empty(samples),
         resting=np.empty(samples, np.bool_),
         start=np.append(observer.x_tilde[start % RING], observer.ring[start % RING]["indicated"]),
-        opening=int(event["opening"]) - start,
+        opening=int(event["opening_position"]) - start,
         knots=np.empty((samples, 2)),
         masked=np.empty(samples, np.bool_),
     )
@@ -283,9 +283,9 @@ def event_innovations(observer: Observer, number: int) -> Innovations:
 def _window_of(observer: Observer, event: np.void) -> tuple[int, int]:
     """Positions [start, end) of an event's samples whose line pressure is known."""
     late = observer.constants.sensor.late
-    start = max(int(event["window_start"]), -late)
+    start = max(int(event["start_position"]), -late)
     received = int(observer.memory[0]["positions"]["received"])
-    return start, min(int(event["window_end"]) + 1, received - max(late, 0))
+    return start, min(int(event["end_position"]) + 1, received - max(late, 0))
 
 
 def event_standstill(observer: Observer, number: int) -> Standstill:

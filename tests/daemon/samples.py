@@ -123,8 +123,8 @@ def some_report(number: int = 1, **changes: Any) -> InjectionReport:
     content: dict[str, Any] = {
         "number": number,
         "event": number,
-        "start": 1000 * number,
-        "end": 1000 * number + 100,
+        "start_position": 1000 * number,
+        "end_position": 1000 * number + 100,
         "start_index": 5000 + 1000 * number,
         "end_index": 5000 + 1000 * number + 100,
         "volume": 50e-9,

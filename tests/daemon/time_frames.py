@@ -240,7 +240,7 @@ class Outcome:
     def injections(self) -> list[EstimatedInjection]:
         """Every injection without a missing sample."""
         truth, error = self.truth, self.error
-        refused = np.array([self.times[report.start] for report in self.reports if not report.valid])
+        refused = np.array([self.times[report.start_position] for report in self.reports if not report.valid])
         injections = []
         for number in range(INJECTIONS):
             start = FIRST + number * PERIOD

@@ -67,7 +67,7 @@ def masses(bench: Bench, path: Path, knowledge: Knowledge | None) -> tuple[list[
     history = evaluate(bench.with_parameters(load_injector(path)), [measured.recording], knowledge)
     valid, errors = [], []
     for report in history.evaluations[0].reports:
-        rate = measured.truth.injection_rate[report.start : report.end + 1]
+        rate = measured.truth.injection_rate[report.start_position : report.end_position + 1]
         valid.append(report.valid)
         errors.append(report.mass / (float(np.trapezoid(rate)) / RATE * density) - 1.0)
     return valid, errors

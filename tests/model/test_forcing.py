@@ -89,7 +89,7 @@ def test_masses_are_right_with_a_law_of_the_flow_that_bends() -> None:
     errors = []
     for report in history.evaluations[0].reports[-12:]:
         assert report.valid
-        rate = made.truth.injection_rate[report.start : report.end + 1]
+        rate = made.truth.injection_rate[report.start_position : report.end_position + 1]
         errors.append(report.mass / (np.trapezoid(rate) * 1e-5 * density) - 1.0)
     assert abs(np.mean(errors)) < 0.0015
 

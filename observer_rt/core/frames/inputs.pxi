@@ -71,7 +71,7 @@ cdef void _read(
         memory.is_assumed &= 1 if row.role != FUEL_TEMPERATURE else 0
     else:
         begun = stream.counts.injections_begun
-        is_under_way = begun > 0 and observer.injections[(begun - 1) % INJECTIONS].end < 0
+        is_under_way = begun > 0 and observer.injections[(begun - 1) % INJECTIONS].end_position < 0
         reading = &input_memory.readings[memory.came % READINGS]
         reading.row = n
         reading.stamp = stamp

@@ -15,12 +15,12 @@ cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
     timing = &observer.constants.timing
     row = &observer.ring[position & MASK]
     needle.is_open = True
-    needle.opening = position
+    needle.opening_position = position
     memory.monitor.falls = 0
     if not under_way.in_event:
         under_way.in_event = True
         under_way.number += 1
-        under_way.opening = position
+        under_way.opening_position = position
         under_way.learnable = memory.synchronisation.synchronised
         under_way.fault = 0
     if counts.injections_begun - counts.injections_reported == INJECTIONS:
@@ -29,9 +29,9 @@ cdef void begin_injection(Observer* observer, int64_t position) noexcept nogil:
     counts.injections_begun += 1
     injection.number = counts.injections_begun
     injection.event = under_way.number
-    injection.start = max(position - timing.window_lead, positions.segment_start)
-    injection.end = -1
-    injection.start_index = observer.ring[injection.start & MASK].index
+    injection.start_position = max(position - timing.window_lead, positions.segment_start)
+    injection.end_position = -1
+    injection.start_index = observer.ring[injection.start_position & MASK].index
     injection.opening_index = row.index
     injection.opening_seen = position > positions.segment_start
     injection.rail_pressure = row.rail_pressure
@@ -49,7 +49,7 @@ cdef void part_events(Observer* observer, int64_t position) noexcept nogil:
     memory = observer.memory
     under_way = &memory.event
     timing = &observer.constants.timing
-    lasted = position - under_way.opening
+    lasted = position - under_way.opening_position
     is_at_rest = observer.ring[position & MASK].index - memory.needle.shut_index > timing.settle
     is_first = memory.counts.events_closed < observer.constants.events_required
     is_over = is_at_rest and (is_first or lasted >= timing.event_gap)
@@ -65,7 +65,7 @@ cdef void forget_opening(Observer* observer) noexcept nogil:
     memory = observer.memory
     under_way = &memory.event
     memory.counts.injections_begun -= 1
-    if memory.needle.opening == under_way.opening:
+    if memory.needle.opening_position == under_way.opening_position:
         under_way.number -= 1
         under_way.in_event = False
     else:
@@ -95,15 +95,15 @@ cdef void _part_injections(Observer* observer, int64_t position) noexcept nogil:
     So each sample belongs to one, and their masses sum to what was injected.
     """
     cdef int64_t number = observer.memory.counts.injections_begun - 2, meet, k
-    if number < 0 or observer.injections[number % INJECTIONS].end >= 0:
+    if number < 0 or observer.injections[number % INJECTIONS].end_position >= 0:
         return
     injection = &observer.injections[(number + 1) % INJECTIONS]
     ring = observer.ring
-    meet = max(injection.start, position - (ring[position & MASK].index - observer.memory.needle.shut_index))
+    meet = max(injection.start_position, position - (ring[position & MASK].index - observer.memory.needle.shut_index))
     for k in range(meet + 1, position + 1):
         if ring[k & MASK].injection_rate < ring[meet & MASK].injection_rate:
             meet = k
-    injection.start, injection.start_index = meet, ring[meet & MASK].index
+    injection.start_position, injection.start_index = meet, ring[meet & MASK].index
     _end_window(observer, number, meet)
 
 
@@ -120,15 +120,15 @@ cdef void close_event(Observer* observer, int64_t position) noexcept nogil:
     event.number = under_way.number
     shut_at = min(needle.shut_index + timing.event_gap, observer.ring[position & MASK].index)
     event.due_index = shut_at + timing.learning_delay
-    event.opening = under_way.opening
-    event.window_start = max(under_way.opening - timing.learning_lead, memory.positions.segment_start)
-    event.window_end = position
-    long_enough = position - under_way.opening >= timing.learning_lead
+    event.opening_position = under_way.opening_position
+    event.start_position = max(under_way.opening_position - timing.learning_lead, memory.positions.segment_start)
+    event.end_position = position
+    long_enough = position - under_way.opening_position >= timing.learning_lead
     event.learnable = (
         under_way.learnable
         and not needle.is_open
         and long_enough
-        and position - event.window_start < MAX_EVENT
+        and position - event.start_position < MAX_EVENT
     )
     event.fault = under_way.fault
     event.closed_index = observer.ring[position & MASK].index
@@ -183,13 +183,13 @@ cdef void _end_window(Observer* observer, int64_t injections_before, int64_t pos
     if injections_before < 0:
         return
     injection = &observer.injections[injections_before % INJECTIONS]
-    if injection.end >= 0:
+    if injection.end_position >= 0:
         return
-    injection.end = position
+    injection.end_position = position
     injection.end_index = observer.ring[position & MASK].index
     injection.phi_version = observer.memory.judgement.phi_version
     injection.state = observer.ring[position & MASK].state
-    place = ((injection.start + position) // 2) & MASK
+    place = ((injection.start_position + position) // 2) & MASK
     middle = &observer.ring[place]
     copy_numbers(observer.x_hat + place * observer.states, injection.middle_x, 3)
     injection.middle_u[0] = middle.rail_pressure
@@ -197,12 +197,12 @@ cdef void _end_window(Observer* observer, int64_t injections_before, int64_t pos
     volume = 0.0
     peak = 0.0
     reason = 0
-    for k in range(max(injection.start, position - MAX_EVENT), position + 1):
+    for k in range(max(injection.start_position, position - MAX_EVENT), position + 1):
         row = &observer.ring[k & MASK]
         if reason == 0:
             reason = row.reason
         peak = max(peak, row.injection_rate)
-        if k > injection.start:
+        if k > injection.start_position:
             previous = &observer.ring[(k - 1) & MASK]
             volume += 0.5 * (previous.injection_rate + row.injection_rate)
     injection.volume = volume * observer.constants.interval

@@ -234,7 +234,7 @@ cdef bint keep_sinking(Observer* observer, int64_t position) noexcept nogil:
     else:
         beyond = 2 if observer.constants.means else 1
         last = position - beyond  # its interval may be cut, as at the foot of the opening
-        length = min(timing.ramp, last - max(memory.event.opening, ramp.foot))
+        length = min(timing.ramp, last - max(memory.event.opening_position, ramp.foot))
         final = 1 if length > 1 else 0
         if length > 0:
             fall = _recorded_lift(observer, last - length) - _recorded_lift(observer, last - final)

@@ -96,9 +96,9 @@ cdef inline void forget_step(Observer* observer, int64_t position) noexcept nogi
     memory = observer.memory
     needle, lift_step = &memory.needle, &memory.lift_step
     lift = observer.ring[position & MASK].lift
-    if position == needle.opening or lift > lift_step.summit:
+    if position == needle.opening_position or lift > lift_step.summit:
         lift_step.summit = lift
-    is_of_current = (needle.opening - lift_step.stepped) * observer.constants.interval < BEFORE_OPENING
+    is_of_current = (needle.opening_position - lift_step.stepped) * observer.constants.interval < BEFORE_OPENING
     if is_of_current and lift_step.summit - lift > max(SUNK, SUNK_BANDS * memory.dead_band.lift_on):
         step = memory.resting_lift.zero - lift_step.before_step
         lift_step.stepped = LONG_PAST

@@ -200,7 +200,7 @@ cdef void look_at_start(Observer* observer, int64_t position) noexcept nogil:
     if observer.ring[start & MASK].broken != BREAK_START:
         return
     has_opened = under_way.number > 0
-    if has_opened and not (needle.is_open and needle.opening == start and under_way.number == 1):
+    if has_opened and not (needle.is_open and needle.opening_position == start and under_way.number == 1):
         return
     lifts, lift_squares, lines, line_squares = 0.0, 0.0, 0.0, 0.0
     count = position - start
@@ -233,7 +233,7 @@ cdef void look_at_opening(Observer* observer, int64_t position) noexcept nogil:
     cdef bint is_steady
     memory = observer.memory
     needle = &memory.needle
-    opening, count = needle.opening, position - needle.opening
+    opening, count = needle.opening_position, position - needle.opening_position
     if opening - count < memory.positions.segment_start:
         return
     scale = observer.constants.pressure_scale

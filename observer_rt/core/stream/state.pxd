@@ -114,9 +114,9 @@ cdef struct RestingLift:
 cdef struct Event:
     int64_t number
     int64_t due_index  # judged at the first sample >= this outside every event
-    int64_t window_start  # positions in the stream of samples
-    int64_t window_end
-    int64_t opening
+    int64_t start_position  # of the first and the last sample of its learning window
+    int64_t end_position
+    int64_t opening_position  # of its first sample with the needle open
     unsigned char learnable
     signed char fault  # Reason its samples are not to be trusted, 0 when they are
     int64_t closed_index  # of the sample at which it closed
@@ -147,8 +147,8 @@ cdef struct Channel:
 cdef struct Injection:
     int64_t number
     int64_t event
-    int64_t start  # position of the window's first sample
-    int64_t end  # position of its last, -1 while not known
+    int64_t start_position  # of the window's first sample
+    int64_t end_position  # of its last, -1 while not known
     int64_t start_index
     int64_t end_index
     double volume  # m3
@@ -265,14 +265,14 @@ cdef struct Synchronisation:
 # events.pxi
 cdef struct Needle:
     unsigned char is_open
-    int64_t shut_index  # index of the first closed sample
-    int64_t opening  # position of the last one
+    int64_t shut_index  # of the first closed sample
+    int64_t opening_position  # of the first sample of the last opening
 
 # events.pxi
 cdef struct EventUnderWay:
     unsigned char in_event
     int64_t number
-    int64_t opening
+    int64_t opening_position  # of its first opening
     unsigned char learnable  # not after what step.pxi and lift_zero.pxi find
     signed char fault  # Reason its samples are not to be trusted (step.pxi, lift_zero.pxi), 0 when they are
 

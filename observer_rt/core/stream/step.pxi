@@ -152,9 +152,9 @@ cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
     _move_needle(observer, position, opens)
     if position == memory.positions.segment_start + observer.constants.timing.good:
         look_at_start(observer, position)
-    if needle.is_open and position == needle.opening + observer.constants.timing.good:
+    if needle.is_open and position == needle.opening_position + observer.constants.timing.good:
         look_at_opening(observer, position)
-    if (position - needle.opening) % observer.constants.timing.settle == 0:
+    if (position - needle.opening_position) % observer.constants.timing.settle == 0:
         look_at_rest(observer, position)
     row.resting = not needle.is_open and row.index - needle.shut_index > observer.constants.timing.settle
     if row.broken != BREAK_NONE:
@@ -245,7 +245,7 @@ cdef void _settle(Observer* observer, int64_t position) noexcept nogil:
         synchronisation.unsynchronised_by = REASON_NONE
     if observer.ring[position & MASK].resting:
         synchronisation.rested = position
-    is_stuck = needle.is_open and position - needle.opening > MAX_EVENT
+    is_stuck = needle.is_open and position - needle.opening_position > MAX_EVENT
     if is_stuck or position - synchronisation.rested > _RESTLESS:
         synchronisation.synchronised = False
         synchronisation.unsynchronised_by = REASON_NEEDLE_STUCK if is_stuck else REASON_NO_STANDSTILL

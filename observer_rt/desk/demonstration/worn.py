@@ -100,7 +100,7 @@ class Demo:
         first, last = report.start_index, report.end_index
         rate = self._truth.injection_rate[first : last + 1]
         true = ComparedRate("true", rate, self._truth.mass(first, last))
-        rows = daemon.core.rows(report.start, report.end + 1)
+        rows = daemon.core.rows(report.start_position, report.end_position + 1)
         self._compared[report.number] = [true, *self._nominal(report, rows)]
 
     def run(self, speed: float, show: Callable[[View, threading.Event], None] | None = None) -> DemoResult:

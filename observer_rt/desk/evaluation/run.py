@@ -236,7 +236,7 @@ class ObserverRun:
     def _segment_of(self, report: InjectionReport) -> Segment:
         begun = [segment for segment in self._segments if segment.begin is not None]
         return next(
-            (each for each in reversed(begun) if each.begin is not None and each.begin <= report.start),
+            (one for one in reversed(begun) if one.begin is not None and one.begin <= report.start_position),
             begun[0],
         )
 

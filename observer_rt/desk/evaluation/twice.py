@@ -151,11 +151,11 @@ class SecondLook:
     ) -> tuple[InjectionResult, RateCurves]:
         """An injection by its event run again; as it was where that is not known."""
         report = result.report
-        number = bisect_right(starts, report.start) - 1
-        if number < 0 or report.end >= starts[number] + self._events[number].samples:
+        number = bisect_right(starts, report.start_position) - 1
+        if number < 0 or report.end_position >= starts[number] + self._events[number].samples:
             return result, curves
         again = self._again(number, beliefs[number], learned_at)
-        window = slice(report.start - starts[number], report.end - starts[number] + 1)
+        window = slice(report.start_position - starts[number], report.end_position - starts[number] + 1)
         if curves.estimated.size != window.stop - window.start:
             return result, curves
         return _by_event(result, curves, again, window, self._events[number].passed)

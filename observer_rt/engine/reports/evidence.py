@@ -180,7 +180,7 @@ def evidence_of(
         first_index=inputs.first_index,
         sample_rate=1.0 / interval,
         opening_pressure=reports[0].rail_pressure,
-        open_time=max(sum(report.end - report.start for report in reports) - margin, 0) * interval,
+        open_time=max(sum(one.end_position - one.start_position for one in reports) - margin, 0) * interval,
         belief=belief,
         rail_pressure=rail,
         needle_lift=lift,

@@ -28,7 +28,7 @@ from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
 
-_NUMBERS = ("number", "event", "start", "end", "start_index", "end_index", "phi_version")
+_NUMBERS = ("number", "event", "start_position", "end_position", "start_index", "end_index", "phi_version")
 
 T = TypeVar("T")
 Value = int | float | str | None
@@ -57,12 +57,12 @@ class CommandedOpening:
 class InjectionReport:
     """One injection, judged with its event.
 
-    number: counted by the observer, from 1; start, end are positions in the stream of samples, start_index, end_index
-    the sample indices of the device; valid: whether rate and mass are to be used; phi_version: number of the learned
+    number: counted by the observer, from 1; `..._position` counts the samples received, `..._index` is the number
+    that the device gave a sample; valid: whether rate and mass are to be used; phi_version: number of the learned
     correction in force; indicators: learned parameters, normalised, at middle_x (3,), middle_u (2,), x^ and inputs in
     the middle of the injection. `volume` [m3], `mass` [kg] and `peak_rate` [m3/s] are nan when some sample had no
     rate; `mass_ci95` [kg] is known once its event was learned from, as is `rate_sigma` (n,) [m3/s], the standard
-    deviation of the published rate at the n samples from start to end; `rail_pressure` [Pa] at the opening;
+    deviation of the published rate at the n samples of its window; `rail_pressure` [Pa] at the opening;
     `density` [kg/m3] and `fuel_temperature` [K] of the fuel, the latter None where it is not measured; `commanded` is
     None where it is not known. reason: the most severe, further: others. known_rails [Pa]: at which the flow
     was known when it opened. posterior: what its event may be, and how probable, the likeliest first; empty where
@@ -71,8 +71,8 @@ class InjectionReport:
 
     number: int
     event: int
-    start: int
-    end: int
+    start_position: int
+    end_position: int
     start_index: int
     end_index: int
     volume: float
@@ -152,8 +152,8 @@ def report_of(
     interval, sigma, budget, revised = None, None, None, False
     belongs = injection["event"] == event["number"]
     if belongs and outcome is not None and outcome.resimulated is not None:
-        first = int(event["window_start"])
-        window = slice(int(injection["start"]) - first, int(injection["end"]) - first + 1)
+        first = int(event["start_position"])
+        window = slice(int(injection["start_position"]) - first, int(injection["end_position"]) - first + 1)
         interval = volume_interval(outcome.resimulated, window, volume)
         budget = volume_budget(outcome.resimulated, window)
         sigma = rate_sigma(outcome.resimulated, window)

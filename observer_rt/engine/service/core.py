@@ -66,7 +66,7 @@ class Contest:
 
     def concerns(self, injection: np.void) -> bool:
         """Whether the report of an injection, `stream.state.INJECTION`, is contested now, or its rates were."""
-        was_contested = injection["end"] >= self._first and injection["start"] < self._end
+        was_contested = injection["end_position"] >= self._first and injection["start_position"] < self._end
         return bool(self._is_contested[0] or was_contested)
 
 

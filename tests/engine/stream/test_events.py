@@ -8,6 +8,7 @@ from observer_rt.core.stream.stream import MAX_EVENT, RING
 from observer_rt.engine.observer import Durations
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.foundation.continuity import Break
+from observer_rt.model.effects import sized
 from tests.engine.sample_stream import RAIL, Stream, stroke
 
 MS = 100  # samples at 100 kHz
@@ -164,10 +165,34 @@ def test_index_that_begins_anew_judges_at_once() -> None:
     assert stream.judged == [0]
 
 
+def test_all_is_the_same_wherever_the_index_of_the_device_begins() -> None:
+    """Positions count from 0. Where one was taken for an index, or the other way, it is a million samples off."""
+    first_index, length = 1_000_000, 30 * MS
+    openings = {9000: 30, 9150: 110, 9210: 40, 11_000: 110, 13_500: 50}
+    runs = []
+    for index in (0, first_index):
+        stream = Stream(learning=True, stated=(sized("rail_pressure_skew", d=27e-6),))
+        random = np.random.default_rng(2)
+        noise = [random.normal(0.0, sigma, 16_000) for sigma in (0.1e6, 0.1e-6, 0.05e6)]
+        rail, lift, line = np.array([RAIL, 0.0, RAIL])[:, None] + noise
+        stream.feed(rail, lift + lift_with(openings, 16_000), line, index)
+        stream.stay_shut(30e-3, index=index + 17_000, broken=Break.LOSS)
+        shut = np.full(length, RAIL)
+        runs.append(stream.feed(shut, lift_with({10 * MS: 110}, length), shut).finish())
+    counted, shifted = runs
+    assert len(counted.injections) >= 5
+    assert counted.count("judgement", "events_judged") >= 3
+    for expected, records in ((counted.rows, shifted.rows), (counted.injections, shifted.injections)):
+        for name in expected.dtype.names:
+            moved = records[name] - first_index if name.endswith("index") else records[name]
+            np.testing.assert_array_equal(moved, expected[name], name)
+    assert [max(index - first_index, -1) for index in shifted.judged] == counted.judged
+
+
 def test_volume_is_the_trapezoid_of_what_was_published() -> None:
     stream = run({1000: 110}, 6000)
     (injection,) = stream.injections
-    rows = stream.rows[int(injection["start"]) : int(injection["end"]) + 1]
+    rows = stream.rows[int(injection["start_position"]) : int(injection["end_position"]) + 1]
     expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
     assert expected > 1e-8  # m3
     assert float(injection["volume"]) == pytest.approx(expected, rel=1e-12)
@@ -180,7 +205,7 @@ def test_opening_that_cuts_a_window_short_counts_with_its_own_sample() -> None:
     openings = {first: 110, first + 6000: 110, first + lap - 60: 30, first + lap: 110}
     stream = run(openings, first + lap + 6000)
     pilot = stream.injections[2]
-    rows = stream.rows[int(pilot["start"]) : int(pilot["end"]) + 1]
+    rows = stream.rows[int(pilot["start_position"]) : int(pilot["end_position"]) + 1]
     assert int(pilot["end_index"]) == first + lap - 15  # where the next one begins
     expected = float(np.trapezoid(rows["injection_rate"])) * 1e-5
     assert float(pilot["volume"]) == pytest.approx(expected, rel=1e-12)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 
-_FEEDS = 3  # a watchdog's time-out that long
+_FEEDS = 3  # in a watchdog's time-out
 
 
 class Notifier:
@@ -32,7 +32,7 @@ class Notifier:
         self._tell("STATUS=" + text.partition("\n")[0])
 
     def alive(self) -> None:
-        """Feeds the watchdog when it is due; to be called often, whenever the loop went round."""
+        """Feeds the watchdog when it is due; the loop calls it in every round."""
         if self._period and time.monotonic() >= self._due:
             self._due = time.monotonic() + self._period
             self._tell("WATCHDOG=1")

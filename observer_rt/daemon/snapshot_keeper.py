@@ -1,4 +1,4 @@
-"""Snapshots of a daemon: the loop lends what it has, whoever wants a snapshot works it out in its own thread."""
+"""Snapshots of a daemon: the loop only hands over reports and samples; a client's thread makes the snapshot."""
 
 import threading
 import time
@@ -48,17 +48,17 @@ from observer_rt.foundation.errors import REMEDY
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 LOAD_WINDOW = 1.0  # s
-LONGEST_WINDOW = 3.0  # s, after which counts of frames are too old to be compared with
+LONGEST_WINDOW = 3.0  # s; older counts of frames are not compared with
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
-_LOOK = 0.01  # s between two looks for them
-_OF_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # said of messages that stay away
+_POLL_INTERVAL = 0.01  # s between two looks for news
+_OF_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # reasons when messages stay away
 
 
 class SnapshotKeeper:
     """Listens to the reports of a daemon of one injector, and makes snapshots of it."""
 
     def __init__(self, bench: Bench, bus: BusMap, references: References | None = None) -> None:
-        """references: what injections are compared with; None: the model as given."""
+        """references: models with which injections are compared; None: the nominal model."""
         fitted = bench.injector
         nominal = NominalInjection(fitted)
         self._c = nominal.coefficients
@@ -70,7 +70,7 @@ class SnapshotKeeper:
         self._loads, self._lines = LoadMeter(bench, bus), StatusLines()
         self._daemon: Daemon | None = None  # before it runs
         self._notice: Fault | None = None  # why it does not run yet
-        # The loop puts news in, which a client takes out, and lends the samples of the last ones.
+        # The loop appends news and the samples of the last injections; a client's thread takes them out.
         self._news: deque[tuple[InjectionReport | MeasuredMass, int]] = deque(maxlen=KEPT)
         self._samples: deque[tuple[InjectionReport, NDArray[np.void]]] = deque(maxlen=WITH_CURVES)
         self._lock = threading.Lock()  # of clients only
@@ -82,7 +82,7 @@ class SnapshotKeeper:
         self._daemon = daemon
 
     def hear(self, news: News) -> None:
-        """Take in an injection, and later its measured mass; a listener, which waits for nobody."""
+        """Take in an injection, and later its measured mass; called by the loop, so it must not wait."""
         now = time.time_ns()
         if isinstance(news, InjectionReport) and self._daemon is not None:
             self._samples.append((news, self._daemon.core.rows(news.start_position, news.end_position + 1)))
@@ -103,18 +103,18 @@ class SnapshotKeeper:
     def answer(self, request: Mapping[str, Any]) -> Iterator[bytes]:
         """Answer a request for injections that are new to a client.
 
-        It may state that it has the injections up to `since` of `run`, and waits so long for more: `wait` [s].
+        A client states the `run` and the injection `since` which it wants news, and how long it waits: `wait` [s].
         """
         since, wait = int(request.get("since", 0)), min(float(request.get("wait", 0.0)), LONGEST_WAIT)
         if request.get("run") != self._run:
             since, wait = 0, 0.0
         end = time.monotonic() + wait
         while not self._news and self._count <= since and time.monotonic() < end:
-            time.sleep(_LOOK)
+            time.sleep(_POLL_INTERVAL)
         return self.snapshot(since).pieces()
 
     def _take_in(self) -> None:
-        """Work out injections that are new; those before them have no curves any more."""
+        """Make the entries of new injections, and drop the curves of all but the last WITH_CURVES."""
         pending = [self._news.popleft() for _ in range(len(self._news))]
         samples = {id(report): rows for report, rows in list(self._samples)}  # which come before the news
         for news, moment in pending:
@@ -134,7 +134,7 @@ class SnapshotKeeper:
                 self._kept[number] = report, replace(shown, values=values)
 
     def _shown(self, report: InjectionReport, rows: NDArray[np.void] | None, moment: int) -> ShownInjection:
-        """An injection; rows: its samples, None: nobody has them any more."""
+        """Entry of an injection; rows: its samples (n,), None when they are no longer remembered."""
         compared = () if rows is None else self._references(report, rows)
         values = {
             **row_of(FIELDS, Output.JOURNAL, report, self._c),
@@ -175,7 +175,7 @@ class SnapshotKeeper:
             lines = tuple(StatusLine(each.what, StatusLevel.BAD) for each in notices)
             return replace(self._of_state(time.time_ns(), State.STARTING, (), notices), lines=lines)
         now = time.monotonic_ns()
-        ahead = time.time_ns() - now  # of the computer's clock before the monotonic one
+        ahead = time.time_ns() - now  # offset of the wall clock from the monotonic clock [ns]
         state, reasons = daemon.standing(now)
         faults = tuple(
             replace(each, since=each.since + ahead) for each in _faults(daemon, now, state, reasons)
@@ -222,11 +222,11 @@ class LoadMeter:
             for link in (bench.config.buses[layout.bus],)
         }
         self._status_period = bench.injector.config.outputs.status_period_ms * MILLISECOND
-        # when [ns], busy until then [s]
+        # time of the look [ns], and how long each message had occupied its bus until then [s]
         self._before: deque[tuple[int, dict[MessageLayout, float]]] = deque()
 
     def look(self, daemon: Daemon, now: int) -> tuple[BusStatus, ...]:
-        """All buses in use at a monotonic time [ns]."""
+        """Load of every bus in use at a monotonic time [ns]."""
         busy = self._busy(daemon, now)
         while self._before and now - self._before[0][0] > LONGEST_WINDOW * SECOND:
             self._before.popleft()
@@ -248,7 +248,7 @@ class LoadMeter:
         )
 
     def _busy(self, daemon: Daemon, now: int) -> dict[MessageLayout, float]:
-        """Time that frames of each message took so far [s]."""
+        """Time [s] for which frames of each message have occupied their bus so far."""
         counters, bus = daemon.core.counters, self._bus
         frames = {
             source.layout: float(daemon.arrivals.count_of(source).frames)
@@ -262,7 +262,7 @@ class LoadMeter:
 
 
 def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -> list[Fault]:
-    """All that is wrong at a monotonic time [ns], by that clock, one for each cause, the likely one first."""
+    """Faults at a monotonic time [ns], one for each cause, the likeliest first."""
     down = [
         Fault(f"{port.label} is down: {what}", port.down_since, remedy)
         for port in daemon.ports
@@ -279,7 +279,7 @@ def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -
 
 
 def _silence(daemon: Daemon, now: int) -> list[Fault]:
-    """Messages that stay away, together: most often they have one device, cable or bus. Not those of a bus down."""
+    """One fault for all silent messages, which mostly share a device or cable; not those of a bus that is down."""
     arrivals = daemon.arrivals
     ages = {
         source: arrivals.silence(source, now)

@@ -1,8 +1,8 @@
-"""The parameters of an injector, as in `injector.toml`: SI units, validated, immutable; departures; temperature.
+"""Parameters of an injector, as in `injector.toml`: in SI units, validated and immutable.
 
-Departures are what an injector may do for which (19)-(23) have no parameter. Fuel at another temperature than that of
-the file has another density and other bulk moduli. Both fall linearly, as measured of diesel fuels and calibration
-oils within a few tens of kelvin:
+`Departures` hold what an injector may do beyond (19)-(23), which have no parameter for it. `at_temperature` changes
+density and bulk moduli with the temperature of the fuel. Both fall linearly, as measured for diesel fuels and
+calibration oils within a few tens of kelvin:
 
     rho(T) = rho (1 - alpha (T - T_0))      K(T) = K + s (T - T_0),  s < 0
 
@@ -60,7 +60,7 @@ class Fluid(_Section):
     bulk_modulus_line: Annotated[Positive, UnitName("Pa")]  # K_L
     bulk_modulus_sac: Annotated[Positive, UnitName("Pa")]  # K_C
     vapour_pressure: Annotated[NonNegative, UnitName("Pa")]  # p_v
-    # of a bench that measures the fuel's temperature; laws in `model.fuel`
+    # needed only on a bench that measures the temperature of the fuel
     reference_temperature: Annotated[Temperature | None, UnitName("K")] = None  # T_0 of the values above
     thermal_expansion: Annotated[float, Field(ge=0, le=2e-3), UnitName("1/K")] = 7e-4  # alpha
     bulk_modulus_slope: Annotated[float, Field(ge=-30e6, le=0), UnitName("Pa/K")] = -7e6  # dK/dT
@@ -73,18 +73,16 @@ class LineParameters(_Section):
     loss_factor: NonNegative  # xi, -
     model: Annotated[str, AfterValidator(known_line)] = "lump"  # a name of `model.line`
     # of a line in which pressure travels, see `line.wave`
-    cells: Annotated[int, Field(ge=FEWEST_CELLS, le=MOST_CELLS)] | None = (
-        None  # by sound speed where left out
-    )
+    cells: Annotated[int, Field(ge=FEWEST_CELLS, le=MOST_CELLS)] | None = None  # None: by the speed of sound
     damping: Annotated[NonNegative | None, UnitName("m2/s")] = None  # nu
     end_volume: Annotated[NonNegative | None, UnitName("m3")] = None  # of the injector's body
     wall_viscosity: Annotated[NonNegative | None, UnitName("m2/s")] = None  # nu_w, of friction that remembers
     inlet_loss_factor: NonNegative | None = None  # xi_I of a throttle between rail and line, -
     impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's part over the rail's
     impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = (
-        None  # where, from the rail; else half way
+        None  # its place from the rail; None: 0.5
     )
-    # of a servo injector, see `model.valve`; none of it where left out
+    # of a servo injector, see `model.valve`; each None means that the injector has none of it
     control_flow: Annotated[NonNegative | None, UnitName("m3/s")] = None  # c, of the pilot valve at 100 MPa
     # before the needle leaves its seat, at 100 MPa
     control_start: Annotated[ValveTime | None, UnitName("s")] = None
@@ -147,7 +145,7 @@ class EffectValue(_Section):
 
 
 class EffectInForce(_Section):
-    """An effect added to the nominal model: what `discover` found, or somebody knows, of this injector."""
+    """An effect added to the nominal model, because `discover` found it or somebody knows it of this injector."""
 
     id: str
     parameters: Mapping[str, EffectValue] = {}
@@ -157,7 +155,7 @@ class EffectInForce(_Section):
 
     @property
     def words(self) -> str:
-        """Such as `orifice_area v_H = 0.3`."""
+        """Identifier and sizes in one line, such as `orifice_area v_H = 0.3`."""
         sizes = (
             f"{name} = {size.value:g}" + ("" if size.unit == "-" else f" {size.unit}")
             for name, size in self.parameters.items()
@@ -199,7 +197,7 @@ class InjectorParameters(_Section):
 
 
 class Departures(NamedTuple):
-    """SI, all off by default."""
+    """Departures from (19)-(23) in SI units, all off by default."""
 
     leakage: float = 0.0  # c, m3/(s Pa): p_L' gets -K_L/V_L c (p_L - p_C)
     air: float = 0.0  # g of 1/K_eff = 1/K + g/p, in the line
@@ -215,14 +213,14 @@ NO_DEPARTURES = Departures()
 
 
 def is_plausible(temperature: float) -> bool:
-    """Whether fuel [K] can be so warm; not a number is not."""
+    """Whether fuel can have this temperature [K]; false for nan."""
     return LOWEST_TEMPERATURE <= temperature <= HIGHEST_TEMPERATURE
 
 
 def at_temperature(injector: InjectorParameters, temperature: float) -> InjectorParameters:
-    """The injector with its fuel at a temperature [K], which is its reference temperature then.
+    """The injector with its fuel at another temperature [K], which becomes its reference temperature.
 
-    Raises `UserError` when it has no reference temperature, or the law would leave no fuel.
+    Raises `UserError` if it has no reference temperature, or if the linear law no longer describes a fuel there.
     """
     fluid = injector.fluid
     if fluid.reference_temperature is None:

@@ -1,10 +1,10 @@
-"""Plausibility limits of fitted numbers, and the entry of a file that is probably wrong beyond them.
+"""Plausible ranges of an injector's numbers, and the entry that is probably wrong if a number lies beyond.
 
-Of geometry the bounds are generous, from small car injectors to those of large ships: what lies beyond is most often
-a value in other units than SI. A fit makes up for wrong geometry by what it sizes. There the bounds are of physics:
-the bulk modulus of diesel fuels by their speed of sound, some 1.2 to 2.8 GPa from 15 to 180 MPa and 298 to 343 K
-(Payri et al., Fuel 90, 2011); the coefficients of holes, from .61 where the flow separates at a sharp edge
-(Kirchhoff: pi/(pi + 2)) to .9 of rounded, conical ones. A seat's is lower where the lift is read too large.
+The ranges of geometry are generous, from small car injectors to those of large ships: a value beyond them is most
+often in other units than SI. Numbers that a fit determines have physical ranges, because a fit hides wrong geometry
+in them. The bulk modulus of diesel fuels follows from their speed of sound, some 1.2 to 2.8 GPa from 15 to 180 MPa
+and 298 to 343 K (Payri et al., Fuel 90, 2011). Flow coefficients of holes reach from .61, where the flow separates at
+a sharp edge (Kirchhoff: pi/(pi + 2)), to .9 of rounded, conical holes; a seat's is lower if the lift reads too large.
 """
 
 import math
@@ -36,7 +36,9 @@ _PLAUSIBLE = (  # lowest, highest, unit as it is printed
     ("chamber.pressure", 0.0, 40e6, " Pa"),
 )
 _USUAL = {STIFFNESS: 1.6e9, SEAT: 0.7, NOZZLE: 0.75}
-_TOGETHER = math.log(1.3)  # by which stiffness and coefficients go apart where the line's inertance is wrong
+_USUAL_SPREAD = math.log(
+    1.3
+)  # stiffness and coefficients apart by more, in opposite senses: a wrong inertance
 
 
 @dataclass(frozen=True)
@@ -64,14 +66,14 @@ def _value(injector: InjectorParameters, name: str) -> float:
 
 
 def wrong_entry(injector: InjectorParameters, numbers: Sequence[ImplausibleNumber]) -> str:
-    """The entry of the file that a fit probably made up for by what it found beyond physics; empty of others.
+    """Sentence on the entry of the file that is probably wrong, by what a fit made of it; empty if none is.
 
-    Flows, 1/K_L and A_L/(rho_L L_L) scaled together leave the pressures as they are.
+    Pressures determine flows, 1/K_L and A_L/(rho_L L_L) only up to one common factor.
     """
     names = {one.name for one in numbers}
     stiff, seat, nozzle = (math.log(_value(injector, name) / usual) for name, usual in _USUAL.items())
     passing = 0.5 * (seat + nozzle)
-    if names & _USUAL.keys() and stiff * passing < 0.0 and min(abs(stiff), abs(passing)) > _TOGETHER:
+    if names & _USUAL.keys() and stiff * passing < 0.0 and min(abs(stiff), abs(passing)) > _USUAL_SPREAD:
         factor = 0.5 * (stiff - passing)
         how = "long, or line.diameter too small" if factor > 0.0 else "short, or line.diameter too large"
         return (

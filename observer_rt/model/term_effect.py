@@ -1,4 +1,4 @@
-"""Terms as effects with one size, the coefficient of their law: searched, fitted and reported like these."""
+"""Terms as effects: the size is the coefficient of their law, so they are searched, fitted and reported alike."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from observer_rt.model.terms.term import Term, TermEquation
 EXACT_DIGITS = 3  # of a number within a law, beside its range
 DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
 
-_PLACES = {
+_COMPONENTS = {
     TermEquation.LINE_FLOW: Component.LINE_FLOW,
     TermEquation.LINE_PRESSURE: Component.CLOSED_END,
     TermEquation.SEAT_FLOW: Component.SEAT,
@@ -28,7 +28,6 @@ _PLACES = {
     TermEquation.RAIL_PRESSURE: Component.RAIL_SENSOR,
 }
 
-
 LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
     "orifice_area": (TermEquation.NOZZLE_FLOW, "1"),
     "seat_area": (TermEquation.SEAT_FLOW, "1"),
@@ -40,21 +39,21 @@ LAWS_OF_EFFECTS: Mapping[str, tuple[TermEquation, str]] = {
     "rail_pressure_sensor_gain": (TermEquation.RAIL_PRESSURE, "rail_pressure/100"),
     "chamber_pressure_rise": (TermEquation.CHAMBER_PRESSURE, "open"),
 }
-"""Effects of the vocabulary that are a law of order 1: what is found as such a law is called by their names."""
+"""Effects of the vocabulary that are a law of order 1: a term with such a law is reported by the effect's name."""
 
 LETTERS = "AWFBCDEGIJKL"
-"""Letters that stand in a form for its numbers, in order."""
+"""Letters that stand for the numbers of a form, in order, as `A` in `exp(-since/A)`."""
 
 
 class FormNumber(NamedTuple):
-    """A number within a law that may be fitted, too, and between what."""
+    """A number within a law, and the bounds between which it may be fitted."""
 
     value: float
     lowest: float
     highest: float
 
     def settled(self, value: float) -> "FormNumber":
-        """Number with another value, as exact as it need be."""
+        """The number with another value, rounded to EXACT_DIGITS of its range."""
         decimals = EXACT_DIGITS - math.floor(math.log10(self.highest - self.lowest))
         return self._replace(value=round(value, decimals) + 0.0)
 
@@ -79,16 +78,16 @@ class TermLaw:
 
 @lru_cache(maxsize=4096)
 def term_effect(equation: TermEquation, form: str, numbers: tuple[FormNumber, ...] = ()) -> Effect:
-    """A term as an effect whose size is the coefficient of a law of order 1, the numbers in it as they are."""
+    """A term as an effect: its size is the coefficient of a law of order 1 whose numbers are fixed."""
     applied = TermLaw(equation, _law_of(form, tuple(one.value for one in numbers)), form, numbers)
     highest = equation.bounds[1]
     lowest = max(equation.bounds[0], -highest)
     size = EffectParameter("c", str(equation.unit), 1.0, 0.0, lowest, highest, DEAD_ZONE * highest, (0.0,))
-    return Effect(f"{equation}: {applied.law}", _PLACES[equation], (size,), applied, str(applied.law), "")
+    return Effect(f"{equation}: {applied.law}", _COMPONENTS[equation], (size,), applied, str(applied.law), "")
 
 
 def form_freed(effect: Effect) -> Effect:
-    """A term with the numbers within its law as further parameters; any other effect as it is."""
+    """A term whose numbers are further parameters of the effect, to be fitted; any other effect unchanged."""
     law = effect.apply
     if not isinstance(law, TermLaw):
         return effect
@@ -100,7 +99,7 @@ def form_freed(effect: Effect) -> Effect:
 
 
 def form_settled(effect: Effect, numbers: Sequence[float]) -> Effect:
-    """A term with these numbers within its law, as exact as they need be."""
+    """A term whose numbers are fixed at these values, rounded; any other effect unchanged."""
     law = effect.apply
     if not isinstance(law, TermLaw):
         return effect
@@ -118,7 +117,7 @@ def _law_of(form: str, numbers: tuple[float, ...]) -> Law:
 
 
 def term_of(effect: Effect, coefficient: float) -> Term | None:
-    """The term that an effect of `term_effect` is; None of any other."""
+    """The term behind an effect made by `term_effect`; None for any other effect."""
     law = effect.apply
     return Term(law.equation, law.law, coefficient) if isinstance(law, TermLaw) else None
 

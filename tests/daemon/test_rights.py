@@ -1,4 +1,4 @@
-"""Rights of a process, and processors of its loops: requests are tried, and grants are used."""
+"""Real-time rights of a process, and processors of its loops: they are used where they are granted."""
 
 import os
 import socket
@@ -62,7 +62,7 @@ def test_priority_is_that_of_one_thread() -> None:
 
 
 def run_alone(code: str) -> None:
-    """In a process of its own, which keeps what it asks for."""
+    """Run code in a process of its own, because rights cannot be given back."""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ)
     assert done.returncode == 0, done.stderr
 
@@ -114,7 +114,7 @@ def test_isolated_ones_are_taken_without_being_asked_for(
 
 
 def as_linux_writes(numbers: Iterable[int]) -> str:
-    """Runs of neighbours as ranges."""
+    """A list of processors as in /sys, neighbours written as ranges: 0-3,7."""
     runs = groupby(enumerate(sorted(numbers)), lambda each: each[1] - each[0])
     ends = [[number for _, number in run] for _, run in runs]
     return ",".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in ends) + "\n"

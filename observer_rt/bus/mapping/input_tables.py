@@ -1,8 +1,7 @@
-"""Input frames as compiled code sees them: tables of messages, of what their frames carry, and of signals.
+"""Input frames as compiled code sees them: tables of messages, of sample groups, of optional inputs and of signals.
 
-That is groups of samples, and optional inputs, which need neither grid nor index.
-
-Which samples of a role come in one frame: all of them, or those under one value of a multiplexer.
+A frame carries all samples of a role, or those under one value of a multiplexer: a group. Optional inputs have
+neither a time grid nor an index.
 """
 
 from collections.abc import Sequence
@@ -37,20 +36,20 @@ from observer_rt.foundation.records import dtype_of
 
 ROLES = tuple(Role)
 OPTIONAL_ROLES = tuple(OptionalRole)
-ENERGIZING = len(OPTIONAL_ROLES)  # beside the numbers of these roles
+ENERGIZING = len(OPTIONAL_ROLES)  # number of this input, after those of the optional roles
 MAX_INPUTS = len(ROLES)
 MAX_SIGNALS = 512  # decoded from one frame, for one group of samples
 LONGEST_FRAME = FD_LENGTHS[-1]  # bytes
 
 INPUT_MESSAGE = dtype_of(RECORDS["InputMessage"])
 
-# Samples of one or more roles that come together and are aligned with those of other streams.
+# A stream: samples of one or more roles that come together and are aligned with those of other streams.
 INPUT_STREAM = dtype_of(RECORDS["InputStream"])
 
 # Consecutive samples that one frame carries: all of a message's, or those under one selector value.
 INPUT_GROUP = dtype_of(RECORDS["InputGroup"])
 
-# One kind of frame of a message: it has one, or one for every selector value that carries samples.
+# A kind of frame. A message has a single one, or one for every selector value that carries samples.
 INPUT_KIND = dtype_of(RECORDS["InputKind"])
 
 
@@ -64,9 +63,9 @@ class SampleGroup:
 
 
 def sample_groups(message: Message, samples: Sequence[str]) -> tuple[SampleGroup, ...]:
-    """The groups that make up the list `samples`, in its order.
+    """Groups that make up the list `samples`, in its order.
 
-    Raises `UserError`: the list goes back to an earlier group, or one frame may carry two groups of it.
+    Raises `UserError` if the list returns to an earlier group, or if one frame may carry two of its groups.
     """
     groups: list[SampleGroup] = []
     for conditions, names in groupby(samples, lambda name: conditions_of(message, name)):
@@ -97,7 +96,7 @@ def require_carried(message: Message, index: str, groups: Sequence[SampleGroup])
 def require_one_rate(
     fitted: BenchInjector, streams: Sequence[tuple[BusMessage, list[Role]]], steps: Sequence[int]
 ) -> None:
-    """Raise `UserError` where a stream is slower, by its step of the index, than others of its message."""
+    """Raise `UserError` if a stream of a message is slower than its other streams; `steps`: of the index."""
     names = [(found.message.name, found.bus) for found, _ in streams]
     for name, (_, roles), ratio in zip(names, streams, steps, strict=True):
         if ratio > 1 and names.count(name) > 1:
@@ -123,7 +122,7 @@ class OptionalInput:
     row: NDArray[np.void]
     """`OPTIONAL_INPUT`, without its places in the tables."""
     default: float
-    """Values in frames made of a recording [units of the database], nan: not available."""
+    """Value in frames that are made of a recording [unit of the database]; nan: not available."""
 
 
 class Inputs(NamedTuple):
@@ -161,7 +160,7 @@ class InputTables:
         group: SampleGroup,
         counter: str | None,
     ) -> None:
-        """Add a group of the stream that comes next; `names` of its index or `counter` and its samples."""
+        """Add a group to the next stream; `names`: signals of its index or `counter`, then of its samples."""
         if len(names) > MAX_SIGNALS:
             raise UserError(
                 f"message {message.name}",
@@ -174,7 +173,7 @@ class InputTables:
         self._groups.append(row)
 
     def add_stream(self, samples: int, roles: int) -> None:
-        """Add the stream whose groups were added just before, with `samples` of its `roles` (bits) a round."""
+        """Add the stream of the groups just added: `samples` of each of its `roles` (a bit mask) per index."""
         self._streams.append((samples, roles))
 
     @property
@@ -233,7 +232,7 @@ class InputTables:
 
 
 def frame_row(layout: MessageLayout) -> NDArray[np.void]:
-    """Row `INPUT_MESSAGE` by which a frame is checked as a good one of this message; the rest is 0."""
+    """A row `INPUT_MESSAGE` with the fields by which a frame is checked; all others are 0."""
     row = np.zeros((), INPUT_MESSAGE)
     row["key"] = layout.key
     row["length"] = layout.length

@@ -1,14 +1,12 @@
-# Sampling times: the place of a frame's samples on the grid, and its uncertainty.
-#
-# How regularly the input messages come, and how well the time of their samples is known.
+# Timekeeping: where on the common grid the samples of a frame lie, and how well that is known.
 
-cdef double UNSURE = 0.25  # samples from the nearest of the grid, beyond which it may be the wrong one
+cdef double UNSURE = 0.25  # samples: further from the nearest sample of the grid, the next may be the right one
 
 
 cdef int64_t number_frame(
     const Timekeeping* keeping, int64_t message, int64_t sequence, int64_t stamp
 ) noexcept nogil:
-    """`Count` of a frame without index, whose number is then in `counts`; `sequence`: its counter."""
+    """Count a frame without an index by its counter `sequence`: the `Count`; its number is in `counts` then."""
     outcome = count_frame(&keeping.counts[message], &keeping.clocks[message], sequence, stamp)
     if outcome == COUNT_ANEW:
         forget(&keeping.clocks[message])
@@ -17,7 +15,7 @@ cdef int64_t number_frame(
 
 
 cdef void note_frame(const Timekeeping* keeping, int64_t message, int64_t last, int64_t stamp) noexcept nogil:
-    """A frame that ends in the sample `last`, by the message's own index or number, was received at `stamp`."""
+    """Note that a frame whose last sample is `last`, by its message's index or number, came at `stamp` [ns]."""
     clock = &keeping.clocks[message]
     if not take_stamp(clock, last, stamp):
         return
@@ -29,7 +27,7 @@ cdef void note_frame(const Timekeeping* keeping, int64_t message, int64_t last, 
 
 
 cdef void begin_anew(const Timekeeping* keeping, int64_t message) noexcept nogil:
-    """A message begins a new index: when that is the grid's, what was tied to the old grid is free again."""
+    """A message begins a new index; if it is the index of the grid, every message must find its place anew."""
     forget(&keeping.clocks[message])
     keeping.shifts[message].known = False
     if keeping.timing[message].joining != JOINING_INDEX:
@@ -50,7 +48,7 @@ cdef bint has_place(const Timekeeping* keeping, int64_t message) noexcept nogil:
 
 
 cdef double place_of(const Timekeeping* keeping, int64_t message, int64_t index) noexcept nogil:
-    """Where on the grid a sample lies that has `index` by the message's own index or number."""
+    """Place on the grid of the sample with `index`, by the message's own index or number."""
     timing = &keeping.timing[message]
     if timing.joining == JOINING_RATIO:
         return <double> (index * timing.steps)
@@ -61,7 +59,7 @@ cdef double place_of(const Timekeeping* keeping, int64_t message, int64_t index)
 
 
 cdef double place_at(const Timekeeping* keeping, int64_t time) noexcept nogil:
-    """Where on the grid a sample lies that was taken at `time` [ns], by the clock of the stamps; nan: not known."""
+    """Place on the grid of a sample taken at `time` [ns] by the clock of the stamps; nan: not known."""
     leading = keeping.memory.leading
     grid = &keeping.clocks[leading]
     if not grid.begun:
@@ -71,7 +69,7 @@ cdef double place_at(const Timekeeping* keeping, int64_t time) noexcept nogil:
 
 
 cdef bint is_prompt(const Timekeeping* keeping, double tolerance) noexcept nogil:
-    """Whether the frames of the grid came when its clock says, to `tolerance` [s], as far as was seen lately."""
+    """Whether the latest frames of the grid came when its clock says, within `tolerance` [s]."""
     grid = &keeping.clocks[keeping.memory.leading]
     early = grid.offset + grid.drift * grid.lowest_at - grid.lowest
     return max(early, grid.latest) < 1e9 * tolerance
@@ -96,7 +94,7 @@ cdef int64_t doubt_of(const Timekeeping* keeping) noexcept nogil:
 
 
 cdef void _find_nearest(const Timekeeping* keeping, int64_t message, int64_t last) noexcept nogil:
-    """Where the clocks place the sample `last`: the nearest sample of the grid is its own."""
+    """Take the sample of the grid that is nearest, by the clocks, to the sample `last`."""
     shift = &keeping.shifts[message]
     leading = &keeping.clocks[keeping.memory.leading]
     if leading.points < ENOUGH_POINTS or keeping.clocks[message].points < ENOUGH_POINTS:

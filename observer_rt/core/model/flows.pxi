@@ -9,7 +9,7 @@ cdef double[CURVES] PER_PIECE = [PIECES / reach for reach in REACH]
 
 
 cdef inline int64_t piece_at(int curve, double value, double* within) noexcept nogil:
-    """Place, among the pieces of all curves, of that at a value of a curve's input, and how far into it that lies (0..1)."""
+    """Number, among the pieces of all curves, of that at a value of the input; within: share of it passed (0..1)."""
     cdef double place = min(max(value * PER_PIECE[curve], 0.0), <double> PIECES)
     cdef int64_t piece = min(<int64_t> place, <int64_t> PIECES - 1)
     within[0] = place - piece
@@ -100,7 +100,7 @@ cdef double fault_and_rate(
     changed_flows(x, u, c, network, &q_h, &q_s)
     d_q_h = q_h - nozzle_flow
     d_q_s = q_s - seat_flow
-    # of every line the same places
+    # the coefficients of the lump, which every line model has at the same place
     phi[0] = -c.line.lump.a2_nozzle * d_q_h - c.line.lump.a2_seat * d_q_s
     phi[2] = sac_rate(d_q_h, d_q_s, &c.sac)
     return c.nozzle.flow * q_h
@@ -133,7 +133,7 @@ cdef void flow_slopes(
 cdef void flow_numbers(
     const double* x, Inputs u, const FlowSlopes* flows, const Tangent* t, double* of_h, double* of_s
 ) noexcept nogil:
-    """How q_H and q_S go with the numbers of phi, x held: their columns of two rows (m,)."""
+    """Partial derivatives of q_H and q_S by the learned numbers of phi, at fixed x: into two rows (m,) by theta."""
     cdef double[CURVES] values
     cdef double within, change
     cdef double* column = of_h + t.theta.nozzle_weight
@@ -152,7 +152,7 @@ cdef void flow_numbers(
             column = of_s + theta.seat_weight
         cubic = t.basis + 4 * MOST_NEURONS * piece_at(curve, values[curve], &within)
         of_neurons, result = <const Columns*> cubic, <Columns*> column
-        for part in range(1 + (t.neurons[curve] - 1) // <int64_t> WIDTH):  # beyond them is 0, and the next curve goes over it
+        for part in range(1 + (t.neurons[curve] - 1) // <int64_t> WIDTH):  # up to the next multiple of WIDTH; the excess is 0, and the next curve overwrites it
             result[part] = change * (of_neurons[part] + within * (
                 of_neurons[NEXT + part] + within * (of_neurons[2 * NEXT + part] + within * of_neurons[3 * NEXT + part])
             ))

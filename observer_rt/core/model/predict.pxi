@@ -1,4 +1,4 @@
-# The identification system x~ from sample to sample: prediction by the model with phi and the sensor, correction.
+# A step of the identification system x~: prediction by the model with phi and by the sensor, then correction.
 
 cdef enum:
     COLUMN_OFFSET = 44  # of theta: the line-pressure sensor's
@@ -7,9 +7,9 @@ cdef enum:
 cdef double predict(
     double* x, double* indicated, const Forced* forced, double late, const double* sensor, Gradient* gradient
 ) noexcept nogil:
-    """x (n,) one sample on, in place, and what the sensor indicates then; what is recorded of it without terms.
+    """Advance x (n,) and the indicated pressure by one sample, in place; returns the pressure that is recorded.
 
-    sensor: numbers of its law (SENSOR_NUMBERS,); gradient: to be moved with it, NULL for none.
+    Terms of the sensor are not in it. sensor: numbers of its law (SENSOR_NUMBERS,); gradient: advanced with x, NULL: none.
     """
     cdef double lag = sensor[0], before = x[0], indicated_before = indicated[0], moved, shown
     cdef LaggedSlopes slopes
@@ -38,7 +38,7 @@ cdef double predict(
 cdef void _predict_gradient(
     Gradient* g, const LaggedSlopes* slopes, double late, double interval, double lag, double rise, bint is_mean
 ) noexcept nogil:
-    """The gradient through the sensor, with its slopes; rise: of what it indicates."""
+    """Advance the gradient through the sensor by its slopes; rise: of the indicated pressure in this sample."""
     cdef const double* first = g.tangent.by
     cdef const double* last = g.tangent.by + (g.tangent.n - 1) * g.tangent.m
     cdef double before, predicted, integrated, shown, lag_share = lag / interval
@@ -58,7 +58,7 @@ cdef void _predict_gradient(
 
 
 cdef inline void _add_gain(Gradient* g, double gain, double shown) noexcept nogil:
-    """The gradient of the innovation through the sensor's gain, and its offset; shown: by a gain of 0."""
+    """Add gain and offset of the sensor to the gradient of the innovation; shown: pressure recorded at a gain of 0."""
     cdef int64_t j
     for j in range(g.tangent.m):
         g.error[j] = (1.0 + gain) * g.error[j] - shown * g.sensor[SENSOR_GAIN * g.tangent.m + j]
@@ -66,10 +66,10 @@ cdef inline void _add_gain(Gradient* g, double gain, double shown) noexcept nogi
 
 
 cdef void correct(double* x, double* indicated, double innovation, const double* gain, int64_t n, Gradient* g) noexcept nogil:
-    """x~ (n,) after a measurement, in place, and the indicated pressure: x~ + K e~.
+    """Correct x~ (n,) and the indicated pressure by a measurement, in place: x~ + K e~.
 
-    The plus sign is that of an observer (the paper prints (5) with a minus). p_S gets no gain; its place in `gain`
-    (n,) is the indicated pressure's.
+    The sign is that of an observer, though the paper prints (5) with a minus. p_S is not corrected: its place in
+    `gain` (n,) holds the gain of the indicated pressure.
     """
     cdef int64_t i
     for i in range(n):
@@ -83,7 +83,7 @@ cdef void correct(double* x, double* indicated, double innovation, const double*
 
 
 cdef inline void _add_times(double factor, const double* values, double* result, int64_t count) noexcept nogil:
-    """Values times a factor onto others."""
+    """Add a multiple of values (count,) to a result."""
     cdef int64_t j
     for j in range(count):
         result[j] = result[j] + factor * values[j]

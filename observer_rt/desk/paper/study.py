@@ -39,15 +39,15 @@ RAIL_PRESSURE = 100 * MEGAPASCAL  # of Figs. 4 and 5
 ENERGIZING_TIME = 1.9 * MILLISECOND
 NOZZLE_WEAR = 0.3  # v_H of Fig. 4
 SWEEP = tuple(round(-0.5 + 0.1 * i, 1) for i in range(11))  # v_H of Fig. 5
-TRAININGS = 10  # of "trained on"
-PERIOD = 40 * MILLISECOND  # what is learned from one event is in force before the next
-LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; less where samples are slower
+TRAININGS = 10  # of the curves named "trained on"
+PERIOD = 40 * MILLISECOND  # from event to event, long enough for a training to take force before the next
+LARGEST_GAIN = 1e5  # 1/s, of the paper's identification system; at most the sample rate
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class InjectionWindow:
-    """Samples first..last (last excluded) over which an injection is scored, and where the needle opens and shuts."""
+    """Samples [first, last) over which an injection is scored, and those at which the needle opens and shuts."""
 
     first: int
     last: int
@@ -72,7 +72,7 @@ def injection_windows(needle_lift: NDArray[np.float64], sample_rate: float) -> l
 
 
 def true_states(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
-    """x of (24) (n, 3)."""
+    """True states x of (24), (n, 3), normalised."""
     return np.column_stack(
         [
             (truth.line_pressure - c.chamber_pressure) / c.pressure_scale,
@@ -83,7 +83,7 @@ def true_states(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
 
 
 def inputs(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
-    """u of (24) (n, 2)."""
+    """Inputs u of (24), (n, 2), normalised."""
     area = [normalised_area(lift, c.seat) for lift in truth.needle_lift]
     return np.column_stack([(truth.rail_pressure - c.chamber_pressure) / c.pressure_scale, np.array(area)])
 
@@ -91,7 +91,7 @@ def inputs(truth: Truth, c: Coefficients) -> NDArray[np.float64]:
 def true_fault(
     x: NDArray[np.float64], u: NDArray[np.float64], c: Coefficients, nozzle_wear: float
 ) -> NDArray[np.float64]:
-    """Phi of (27) (n, 3) [1/s] for v_H, v_S = 0, along the true x (n, 3) and u (n, 2)."""
+    """True phi of (27), (n, 3) [1/s], for a nozzle wear v_H and v_S = 0, along x (n, 3) and u (n, 2)."""
     network = constant_network(nozzle=nozzle_wear)
     return np.array([fault_with_rate(row, col, c, network)[0] for row, col in zip(x, u, strict=True)])
 
@@ -119,7 +119,7 @@ def learning_window(
 
 
 def run_study(bench: Bench, sample_rate: float, progress: Progress) -> Study:
-    """Simulate, train and evaluate everything; `progress` takes the share done.
+    """Simulate, train and evaluate all cases; `progress` is called with the share done, 0 to 1.
 
     Raises `UserError` for a sample rate [Hz] at which the paper's scheme cannot identify anything.
     """
@@ -169,7 +169,7 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
 def _ours(
     bench: Bench, learned_from: Simulation, seen: Simulation, injection: InjectionWindow
 ) -> EstimatorCurves:
-    """Curves of our observer, having learned from one recording, for an injection of another, or the same."""
+    """Curves of our observer for an injection of `seen`, after it has learned from another recording, or the same."""
     knowledge = evaluate(bench, [learned_from.recording]).knowledge
     (evaluation,) = evaluate(bench, [seen.recording], knowledge, learning=False).evaluations
     trace, span = evaluation.trace, injection.span
@@ -177,7 +177,7 @@ def _ours(
 
 
 class _Scheme:
-    """The paper's scheme on one noise-free injection: trained on it, and looked at while it runs over it."""
+    """The paper's scheme on one noise-free injection, on which it is trained and then evaluated."""
 
     def __init__(self, bench: Bench, simulation: Simulation, injection: InjectionWindow, gain: float) -> None:
         constants = bench_constants(bench_for(bench, simulation.recording).injector)
@@ -189,7 +189,7 @@ class _Scheme:
         self._span = slice(injection.first - start, injection.last - start)
 
     def trained(self, trainings: int) -> FreeNetwork:
-        """The network after so many trainings; every result takes force, good or bad. phi = 0 after none."""
+        """The network after a number of trainings; every result takes force, good or bad. 0 trainings: phi = 0."""
         in_force, start = no_fault(), scaled_identity(BETA)
         for _ in range(trainings):
             in_force = start = train(self._window, self._setting, in_force, start)

@@ -11,13 +11,13 @@ from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.model.effective import Coefficients
 
 HALVINGS = 4  # of a step that does not lower the cost
-TOLERANCE = 0.02  # of the decrease, in units of chi2 / 2: less is no longer sought
-AGREEMENT = 0.05  # between expected and found cost, up to which the linearisation is not repeated
+TOLERANCE = 0.02  # a step that lowers the cost by less, in units of chi2 / 2, is the last
+AGREEMENT = 0.05  # of expected and actual cost [chi2 / 2]: within it a linearisation is not repeated
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Lowest and highest admissible theta (m,), its longest step in one iteration (m,); gate: of what must pay."""
+    """Lowest and highest theta (m,), its longest step in an iteration (m,), and the gate of its scalars."""
 
     lowest: NDArray[np.float64]
     highest: NDArray[np.float64]
@@ -26,7 +26,7 @@ class Limits:
 
 
 def theta_limits(c: Coefficients) -> Limits:
-    """Limits of what the observer learns, (width,), of a model; a pilot valve may lose all its flow, but no more."""
+    """Limits of theta (m,) for a model; a pilot valve may lose all of its flow, but not more."""
     lowest, highest = SCALARS.bounds(c.pressure_scale)
     lowest[Parameter.CONTROL_FLOW] = -c.line.servo / c.line.a1
     gate = SCALARS.gate.replaced(Parameter.CONTROL_FLOW, float(lowest[Parameter.CONTROL_FLOW]))
@@ -36,10 +36,9 @@ def theta_limits(c: Coefficients) -> Limits:
 def freed(
     direction: NDArray[np.float64], slopes: NDArray[np.float64], prior: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rest of a direction (k,) of the innovations that theta cannot undo, and the change of theta (m,) that does.
+    """Part of a direction (k,) of innovations that theta cannot explain, and the change of theta (m,) for the rest.
 
-    slopes: (k, m) by theta; prior: standard deviations (m,) of theta. Raises
-    numpy.linalg.LinAlgError when singular.
+    slopes: (k, m) by theta; prior: standard deviations (m,) of theta. Raises numpy.linalg.LinAlgError when singular.
     """
     information = slopes.T @ slopes + np.diag(prior**-2)
     change = np.asarray(-np.linalg.solve(information, slopes.T @ direction), np.float64)
@@ -109,7 +108,7 @@ class EventFitter:
         return EventFit(active, here, cost.innovations, cost.unfiltered, cost.slopes, prior)
 
     def _within_reach(self, here: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The target, or as far towards it as the slopes are good for; within bounds."""
+        """The target, or the point towards it up to which the slopes hold; within bounds."""
         length = np.max(np.abs(target - here) / self.limits.longest_step)
         reached = here + (target - here) / max(1.0, float(length))
         return np.asarray(np.clip(reached, self.limits.lowest, self.limits.highest), np.float64)

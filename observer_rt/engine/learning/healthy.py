@@ -1,4 +1,4 @@
-"""Remainder of a healthy injector by a fitted model: no objection of observer and `discover` to an event."""
+"""What a fitted model leaves of a healthy injector, so that observer and `discover` do not object to it."""
 
 import math
 from collections.abc import Mapping
@@ -21,8 +21,8 @@ from observer_rt.model.baseline import (
 from observer_rt.model.effective import Coefficients
 
 EDGES = (Phase.OPENING, Phase.CLOSING)
-# Mean square of single samples at an edge that a fitted model may leave: corners of the lift between samples scatter
-# with flow, and injections beyond those fitted have more of it. What biases a mass shows in means of blocks.
+# Mean square of single samples at an edge that a fitted model may leave: where the lift has a corner between two
+# samples, the flow scatters, and more so in injections that were not fitted. A biased mass shows in means of blocks.
 SCATTER = 2.0
 _FOR_NAMING = ("shape", "appears", "line_pressure_offset_MPa")
 SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still holds: blocks count samples
@@ -57,7 +57,7 @@ class Healthy:
     seen: tuple[float, float] = (-math.inf, math.inf)  # Pa
 
     def relative(self, statistics: PhaseStatistics) -> PhaseStatistics:
-        """Statistics of an event, measured against these."""
+        """Statistics of an event relative to those of the healthy injector."""
         return statistics.relative_to(self.variance, self.colour)
 
     def expected(self, window: Window, c: Coefficients, interval: float) -> NDArray[np.float64] | None:
@@ -73,7 +73,7 @@ NOT_FITTED = Healthy()
 
 
 def stretch_of(window: Window, c: Coefficients, interval: float) -> EventStretch:
-    """A window as the shape sees it: its edges are where the straight flanks of the seat area meet 0."""
+    """Stretch of a window for `expected`; its edges lie where the straight flanks of the seat area reach 0."""
     area = window.inputs[:, 1]
     changes = np.flatnonzero(np.diff(np.concatenate(([False], area > 0.0, [False])).astype(np.int8)))
     edges = [
@@ -94,7 +94,7 @@ def _beyond(area: NDArray[np.float64], edge: int, inwards: int) -> float:
 
 
 def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = False) -> Healthy:
-    """Healthy injector of a fitted file, at a sample rate [Hz]; trusted: learn with an inadequate model, too."""
+    """Healthy injector of a fitted file at a sample rate [Hz]; trusted: learn even if its model is inadequate."""
     if baseline is None:
         return NOT_FITTED
     share, adequate = baseline.mass_share, baseline.adequate or trusted
@@ -116,9 +116,9 @@ def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = Fa
 
 
 def with_remainder(healthy: Healthy, remainder: Remainder | None, sample_rate: float) -> Healthy:
-    """Healthy injector by a model that leaves a remainder, too; None: it leaves none. sample_rate: [Hz].
+    """Healthy injector whose accepted terms leave a remainder, too; None: they leave none. sample_rate: [Hz].
 
-    Masses are as uncertain as both make them; an event may leave what either says.
+    Uncertainties of masses add in quadrature; of innovations the larger limit of the two holds.
     """
     if remainder is None:
         return healthy
@@ -140,7 +140,7 @@ def with_remainder(healthy: Healthy, remainder: Remainder | None, sample_rate: f
 def healthy_for_naming(
     left: Baseline | HealthyRemainder, adequate: bool, rate: PhaseStatistics | None = None
 ) -> Healthy:
-    """Healthy injector that `discover` judges by: of a baseline that says nothing else, variance and colour only.
+    """Healthy injector for `discover`; a `Baseline` gives variance and colour only.
 
     adequate: whether the model explains the healthy injector; rate: innovations of its measured rate.
     """

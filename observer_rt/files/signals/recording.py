@@ -1,6 +1,6 @@
-"""Recording of an injector: its even time grid, three inputs, and the measured rate where there is one.
+"""A recording of an injector: an even time grid, the three inputs, and the measured rate if there is one.
 
-The grid is checked, and the sample rate found behind printed time stamps.
+`TimeGrid` checks that the stamps are even, and finds the sample rate behind stamps that were rounded for printing.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,9 +24,9 @@ GRID_TOLERANCE = 0.5
 must not drift within a recording by as much as would move a sample into its neighbour's place."""
 
 MAX_SIGNIFICANT_DIGITS = 15
-_ROWS = 1024  # whose distances from the grid are remembered by their extremes
+_ROWS = 1024  # of every block of so many rows only the two farthest from the grid are remembered
 
-TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording: what nobody could measure
+TRUTH_SUFFIX = ".truth.csv"  # added to the name of a simulated recording, for what no sensor measures
 EQUIDISTANT = (
     "a recording must be equidistant: cut it at the gap, resample it on an even grid, or describe it in [recording] "
     "of a bench file, which bridges and splits"
@@ -47,18 +47,16 @@ class UnevenTime(NamedTuple):
 
 
 class TimeGrid:
-    """Whether a time column that may come in parts is an even, rising grid; nearly nothing of it is remembered."""
+    """Checks that a time column, which may come in parts, is an even, rising grid; keeps two stamps per block."""
 
     def __init__(self) -> None:
         self.samples = 0
         self._begin = self._last = 0.0
         self._period = self._step = 0.0  # median and mean of the steps in the first part
-        self._extremes: list[
-            tuple[int, float]
-        ] = []  # row and distance from the grid of `_step`, two of _ROWS rows
+        self._extremes: list[tuple[int, float]] = []  # row, and its distance [s] from a grid of steps `_step`
 
     def take(self, time: NDArray[np.float64]) -> UnevenTime | None:
-        """Go on with further stamps [s], (n,), n >= 1: at least two in the first part. The first one off the grid."""
+        """Check the next stamps (n,) [s], at least two in the first part; returns the first that is off the grid."""
         not_finite = np.flatnonzero(~np.isfinite(time))
         if not_finite.size:
             return UnevenTime(self.samples + int(not_finite[0]), "the time is not a finite number")
@@ -80,7 +78,7 @@ class TimeGrid:
         return None
 
     def end(self) -> UnevenTime | None:
-        """Place where the clock drifted, if it did."""
+        """The row where the clock has drifted furthest; None if it lies within GRID_TOLERANCE."""
         row, distance = self._farthest()
         if distance <= GRID_TOLERANCE * self._period:
             return None
@@ -91,11 +89,11 @@ class TimeGrid:
 
     @property
     def sample_rate(self) -> float:
-        """Sample rate [Hz] of what was taken, exact although printed time stamps are rounded.
+        """Sample rate [Hz] of the stamps so far, exact although printed stamps are rounded.
 
-        The slope through rounded stamps is only known within a margin. The result is the rate or period with the
-        fewest significant digits inside that margin: 30 kHz printed in whole microseconds gives 30000.0, a period of
-        3 us gives 1 / 3e-6.
+        Rounded stamps give the slope only within a margin. The result is the rate or the period with the fewest
+        significant digits inside that margin: 30 kHz printed in whole microseconds gives 30000.0, a period of 3 us
+        gives 1 / 3e-6.
         """
         span = self._last - self._begin
         rate = (self.samples - 1) / span
@@ -113,7 +111,7 @@ class TimeGrid:
 
 
 def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> int:
-    """The first stamp that is not a period [s] after the one before it, which is `before` for row 0; -1: none."""
+    """Row of the first stamp that is not a period [s] after its predecessor (`before` for row 0); -1: none."""
     step = np.diff(time, prepend=before)
     uneven = np.flatnonzero(~((step > 0.0) & (np.abs(step - period) <= STEP_TOLERANCE * period)))
     return int(uneven[0]) if uneven.size else -1
@@ -122,7 +120,7 @@ def _first_uneven(time: NDArray[np.float64], before: float, period: float) -> in
 def _farthest_of(
     time: NDArray[np.float64], begin: float, step: float, first: int
 ) -> tuple[tuple[int, float], tuple[int, float]]:
-    """Row and distance [s] of the stamps, those from row `first` on, that lie lowest and highest beside a grid."""
+    """Row and distance [s] of the lowest and the highest stamp about a grid; `first`: row of the first stamp."""
     distance = time - (begin + np.arange(first, first + time.size) * step)
     lowest, highest = int(np.argmin(distance)), int(np.argmax(distance))
     return (first + lowest, float(distance[lowest])), (first + highest, float(distance[highest]))
@@ -137,7 +135,7 @@ def _describe_step(before: float, after: float, period: float) -> str:
 
 
 def roundest(rate: float, margin: float) -> float:
-    """The rate, or the inverse of a period, of fewest significant digits that is as near as a relative margin."""
+    """The rate, or inverse of a period, with the fewest significant digits within a relative margin of `rate`."""
     for digits in range(MAX_SIGNIFICANT_DIGITS - 1):
         for candidate in (float(f"{rate:.{digits}e}"), 1.0 / float(f"{1.0 / rate:.{digits}e}")):
             if abs(candidate / rate - 1.0) <= margin:
@@ -211,7 +209,7 @@ class Recording:
 
     @cached_property
     def sample_rate(self) -> float:
-        """Sample rate as of `TimeGrid` [Hz]."""
+        """Sample rate [Hz], found as `TimeGrid.sample_rate`."""
         grid = TimeGrid()
         grid.take(self.time)
         return grid.sample_rate
@@ -219,9 +217,9 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Chunk(Recording):
-    """Samples of a recording that follow one another, be it one alone: its grid was checked as a whole.
+    """Consecutive samples of a recording whose grid was checked as a whole; a single sample is allowed.
 
-    rate: sample rate [Hz]; stretch, first: number of its stretch, and of its first sample therein.
+    rate: sample rate [Hz]; stretch: number of the stretch without a gap; first: number of the first sample in it.
     """
 
     rate: float = 0.0
@@ -229,7 +227,7 @@ class Chunk(Recording):
     first: int = 0
 
     def __post_init__(self) -> None:
-        """Checks nothing: whoever reads a recording in parts has checked it."""
+        """Check nothing: the reader of a recording in parts has checked its grid."""
 
     @property
     def sample_rate(self) -> float:
@@ -240,7 +238,7 @@ class Chunk(Recording):
 def refuse_infinite(signals: Arrays, place_of_row: Callable[[int], str]) -> None:
     """Raise `UserError` for the first infinite value of signals (n,).
 
-    `place_of_row` turns a zero-based row into what a user finds it by: a line of a file, a sample number.
+    `place_of_row` turns a zero-based row into a location that a user can find, such as a line of a file.
     """
     for signal, values in signals.items():
         infinite = np.flatnonzero(np.isinf(values))

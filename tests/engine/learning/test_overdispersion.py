@@ -1,4 +1,4 @@
-"""How far events scatter beyond noise is found, and is not taken for the scatter of an exact model."""
+"""Scatter of events beyond noise is estimated, and a single large change is no scatter."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ SIZE = 13  # parameters, all well determined by one event
 
 
 def scores(factor: float, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Of events that scatter so much, by an exact model."""
+    """Scores (EVENTS,) of events that scatter by a factor more than an exact model says."""
     return factor * USUAL_SCORE * np.random.default_rng(seed).chisquare(SIZE, EVENTS) / SIZE
 
 

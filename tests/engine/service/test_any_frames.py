@@ -1,4 +1,4 @@
-"""Frames of any bytes, and memory of any content: nothing leaves its bounds, nothing unwritten is read.
+"""Frames of any bytes and memory of any content: no access is out of bounds, and nothing unwritten is read.
 
 In `tools/test --debug-core` every access beyond an array ends the process.
 """
@@ -56,8 +56,8 @@ def test_any_bytes_are_counted_and_harm_nothing(bench: Path, frames: list[tuple[
 
 
 @given(st.binary(min_size=64, max_size=64))
-def test_what_lay_in_memory_before_changes_nothing(rubbish: bytes) -> None:
-    """Rings hold anything where nothing was written yet."""
+def test_content_of_unwritten_memory_changes_nothing(rubbish: bytes) -> None:
+    """Fresh memory of a ring may hold any bytes."""
     recording = simulated(1)
     frames = frames_of(EXAMPLE_BENCH, recording)[:600]
     clean, dirty = core_of(EXAMPLE_BENCH), core_of(EXAMPLE_BENCH)

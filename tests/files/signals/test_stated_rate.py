@@ -1,4 +1,4 @@
-"""A stated rate in place of rounded or missing stamps, and where it is not trusted."""
+"""A stated sample rate replaces rounded or missing stamps, unless the stamps contradict it."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ WITHOUT_TIME = COLUMNS.replace('[recording.time]\ncolumn = "t"\n{time}\n', "")
 
 
 def write(folder: Path, time: np.ndarray, rows: int = SAMPLES) -> Path:
-    """Stamps [ms] with two digits behind the point, beside other signals."""
+    """A CSV file with signals and stamps [ms] of two decimals."""
     columns = signals(rows)
     lines = zip(time * 1e3, columns["p_Rail"], columns["lift"], columns["p_Line"], strict=True)
     path = folder / "foreign.csv"
@@ -30,7 +30,7 @@ def opened(path: Path, folder: Path, options: str = "", text: str = COLUMNS) -> 
 
 @pytest.mark.parametrize(("rounding", "options"), [(1e-3, ""), (1.0, "rate_hz = 100e3")])
 def test_rounded_stamps_are_placed_by_the_rate(tmp_path: Path, rounding: float, options: str) -> None:
-    """Of the grid, or of `[recording]`: a second of rounding is 100,000 rows with one stamp."""
+    """By the rate of the grid, or of `[recording]`: stamps in whole seconds repeat over 100,000 rows."""
     if rounding == 1.0:
         time = np.floor((np.arange(150_000) + 60_000) / RATE)
         path = write(tmp_path, time, time.size)
@@ -67,7 +67,7 @@ def test_good_stamps_are_kept_whatever_is_stated(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rate", [50e3, 100e3])
 def test_without_a_time_rows_follow_at_the_rate(tmp_path: Path, rate: float) -> None:
-    """Which is the grid's then, too."""
+    """The stated rate is also that of the grid."""
     path = write(tmp_path, np.arange(SAMPLES) / RATE)
     stream = opened(path, tmp_path, f"rate_hz = {rate}", WITHOUT_TIME)
     assert stream.sample_rate == rate

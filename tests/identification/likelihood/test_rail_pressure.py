@@ -1,4 +1,4 @@
-"""The rail pressure, smoothed and moved: equal noise at every delay, and no delay of a healthy injector's."""
+"""Smoothed and delayed rail pressure: its noise is the same at every delay, and a healthy injector has no delay."""
 
 from dataclasses import replace
 
@@ -85,7 +85,7 @@ def test_a_healthy_injector_s_rail_was_recorded_in_time(moving: tuple[Measuremen
         statistic.append(residuals.statistic)
     gained = statistic[delays.size // 2] - np.array(statistic)
     assert np.max(gained) < 9.0  # 3 standard deviations
-    assert np.max(gained[np.abs(delays) > 20.0]) < -9.0  # and far from it the rail tells
+    assert np.max(gained[np.abs(delays) > 20.0]) < -9.0  # and a false delay is refuted
 
 
 def test_a_lag_undone_by_a_lead_explains_nothing(moving: tuple[Measurement, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Daemons by command that learn, and are killed, without room on the disk, or power: are their files whole?"""
+"""Daemons that learn and are killed, run out of disk, or lose power: are their files intact afterwards?"""
 
 import contextlib
 import re
@@ -62,7 +62,7 @@ def difference(rows: Sequence[Row], reported: Sequence[tuple[str, ...]]) -> list
 
 
 def read_back(folder: Path, reported: Sequence[tuple[str, ...]], due: int) -> tuple[int, list[str]]:
-    """Injections that are missing of the first `due`, and the faults of the files of a folder."""
+    """How many of the first `due` injections are missing in a folder, and the faults of its files."""
     rows: list[Row] = []
     problems, events, journal = [], 0, folder / "injections.sqlite"
     try:
@@ -83,7 +83,7 @@ def read_back(folder: Path, reported: Sequence[tuple[str, ...]], due: int) -> tu
 def strike(how: Strike, folder: Path, seed: int) -> campaign.Row:
     """Let a daemon learn in a new folder, strike, and look at its files. Raises RunError where it does not start.
 
-    said, lost: injections; lost ones were due; problems, what: how much must not be, and a line for each.
+    said: injections reported; lost: those missing although they were due; problems, what: faults, and their lines.
     """
     folder = folder.resolve()  # as the daemon names its files
     chance, disk = np.random.default_rng([seed, list(Strike).index(how)]), folder / "disk"
@@ -114,7 +114,7 @@ def strike(how: Strike, folder: Path, seed: int) -> campaign.Row:
 def _cut(
     folder: Path, reported: Sequence[tuple[str, ...]], due: int, chance: np.random.Generator
 ) -> list[tuple[int, list[str]]]:
-    """Files as losses of power at some moments leave them; only the last of these is after all that was due."""
+    """Read the files as a loss of power leaves them, at several moments; only the last is after all due writes."""
     done, drive, readings, begun = operations(folder / "log"), Disk(folder / "disk"), [], 0
     moments = [*sorted(chance.integers(1, len(done), CUTS - 1).tolist()), len(done)]
     for number, moment in enumerate(moments):
@@ -129,7 +129,7 @@ def _cut(
 
 @contextlib.contextmanager
 def _learning(disk: Path, environment: dict[str, Path]) -> Iterator[Observer]:
-    """A daemon on one end of a pair of sockets, to whose other end a worn injector's frames are sent."""
+    """A daemon at one end of a socket pair; frames of a worn injector are sent into the other end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     path, stop = disk.parent / "bench.toml", threading.Event()
     path.write_text(
@@ -165,7 +165,7 @@ def _learning(disk: Path, environment: dict[str, Path]) -> Iterator[Observer]:
 
 @contextlib.contextmanager
 def _without_room(process: int) -> Iterator[None]:
-    """No file of a process may grow beyond a few bytes."""
+    """Limit all files of a process to a few bytes, as a full disk does."""
     soft, hard = resource.prlimit(process, resource.RLIMIT_FSIZE)
     resource.prlimit(process, resource.RLIMIT_FSIZE, (SMALL_FILE, hard))
     try:

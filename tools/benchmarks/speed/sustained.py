@@ -1,5 +1,5 @@
-"""Our daemon on a socket pair that carries raw frames, no bus, no other kernel: how much it takes without a loss, how
-soon it is ready, and for as long as one likes with its Python disturbed: does memory grow, are samples lost?
+"""Our daemon on a socket pair with raw frames: its share of a processor at 100 kHz, its start, and a soak, in which
+its Python pauses at random: does memory grow, are samples lost?
 """
 
 import socket
@@ -30,7 +30,7 @@ _MEBIBYTE = 1 << 20
 
 
 def socket_pair(stack: ExitStack) -> tuple[socket.socket, socket.socket]:
-    """Sender and receiver, connected, that keep frames apart; with room for as many as the kernel allows."""
+    """A connected sender and receiver that keep frames apart, with as large a buffer as the kernel allows."""
     sender, receiver = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     for end in (sender, receiver):
         stack.enter_context(end)
@@ -40,7 +40,7 @@ def socket_pair(stack: ExitStack) -> tuple[socket.socket, socket.socket]:
 
 @contextmanager
 def daemon_on_sockets(folder: Path, command: Sequence[str] = RUN) -> Iterator[tuple[Observer, socket.socket]]:
-    """A daemon that is ready, and the socket to send to it by; its bench file goes into the folder."""
+    """A daemon that is ready, and the socket that sends to it; its bench file goes into the folder."""
     with ExitStack() as stack:
         sender, receiver = socket_pair(stack)
         descriptor = receiver.fileno()
@@ -49,16 +49,16 @@ def daemon_on_sockets(folder: Path, command: Sequence[str] = RUN) -> Iterator[tu
 
 
 def measure_sustained(folder: Path, traffic: Traffic, seconds: float) -> list[Row]:
-    """Send samples at 100 kHz for so long."""
+    """Send samples at 100 kHz for `seconds`, and measure load, latency and losses."""
     with daemon_on_sockets(folder / "sustained") as (ours, sender):
         pacer = socket_pacer(folder, traffic, sender)
-        pacer.send(round(1.0 / FRAME), FRAME)  # meets what is met for the first time
+        pacer.send(round(1.0 / FRAME), FRAME)  # so that first-time costs are not measured
         row = _stretch(ours, pacer, traffic, seconds)
     return [{"part": "sustained", "label": "100 kHz, learning", **row}]
 
 
 def measure_startup(folder: Path) -> list[Row]:
-    """Start it a few times: seconds until it is ready, and of the processor; memory."""
+    """Start the daemon a few times: time until it is ready, processor time [s], and memory [MiB]."""
     rows = []
     for number in range(STARTS):
         with daemon_on_sockets(folder / "startup") as (ours, _):
@@ -70,7 +70,7 @@ def measure_startup(folder: Path) -> list[Row]:
 
 
 def soak_rows(folder: Path, minutes: float) -> list[Row]:
-    """Stretch after stretch to one daemon that learns, its Python paused at random. Raises RunError."""
+    """Measure stretch after stretch on one daemon that learns while its Python is paused. Raises RunError."""
     traffic, rows = make_traffic(folder), []
     with daemon_on_sockets(folder / "soak", PAUSED_RUN) as (ours, sender):
         pacer = socket_pacer(folder, traffic, sender)

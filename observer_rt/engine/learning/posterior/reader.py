@@ -1,4 +1,4 @@
-"""Learning's view of an event: gains, its cost by known noise and range, the samples that do not count."""
+"""How learning reads an event: gains of x~, the cost by noise and range, and the samples that do not count."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -25,8 +25,8 @@ from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
-COLOURED_RAIL = 1.5  # times a sample's noise: so strong where the line hears it, the rail's noise is coloured
-RAIL_TEMPER = 2.0
+COLOURED_RAIL = 1.5  # times the noise of a sample: slow noise of the rail beyond it counts as coloured
+RAIL_TEMPER = 2.0  # factor on the variance of an event under such noise
 
 
 class ClosedEvent(NamedTuple):
@@ -47,7 +47,7 @@ class Follows:
     offset: float | None
 
     def sigmas_in(self, learned: LearnedInjector) -> Sigmas:
-        """Standard deviations of the innovations as they count."""
+        """Standard deviations of the innovations, of coloured noise after whitening."""
         colour = learned.colour
         return self.sigmas if colour is None else replace(self.sigmas, innovation=colour.sigma)
 
@@ -96,7 +96,7 @@ class EventReader:
         return self._widths[kind]
 
     def gains(self, theta: Theta, noise: NoiseLevels, constants: Constants) -> GainSchedule:
-        """Those of x~ with theta (m,): with others a line with waves may swing ever higher."""
+        """Gains of x~ with theta (m,): with the gains of another theta a line with waves may become unstable."""
         learned = learned_of(theta, constants.coefficients)
         sensor, rate = constants.sensor, 1.0 / constants.interval
         lag = sensor.lag + float(learned.sensor[0])
@@ -105,7 +105,7 @@ class EventReader:
     def cost_of(
         self, state: LearningState, learned: LearnedInjector, window: Window, follows: Follows
     ) -> EventCost:
-        """Cost of an event with the colour in use."""
+        """Cost of an event, whitened by the colour of the noise that was learned."""
         colour = learned.colour
         return EventCost(
             window,
@@ -122,7 +122,7 @@ class EventReader:
     def masked(
         self, state: LearningState, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas
     ) -> tuple[LearningState, Window]:
-        """The window without what stands out by its innovations (n,), or lies at an end of the range."""
+        """State, and window with outliers by the innovations (n,) and samples at an end of the range masked."""
         range_ends, ended = state.range_ends.masked(window, innovations, sigmas, self.burn_in)
         if (ended & ~mask_of(window)).any():
             window = window._replace(masked=ended)
@@ -135,10 +135,10 @@ class EventReader:
     def temper_in(
         self, state: LearningState, learned: LearnedInjector, statistics: PhaseStatistics, temper: float
     ) -> float:
-        """Factor, beside that of the cost, on the variance of an event's innovations.
+        """Factor on the variance of an event's innovations, on top of the cost's `temper`.
 
-        Coloured noise of the rail pressure drives the model, too: it does not stay an error of its output. A rail
-        that really moves is no noise, but then the innovations are white.
+        Coloured noise of the rail pressure drives the model, too, so it is more than an error of the output. A rail
+        that really moves is no noise, and leaves white innovations.
         """
         rail_noise = state.noise.rail_pressure / self.pressure_scale
         is_rail = learned.colour is not None and state.slow_rail.sigma > COLOURED_RAIL * rail_noise

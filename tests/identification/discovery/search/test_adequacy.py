@@ -16,7 +16,7 @@ N = 5000
 
 
 def _pool(scale: float = 1.0, shift: float = 0.0, phase: Phase = Phase.OPEN) -> Pool:
-    """White innovations in all phases, in one of them scaled and shifted."""
+    """White innovations in all phases, scaled and shifted in one of them."""
     phases = np.repeat(np.array([int(one) for one in Phase], np.int8), N)
     z: NDArray[np.float64] = np.random.default_rng(2).normal(size=phases.size)
     chosen = phases == phase
@@ -25,7 +25,7 @@ def _pool(scale: float = 1.0, shift: float = 0.0, phase: Phase = Phase.OPEN) -> 
 
 
 def _remainder(variance: float) -> HealthyRemainder:
-    """Of a healthy injector whose open phase leaves this much."""
+    """Remainder of a healthy injector with this mean square in the open phase."""
     left = WHITE | {"open": variance}
     nothing = dict.fromkeys(HealthyShape.model_fields, ())
     return HealthyRemainder.model_validate({"variance": left, "colour": left, "shape": nothing})
@@ -36,7 +36,7 @@ def test_white_innovations_are_adequate() -> None:
 
 
 @pytest.mark.parametrize("phase", [Phase.OPENING, Phase.AFTER])
-def test_what_is_too_large_is_found_where_it_is(phase: Phase) -> None:
+def test_the_phase_with_too_large_innovations_is_named(phase: Phase) -> None:
     result = worst(_pool(scale=1.3, phase=phase))
     assert result.phase is phase
     assert result.ratio > 1.0
@@ -48,7 +48,7 @@ def test_a_small_lasting_shift_shows_in_the_means_of_blocks() -> None:
     assert result.ratio > 1.0
 
 
-def test_what_healthy_recordings_leave_is_adequate_again() -> None:
+def test_innovations_as_large_as_on_the_healthy_injector_are_adequate() -> None:
     baseline = healthy_for_naming(_remainder(1.4**2), adequate=True)
     assert worst(_pool(scale=1.4), baseline).ratio <= 1.0
     assert worst(_pool(scale=2.0), baseline).ratio > 1.0

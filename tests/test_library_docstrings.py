@@ -18,7 +18,9 @@ LISTED = [
 ]
 CALLS = (
     *("Injector.load", "Injector.fit", "Injector.evaluate", "Injector.discover"),
-    *("Observer", "Observer.feed"),
+    *("Injector.save", "Observer", "Observer.feed", "Observer.finish", "Observer.save_state"),
+    *("EvaluationResult.plot", "EvaluationResult.save_state", "FitResult.plot"),
+    *("Discovery.plan", "Discovery.report"),
 )
 
 

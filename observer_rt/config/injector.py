@@ -30,9 +30,7 @@ class ColumnConfig(Section):
     unit: str | None = None  # None: as the file says
     factor: float = 1.0
     offset: float = 0.0
-    group: Annotated[int, Field(ge=0)] | None = (
-        None  # of an MDF4 file, where several have a channel of this name
-    )
+    group: Annotated[int, Field(ge=0)] | None = None  # of an MDF4 file, where several groups have the channel
 
     @model_validator(mode="after")
     def _changes_something(self) -> Self:
@@ -176,9 +174,7 @@ class OutputsConfig(Section):
 
 class LearningConfig(Section):
     enabled: bool = True
-    on_inadequate_model: bool = (
-        False  # learn, and publish as valid, with a model whose own fit was inadequate
-    )
+    on_inadequate_model: bool = False  # learn and publish as valid although the fit was inadequate
     event_gap_ms: Annotated[float, Field(ge=2, le=50)] = 10.0
     learning_delay_ms: Annotated[float, Field(ge=0, le=1000)] = 20.0
     lockstep: bool = False

@@ -79,9 +79,7 @@ class LineParameters(_Section):
     wall_viscosity: Annotated[NonNegative | None, UnitName("m2/s")] = None  # nu_w, of friction that remembers
     inlet_loss_factor: NonNegative | None = None  # xi_I of a throttle between rail and line, -
     impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's part over the rail's
-    impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = (
-        None  # its place from the rail; None: 0.5
-    )
+    impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = None  # its place from the rail, or 0.5
     # of a servo injector, see `model.valve`; each None means that the injector has none of it
     control_flow: Annotated[NonNegative | None, UnitName("m3/s")] = None  # c, of the pilot valve at 100 MPa
     # before the needle leaves its seat, at 100 MPa

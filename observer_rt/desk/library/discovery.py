@@ -104,16 +104,36 @@ class DiscoveryResult:
             return self.load(Path(folder) / AMENDED)
 
     def plan(self) -> pd.DataFrame:
-        """Plan what to measure next: operating points that decide between the remaining candidates; empty without
-        any."""
+        """Plan the next measurements.
+
+        Returns
+        -------
+        DataFrame
+            Operating points that decide between the remaining candidates, the best first; empty without any.
+        """
         with progress_bar(screen, "planning what to measure next", 1.0) as progress:
             plan = planned(self.findings, self.task, two_injections, progress).plan
         return pd.DataFrame([] if plan is None else [one.model_dump() for one in plan.measurements])
 
     def report(self, folder: str | PathLike[str], force: bool = False) -> Path:
-        """Write report, findings and amended model into a folder. Its page.
+        """Write report, findings and amended model into a folder.
 
-        force: an earlier report there is replaced. Raises `UserError` where the folder cannot be written.
+        Parameters
+        ----------
+        folder : path
+            New folder, or that of an earlier report.
+        force : bool
+            Whether an earlier report there is replaced.
+
+        Returns
+        -------
+        Path
+            The page of the report.
+
+        Raises
+        ------
+        UserError
+            For a folder that cannot be written.
         """
         check_answer_folder(Path(folder), None, force)
         make_folder("report", Path(folder))

@@ -101,9 +101,21 @@ class Injector:
         return pd.DataFrame(rows, columns=["section", "key", "value"]).set_index(["section", "key"])
 
     def save(self, path: Pathlike, force: bool = False) -> None:
-        """Write the injector file, comments and all, to a path; force: one that is there is replaced.
+        """Write the injector file, with its comments.
 
-        Raises `UserError` for a path that is refused, `RunError` where writing fails.
+        Parameters
+        ----------
+        path : path
+            File to write.
+        force : bool
+            Whether an injector file that is there is replaced.
+
+        Raises
+        ------
+        UserError
+            For a path that is refused.
+        RunError
+            If writing fails.
         """
         check_output("save", Path(path), force, INJECTOR_FILE, consent=IN_A_CALL)
         write_text(Path(path), self.file.text)

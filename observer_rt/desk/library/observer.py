@@ -136,7 +136,13 @@ class SampleObserver:
         return self._table(self._sent(cut(joined, 0, full)))
 
     def finish(self) -> pd.DataFrame:
-        """No sample will come: judges the last event, and returns the samples observed since."""
+        """Judge the last event, after the last sample.
+
+        Returns
+        -------
+        DataFrame
+            Samples observed since the last call, as of `feed`.
+        """
         rows = [] if self._held is None else list(self._sent(self._held))
         self._held = None
         self._core.finish()
@@ -165,7 +171,22 @@ class SampleObserver:
         return f"{State(state).name}, {Reason(reason).name}" if reason else State(state).name
 
     def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
-        """Write what was learned to a path; force: a state there is replaced. Raises `UserError`, `RunError`."""
+        """Write the learned state, with which another observer may begin.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
+        force : bool
+            Whether a state that is there is replaced.
+
+        Raises
+        ------
+        UserError
+            For a path that is refused.
+        RunError
+            If writing fails.
+        """
         check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
         write_state(Path(path), self._core.knowledge, self._parameters)
 

@@ -91,9 +91,22 @@ class EvaluationResult:
         return float(self.injections.valid.mean()) if len(self.injections) else float("nan")
 
     def plot(self, injections: Sequence[int] = ()) -> Any:
-        """Draw curves of injections (by number; none: first, middle, last), masses and wear: a matplotlib Figure.
+        """Draw rates of injections, masses and wear.
 
-        Raises `UserError` for a number that no injection has.
+        Parameters
+        ----------
+        injections : sequence of int
+            Numbers of the injections whose rates are drawn; empty: the first, the middle and the last one.
+
+        Returns
+        -------
+        Figure
+            Of matplotlib.
+
+        Raises
+        ------
+        UserError
+            For a number that no injection has.
         """
         from observer_rt.desk.evaluation.figures import injections_figure, picture_of
 
@@ -103,9 +116,21 @@ class EvaluationResult:
         return injections_figure([picture_of(each, shown) for each in self.evaluations], "measured")
 
     def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
-        """Write what was learned to a path, for `state=` and `observer-rt run`; force: a state there is replaced.
+        """Write the learned state, for `state=` and `observer-rt run`.
 
-        Raises `UserError`, `RunError`.
+        Parameters
+        ----------
+        path : path
+            File to write.
+        force : bool
+            Whether a state that is there is replaced.
+
+        Raises
+        ------
+        UserError
+            For a path that is refused.
+        RunError
+            If writing fails.
         """
         check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
         write_state(Path(path), self.knowledge, self.injector.parameters)

@@ -23,9 +23,7 @@ from observer_rt.foundation.units import MEGAPASCAL
 
 NONE_MASKED = np.empty(0, np.bool_)
 OFFSET_SIGMA = 0.2 * MEGAPASCAL  # of the mean difference at rest between line and rail pressure
-INFORMED = (
-    1e-2  # of what is believed of a direction: where an event tells much less, it is no degree of freedom
-)
+INFORMED = 1e-2  # of the belief's information: a direction of which an event says less does not count
 _OFFSET, _GAIN = int(Parameter.LINE_PRESSURE_OFFSET), int(Parameter.LINE_PRESSURE_GAIN)
 
 

@@ -99,10 +99,8 @@ class Undoing(NamedTuple):
     """Corrections of channels before the observer sees a sample; that of the line pressure is in the model."""
 
     stated: bool  # whether there is anything
-    rail_late: (
-        int  # samples; sample k + rail_late of the rail pressure is of the time `rail_fraction` (0..1) of a
-    )
-    rail_fraction: float  # .. sample before k
+    rail_late: int  # samples: sample k + rail_late of the rail pressure was taken `rail_fraction` before k
+    rail_fraction: float  # of a sample (0..1)
     lift_lag: float  # samples: time constant of the lift's sensor
     ahead: int  # samples that must be known beyond one
 

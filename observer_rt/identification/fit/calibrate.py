@@ -63,9 +63,7 @@ MARGIN, WORST_MARGIN = (
 )  # times the best chi2, of the mean and of a phase, up to which one is as good
 NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
-TOLERATED = (
-    0.005  # of the swing of the line pressure, which goes with the flow: less moves no mass that matters
-)
+TOLERATED = 0.005  # of the swing of the line pressure: a smaller residual moves no mass that matters
 LEAST_MASS_SHARE = (
     1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
 )

@@ -20,9 +20,7 @@ class _LumpCoefficients(NamedTuple):
     """Coefficients a1..a4 of (25) and what departs from it."""
 
     a1: float  # line inflow, 1/s
-    a2_nozzle: (
-        float  # line drained by the nozzle flow, the paper's a2; 0 in the form that the seat flow drains
-    )
+    a2_nozzle: float  # line drained by the nozzle flow, the paper's a2; 0 where the seat flow drains it
     a2_seat: float  # line drained by the seat flow, the mass-conserving form
     a3: float  # line inertia
     a4: float  # line friction

@@ -89,9 +89,7 @@ class Discrepancy(StrEnum):
     PLAIN = "plain"
     LENGTH = "length"  # another one than the injector file says
     TAPER = "taper"  # of the line's area
-    END_VOLUMES = (
-        "end_volumes"  # a room and an orifice behind the rail, a larger gallery in front of the seat
-    )
+    END_VOLUMES = "end_volumes"  # a room and an orifice behind the rail, a larger gallery before the seat
     FRICTION = "friction"  # depends on frequency
     MOUNTING = "mounting"  # of the line-pressure sensor, in a hole that resonates
     STEP = "step"  # of the line's area

@@ -25,9 +25,7 @@ from observer_rt.model.term_effect import TermLaw, is_term, term_of
 from observer_rt.model.terms.in_force import SeenRange
 from observer_rt.model.terms.term import Term
 
-MOST_ENTERING = (
-    2  # terms and effects beside them that a model may be given: more say nothing of what is missing
-)
+MOST_ENTERING = 2  # terms and effects that a model may be given: more explain anything
 INTERVAL_MARGIN = (
     1.08  # for what a steady gain does not know: errors on independent plants are that much larger
 )

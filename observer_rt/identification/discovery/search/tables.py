@@ -17,9 +17,7 @@ MOST_TABLES = 2  # made at once
 LEAST_KNOTS, MOST_KNOTS = 5, 12
 LEAST_PARTS = 4  # of the data, from which on one can be left out
 RIDGE = 1e-3  # of its information, that holds a knot that little depends on
-MOST_TURNS = (
-    0.7  # of the inner knots: a curve that turns at more joins operating points, and says nothing between
-)
+MOST_TURNS = 0.7  # of the inner knots: a curve with more turns only joins the operating points
 LARGEST = 2.0  # times its first largest value, that a table may have elsewhere
 
 

@@ -47,7 +47,9 @@ class LinkOpening:
             if number not in used:
                 yield IdleLink()
                 continue
-            link = self._when_there(number, _wanted_on(self.bus, number), len(used) > 1)
+            # the inputs, also under a mistaken format, and results, which nobody else sends
+            wanted = [*self.bus.received_on(number), *_on(number, (*self.bus.sent, *twins_of(self.bus)))]
+            link = self._when_there(number, list(dict.fromkeys(wanted)), len(used) > 1)
             yield link
             on = f"{named.label}: " if len(used) > 1 else ""
             self.tell(Notice(Topic.START, f"{on}time stamps: {link.stamp_source}", is_over=True))
@@ -96,11 +98,6 @@ class LinkOpening:
 def buses_of(bus: BusMap) -> frozenset[int]:
     """Numbers of the buses that something is read from or sent to."""
     return frozenset(layout.bus for layout in (*bus.received, *bus.sent))
-
-
-def _wanted_on(bus: BusMap, number: int) -> list[tuple[int, bool]]:
-    """(identifier, is extended) to be read from a bus: the inputs, also mistaken ones, and what nobody else sends."""
-    return list(dict.fromkeys([*bus.received_on(number), *_on(number, (*bus.sent, *twins_of(bus)))]))
 
 
 def _on(number: int, layouts: Iterable[MessageLayout]) -> list[tuple[int, bool]]:

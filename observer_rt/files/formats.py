@@ -155,7 +155,8 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
             stream = EvenSignals(reader.table(path, reader.mapping, is_own=True))
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
-            layout = mapping or _by_headings(path, reader)
+            table = reader.table
+            layout = mapping or layout_of(str(path), table.headings(path), table.brings_time)
             stream = MappedSignals(reader.table(path, layout), rate)
             stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
     if injector is not None:
@@ -168,10 +169,6 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
             'set sampling.rate_hz to the rate of the file, or say meaning = "instant" if that is what they are',
         )
     return stream
-
-
-def _by_headings(path: Path, reader: OwnLayout) -> RecordingConfig:
-    return layout_of(str(path), reader.table.headings(path), reader.table.brings_time)
 
 
 def read_recording(path: Path, injector: BenchInjector | None = None) -> Recording:

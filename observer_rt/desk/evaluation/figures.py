@@ -179,11 +179,6 @@ def draw_posterior(axes: Axes, rows: Sequence[MassRow]) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, ncols=6)
 
 
-def _has_doubt(rows: Sequence[MassRow]) -> bool:
-    """Whether an event was perhaps not as before."""
-    return any(row.posterior and dict(row.posterior).get(BEFORE.name, 0.0) < CERTAIN for row in rows)
-
-
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
     """Write the figure of `injections_figure`, format by suffix."""
     save_figure(injections_figure(recordings, reference), path, DPI)
@@ -204,7 +199,8 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     ]
     if has_wear:
         panels.append((2.6, lambda axes: draw_wear(axes, recordings)))
-    if len(recordings) == 1 and _has_doubt(recordings[0].masses):
+    beliefs = [dict(row.posterior) for row in recordings[0].masses if row.posterior]
+    if len(recordings) == 1 and any(belief.get(BEFORE.name, 0.0) < CERTAIN for belief in beliefs):
         panels.append((1.6, lambda axes: draw_posterior(axes, recordings[0].masses)))
     heights = [height for height, _ in panels]
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))

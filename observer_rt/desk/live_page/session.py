@@ -80,7 +80,8 @@ class Session:
             news = readers[number].injections(self._sent[number])
             self._sent[number] = news[-1].count if news else self._sent[number]
             asked = [each for of, each in self._asked if of == number]
-            sent = [*asked, *_without_old_curves(news)]
+            without_curves = (replace(each, curves={}) for each in news[:-_WITH_CURVES])
+            sent = [*asked, *without_curves, *news[-_WITH_CURVES:]]
             said.append({**asdict(seen), "news": [_shown(each) for each in sent]})
             curves += [each.data for each in sent]
         content = {
@@ -100,10 +101,6 @@ class Session:
             return f"saved: {save_injection(injection, self._folder, name)}, .json"
         except ObserverError as error:
             return str(error)
-
-
-def _without_old_curves(news: Sequence[ShownInjection]) -> list[ShownInjection]:
-    return [*(replace(each, curves={}) for each in news[:-_WITH_CURVES]), *news[-_WITH_CURVES:]]
 
 
 def _shown(injection: ShownInjection) -> dict[str, Any]:

@@ -98,7 +98,7 @@ def healthy_of(baseline: Baseline | None, sample_rate: float, trusted: bool = Fa
     if baseline is None:
         return NOT_FITTED
     share, adequate = baseline.mass_share, baseline.adequate or trusted
-    if not holds_at(baseline, sample_rate):
+    if not is_same_rate(baseline.sample_rate_Hz, sample_rate):
         return Healthy(mass_share=share, adequate=adequate)
     observer, live_variance = baseline.observer, float(_with_scatter(baseline.variance).max())
     if observer is None:
@@ -158,11 +158,6 @@ def _with_scatter(left: PhaseFigures) -> NDArray[np.float64]:
     variance = at_least_noise(left)[:, 0]
     variance[list(EDGES)] = np.maximum(variance[list(EDGES)], SCATTER)
     return variance
-
-
-def holds_at(baseline: Baseline, sample_rate: float) -> bool:
-    """Whether innovations at a sample rate [Hz] can be compared with a baseline's."""
-    return is_same_rate(baseline.sample_rate_Hz, sample_rate)
 
 
 def is_same_rate(first: float, second: float) -> bool:

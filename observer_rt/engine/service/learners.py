@@ -14,7 +14,7 @@ from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise
-from observer_rt.engine.learning.healthy import Healthy, healthy_of, holds_at, with_remainder
+from observer_rt.engine.learning.healthy import Healthy, healthy_of, is_same_rate, with_remainder
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.stream.state import Constants, Observer
@@ -71,7 +71,7 @@ def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
             f"{name} was found inadequate by its own fit: {so}",
             "see what `observer-rt fit` says to try, and docs/own-injector.md",
         )
-    if not holds_at(baseline, rate):
+    if not is_same_rate(baseline.sample_rate_Hz, rate):
         return FitDoubt(
             f"{name} was fitted at {baseline.sample_rate_Hz:g} Hz and is not comparable at {rate:g} Hz: what its fit "
             "left unexplained is not allowed for",

@@ -10,7 +10,7 @@ from datetime import date, datetime
 from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, holds_at
+from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation import file_kinds
 from observer_rt.foundation.errors import UserError
@@ -256,7 +256,7 @@ def _remembered(nominal: EffectiveModel, recordings: Sequence[Measurement]) -> t
     fitted = nominal.injector.baseline
     if fitted is None:
         return NOT_FITTED, ""
-    comparable = all(holds_at(fitted, one.recording.sample_rate) for one in recordings)
+    comparable = all(is_same_rate(fitted.sample_rate_Hz, one.recording.sample_rate) for one in recordings)
     baseline = healthy_of_fit(fitted, comparable)
     if not fitted.adequate:
         return baseline, _INADEQUATE

@@ -31,7 +31,10 @@ def test_their_masses_sum_to_what_was_injected(gap: float, rail: float) -> None:
         reports = [evaluation.reports[i] for i in openings]
         for before, after in pairwise(reports):
             assert before.end_index == after.start_index  # between its ends each sample is of one
-        complete = np.trapezoid(published[reports[0].start : reports[-1].end + 1]) * windows.interval
+        complete = (
+            np.trapezoid(published[reports[0].start_position : reports[-1].end_position + 1])
+            * windows.interval
+        )
         assert sum(report.volume for report in reports) == pytest.approx(complete, rel=1e-12)
         if event < WARM:
             continue

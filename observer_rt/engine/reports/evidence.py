@@ -173,7 +173,7 @@ def evidence_of(
         return None
     timing, interval = constants.timing, constants.interval
     margin = len(reports) * (timing.window_lead + timing.window_tail)
-    rail, lift, line = inputs.until(reports[-1].end - timing.window_tail + round(TAIL / interval))
+    rail, lift, line = inputs.until(reports[-1].end_position - timing.window_tail + round(TAIL / interval))
     return EventEvidence(
         kind=kind,
         event=reports[0].event,

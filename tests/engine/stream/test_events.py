@@ -188,7 +188,7 @@ def test_all_is_the_same_wherever_the_index_of_the_device_begins() -> None:
         (counted.injections, shifted.injections),
         (counted.observer.events[:closed], shifted.observer.events[:closed]),
     ):
-        for name in expected.dtype.names:
+        for name in expected.dtype.names or ():
             values = records[name]
             if name.endswith("index"):
                 values = np.where(values < 0, -1, values - first_index)  # -1: an event that is due at once

@@ -12,23 +12,23 @@ from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop, inp
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
-# Of the rate's change from sample to sample (one sigma): between samples the inputs are no straight lines, least of
-# all where the needle leaves its seat and comes back.
+# Error of the rate (one sigma) as a share of its change from sample to sample: between samples the inputs are not
+# straight lines, least of all where the needle leaves its seat and comes back.
 HOLD_SHARE = 0.06
-# Of the volume: a published one that differs more from the re-simulated one was not known well.
+# Share of the volume: if the published and the re-simulated volume differ by more, the published one is revised.
 REVISED = 0.02
-# s (one sigma), by which two injections may part elsewhere than at the least flow between them.
+# s (one sigma): uncertainty of the time at which two injections part, at the least flow between them.
 PARTING = 20e-6
 
 
 @dataclass(frozen=True)
 class Resimulation:
-    """An event re-simulated with what was learned up to it and from it, and how uncertain that leaves its rate.
+    """An event re-simulated with the theta learned up to and from it, and the uncertainty of its rate.
 
-    run: over the event's window; by_inputs: by the noise of the inputs. covariance: of the error of the theta it was
-    run with (m, m); carried_covariance: of the theta in force when the rate was published. interval: of the samples
-    [s]. systematic: standard deviation, as a share, of what the model gets wrong of a healthy injector; unknown: of
-    what recent events say that it gets wrong of this one. calibration: of the level, which no event tells.
+    run: over the event's window; by_inputs: variance by the noise of the inputs; covariance (m, m): of the error of
+    the theta of the run; carried_covariance (m, m): of the theta in force when the rate was published; interval: of
+    the samples [s]; systematic, unknown: error of the model as a share of the volume (one sigma), on a healthy
+    injector and on this one by recent events; calibration: of the level, which no event shows.
     """
 
     run: OpenLoop
@@ -42,16 +42,16 @@ class Resimulation:
 
     @property
     def model_share(self) -> float:
-        """Standard deviation, as a share, of a volume by both."""
+        """Error of the model as a share of a volume (one sigma): systematic and unknown together."""
         return math.hypot(self.systematic, self.unknown)
 
 
 class VolumeBudget(NamedTuple):
-    """Standard deviations of a volume [m3] by what makes it uncertain.
+    """Standard deviations of a volume [m3], by cause.
 
-    parameters: what was learned is known so well only; inputs: noise of the signals; model: what the model gets wrong
-    of a healthy injector, and away from where it was learned; calibration: of the mass, constant over injections;
-    parting: flow at the ends of its window that may belong to another injection.
+    parameters: uncertainty of theta; inputs: noise of the signals; model: error of the model on a healthy injector,
+    and far from where it was learned; calibration: of the level, constant over injections; parting: flow at the ends
+    of the window that may belong to another injection.
     """
 
     parameters: float
@@ -62,7 +62,7 @@ class VolumeBudget(NamedTuple):
 
     @property
     def learning(self) -> float:
-        """By all that events could tell."""
+        """Part that further events could reduce: parameters and model."""
         return math.hypot(self.parameters, self.model)
 
 
@@ -74,7 +74,7 @@ def resimulated(
     covariance: NDArray[np.float64],
     carried_covariance: NDArray[np.float64],
 ) -> Resimulation:
-    """Re-simulates an event with what was learned from it, theta (m,); the covariances as in `Resimulation`."""
+    """Re-simulate an event with the theta (m,) learned from it; covariances (m, m) as in `Resimulation`."""
     run = open_loop(window, setting, theta)
     by_inputs = input_variance(window, run, setting, noise)
     return Resimulation(run, by_inputs, covariance, carried_covariance, setting.interval)
@@ -83,7 +83,7 @@ def resimulated(
 def volume_interval(event: Resimulation, window: slice, published: float) -> tuple[float, float]:
     """95 % interval of the volume [m3] injected in a window of the event, with the published volume in it.
 
-    It is that of the re-simulated volume; one published that was not known so well, nan: none was, is at its end.
+    The interval of the re-simulated volume is widened until it contains the published one; nan: none was published.
     """
     volume = volume_in(event, window)
     sigma = math.hypot(*volume_budget(event, window))
@@ -121,5 +121,5 @@ def rate_sigma(event: Resimulation, window: slice) -> NDArray[np.float64]:
 
 
 def volume_in(event: Resimulation, window: slice) -> float:
-    """Volume [m3] injected in a window of the event, as it was re-simulated."""
+    """Re-simulated volume [m3] injected in a window of the event."""
     return float(np.trapezoid(event.run.rate[window])) * event.interval

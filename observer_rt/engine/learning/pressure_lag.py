@@ -1,8 +1,8 @@
-"""Lag of the line-pressure sensor: tested against a channel recorded late, and grown all at once by a fault.
+"""Test whether a learned lag of the line-pressure sensor is rather a channel that was recorded late.
 
-Both move p_L by nearly the same: nozzle and seat terms adapt, mass stays right, but the shape of Q_H does not, and
-the innovations stay almost white. The difference is tested directly, with what the mistake would make of the
-rate. Quiet sensors distinguish a filter of 10 us from a delay of 10 us, and it does not matter which it is.
+A lag and a delay move p_L by nearly the same. If one is taken for the other, nozzle and seat terms adapt and the mass
+stays right, but the shape of Q_H is wrong while the innovations stay almost white. So the difference is tested
+directly, and counts only where it changes the rate: quiet sensors distinguish a lag of 10 us, which does not matter.
 """
 
 import math
@@ -19,19 +19,19 @@ from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import Parameter, learned_of, sensor_lag
 from observer_rt.engine.learning.fitting import EventFit, freed
 
-LEAST_LAG = 5e-6  # s, below which the two are the same to the eye
+LEAST_LAG = 5e-6  # s: a shorter lag and a delay are indistinguishable
 REMEMBERED = 0.85  # weight of the score before this event
-SIGNIFICANT = 4.5  # standard deviations: below 1e-5 an event where it is a lag
-# Of the rate's peak, root mean square over the injection: what a lag in place of a delay may make of the rate. Of the
-# mass it is about a third. Some 25 us of delay do this.
+SIGNIFICANT = 4.5  # standard deviations: a true lag exceeds them in fewer than 1e-5 of the events
+# Error of the rate that is tolerated, root mean square over the injection as a share of the peak. The error of the
+# mass is about a third of it. A delay of some 25 us taken for a lag reaches it.
 RELEVANT_RATE = 0.01
-# Standard deviations of an innovation: the model with the delay is not stable, and shows nothing.
+# Standard deviations of an innovation beyond which the model with the delay is unstable, and the test means nothing.
 DIVERGED = 1e6
-LEAST_RATE = 0.02  # of the peak, from which on it counts as injection
+LEAST_RATE = 0.02  # of the peak: a lower rate does not count as injection
 
 
 class LagScore(NamedTuple):
-    """Score of a lag against a delay as long: standard normal if it is a lag, negative if it is a delay.
+    """Score of a lag against a delay of the same length: standard normal for a lag, negative for a delay.
 
     change: of theta (m,), if it is a delay.
     """
@@ -41,7 +41,7 @@ class LagScore(NamedTuple):
 
 
 class Lateness(NamedTuple):
-    """Evidence of an event that a fitted lag is a delay (`LagScore`), and the rate error that makes.
+    """Evidence of an event that a fitted lag is a delay (`LagScore`), and the error that follows for the rate.
 
     rate_share: of the peak, root mean square over the injection; volume_share: of the volume; change: of theta (m,).
     """
@@ -55,11 +55,10 @@ class Lateness(NamedTuple):
 def lag_score(
     window: Window, setting: Setting, fit: EventFit, cost: EventCost, prior: NDArray[np.float64]
 ) -> LagScore | None:
-    """Score test of a fit's lag against a delay as long.
+    """Score test of a fitted lag against a delay of the same length; None for a lag too short to test.
 
-    cost: of the event; prior: standard deviations (m,) of the parameters, wide. The direction in
-    which a delay would move the innovations is freed of what other parameters can do, then compared with them. None
-    without a lag worth asking.
+    cost: of the event; prior: standard deviations (m,) of theta, wide. The direction in which a delay would move the
+    innovations, less the part that other parameters explain, is compared with the innovations.
     """
     theta = fit.linearisation.theta
     lag = sensor_lag(theta)
@@ -93,7 +92,7 @@ def lag_score(
 
 
 def lateness_of(score: LagScore, run: OpenLoop) -> Lateness:
-    """Lateness by the score of an event, run open loop with the theta that was found."""
+    """Lateness by the score of an event, and its open-loop run with the fitted theta."""
     moved, peak = run.slopes @ score.change, float(np.max(run.rate))
     injecting = run.rate > LEAST_RATE * peak
     if not injecting.any():
@@ -104,10 +103,10 @@ def lateness_of(score: LagScore, run: OpenLoop) -> Lateness:
 
 @dataclass(frozen=True, eq=False)
 class LagDoubt:
-    """Evidence of recent events that their lag is a delay, and that it matters.
+    """Evidence of recent events that their lag is a delay, and that this matters.
 
-    Sums of scores (and its variance, where it is a lag), and of squares: of the shares of rate and volume, and of the
-    change of theta (m,).
+    score: weighted sum, with its variance for a true lag; ..._squares: weighted sums of squared shares of rate and
+    volume, and of the squared change of theta (m,); events: sum of the weights.
     """
 
     score: float
@@ -118,7 +117,7 @@ class LagDoubt:
     change_squares: NDArray[np.float64]
 
     def after(self, event: Lateness | None) -> "LagDoubt":
-        """Adds an event; None: there is no lag, all is forgotten."""
+        """The evidence with another event; None: it has no lag, so the evidence so far is dropped."""
         if event is None:
             return no_doubt(self.change_squares.size)
         return LagDoubt(
@@ -137,20 +136,20 @@ class LagDoubt:
 
     @property
     def is_relevant(self) -> bool:
-        """Whether it is no lag, and the rate is wrong by more than may be left."""
+        """Whether recent events contradict a lag, and the rate is wrong by more than RELEVANT_RATE."""
         return self.is_no_lag and self.rate_squares > RELEVANT_RATE**2 * self.events
 
     @property
     def volume_share(self) -> float:
-        """Share by which a volume may be wrong where it is no lag, 0 where it seems to be one."""
+        """Error of a volume as a share (one sigma), if recent events contradict a lag; else 0."""
         return math.sqrt(self.volume_squares / self.events) if self.is_no_lag else 0.0
 
     @property
     def variance(self) -> NDArray[np.float64]:
-        """Variances (width,) of theta by the same."""
+        """Variances (m,) of theta, if recent events contradict a lag; else 0."""
         return self.change_squares / self.events if self.is_no_lag else np.zeros_like(self.change_squares)
 
 
 def no_doubt(width: int) -> LagDoubt:
-    """Evidence before any event with a lag; width: columns of theta."""
+    """Evidence before any event with a lag; width: number m of columns of theta."""
     return LagDoubt(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(width))

@@ -1,5 +1,4 @@
-"""Evidence: inputs of an event as the observer saw them, with its verdict, for a later search of the missing
-effect."""
+"""Evidence: inputs of an event as the observer saw them, and its verdict, for `discover --from-evidence`."""
 
 import json
 import math
@@ -16,9 +15,9 @@ from observer_rt.engine.observer import remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import LIFT, LINE, RAIL, Constants, Observer, Reason
 
-LEAD = 4e-3  # s of shut needle before an event, for whoever runs a model along it
-TAIL = 14e-3  # s of ringing after it
-WIDE = 0.01  # of the mass, from which on its interval is a doubt
+LEAD = 4e-3  # s of shut needle kept before an event, in which a model that is run along it settles
+TAIL = 14e-3  # s of ringing kept after it
+WIDE = 0.01  # of the mass: a wider interval makes an event doubtful
 OF_MODEL = frozenset(
     {
         Reason.MODEL_INADEQUATE,
@@ -33,20 +32,20 @@ OF_MODEL = frozenset(
         Reason.LIFT_SENSOR_LAG,
     }
 )
-"""Reasons by which the measurement speaks against the model, or against what was learned."""
+"""Reasons that say that the measurement contradicts the model, or what was learned."""
 _OF_KNOWLEDGE = frozenset({Reason.TOO_FEW_EVENTS, Reason.UNTESTED, Reason.OUTSIDE_LEARNED_RANGE})
-"""Reasons that leave the inputs as good as any."""
+"""Reasons that say nothing against the inputs."""
 
 
 class EvidenceKind(StrEnum):
-    """What an event is evidence of."""
+    """Kind of evidence that an event is."""
 
     REFUSED = "refused"
     """It contradicts the model, or what was learned."""
     DOUBTFUL = "doubtful"
-    """Its rate and mass are known badly."""
+    """Its rate and mass are uncertain."""
     GOOD = "good"
-    """Nothing speaks against it."""
+    """It has no objection."""
 
 
 def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
@@ -66,7 +65,7 @@ def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
 
 
 def _beyond_calibration(report: InjectionReport) -> float:
-    """Bound of a mass [kg] without the part that every mass has."""
+    """Bound of a mass [kg] without the uncertainty of the level, which all masses share."""
     constant = 1.96 * report.calibration.mass * report.mass
     return math.sqrt(max(report.mass_bound**2 - constant**2, 0.0))
 
@@ -98,7 +97,7 @@ class EventEvidence:
         return self.rail_pressure, self.needle_lift, self.line_pressure
 
     def packed(self) -> bytes:
-        """A line of JSON, and the signals behind it, as `unpacked` takes them."""
+        """A line of JSON, followed by the signals as float64, for `unpacked`."""
         said = {
             "kind": self.kind.value,
             "event": self.event,
@@ -113,7 +112,7 @@ class EventEvidence:
 
     @classmethod
     def unpacked(cls, line: bytes, values: NDArray[np.float64]) -> Self:
-        """Evidence of a line of JSON and the signals one after the other (3 n,)."""
+        """Evidence from its line of JSON and its three signals one after another (3 n,)."""
         said = json.loads(line)
         del said["samples"]
         rail, lift, pressure = np.split(values, 3)
@@ -137,7 +136,7 @@ class EventInputs:
 def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
     """Inputs at the positions [start, end) that are remembered, from the last break before `start` + LEAD on.
 
-    Values that did not count are nan; what effects in force say of the rail pressure's sensor is not taken out.
+    Values that did not count are nan. Effects of the rail sensor that are in force are not applied.
     """
     constants = observer.constants
     c = constants.coefficients
@@ -156,7 +155,7 @@ def event_inputs(observer: Observer, start: int, end: int) -> EventInputs:
     rail = (rail - constants.inputs.rail_shift) / constants.inputs.rail_factor
     lift = remembered(observer.ring["needle_lift"], start, end)
     later = remembered(observer.ring["lift_after"], start, end)
-    lift = lift - later * np.diff(lift, prepend=lift[:1])  # at the time of the other two
+    lift = lift - later * np.diff(lift, prepend=lift[:1])  # interpolated to the time of the other two
     return EventInputs(
         start,
         int(observer.ring["index"][start % RING]),

@@ -1,4 +1,4 @@
-"""An injector's learner, what it asks of the bench, and the noise it reckons with."""
+"""The learner of an injector, doubts about its fitted model, and slow noise of the signals."""
 
 import cmath
 import math
@@ -38,7 +38,7 @@ def make_learner(fitted: BenchInjector, constants: Constants, knowledge: Knowled
 
 
 def healthy_injector(fitted: BenchInjector) -> Healthy:
-    """Remainder of the healthy injector by its model, if fitted, and of terms accepted in part."""
+    """Residuals of the healthy injector under its fitted model, and under terms that were accepted in part."""
     config, rate = fitted.config, fitted.config.sampling.rate_hz
     healthy = healthy_of(fitted.parameters.baseline, rate, config.learning.on_inadequate_model)
     ranges = [term.range_seen.get(Variable.LINE_PRESSURE) for term in fitted.parameters.terms]
@@ -81,10 +81,9 @@ def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
 
 
 def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:
-    """Slow noise of line pressure [Pa] and needle lift [m], of an observer's samples.
+    """Slow noise of line pressure [Pa] and needle lift [m] in processed samples `rows` (n,).
 
-    The line is judged by its innovations: slow changes of the rail pressure, and the line's answer to them, are
-    motion.
+    For the line, innovations are used: slow changes of the rail pressure, which the line follows, are no noise.
     """
     c, rate = observer.constants.coefficients, 1.0 / observer.constants.interval
     resting = rows[rows["resting"] & ~rows["interpolated"] & (rows["doubt"] == Doubt.NONE)]
@@ -101,7 +100,7 @@ def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels
 
 
 def _passed(observer: Observer, frequency: float) -> float:
-    """Share of a sensor's disturbance [Hz] that is in the innovations: x~ and its offset follow the rest of it."""
+    """Gain from a disturbance of the line sensor to the innovations at a frequency [Hz]: x~ follows the rest."""
     line, _ = observer.constants.coefficients.line.transition(observer.constants.interval)
     gain = observer.gains[-1][[0, 1, *range(3, 1 + len(line))]]
     moved = line * cmath.exp(-2j * math.pi * frequency * observer.constants.interval)
@@ -114,7 +113,7 @@ def _passed(observer: Observer, frequency: float) -> float:
 
 
 def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
-    """Describes the noise levels of all signals, and their coloured parts."""
+    """Sentence with the noise levels of all signals, and their slow parts."""
     noises = []
     for role, (name, unit, size) in SIGNALS.items():
         text = f"{name} {getattr(white, role.value) / size:.2g} {unit}"

@@ -1,4 +1,4 @@
-"""The dialect of a CSV file, found out by its first lines: separator, decimal sign, line of names, units."""
+"""Detects the dialect of a CSV file by its first lines: separator, decimal sign, line of names, units."""
 
 import csv
 import re
@@ -19,21 +19,21 @@ from observer_rt.foundation.files import encoding_of
 _MARKS = "|nan|-nan|na|n/a|<na>|#n/a|#na|null|none|-|--|---|1.#ind|-1.#ind|1.#qnan|-1.#qnan"
 MISSING = frozenset(_MARKS.split("|"))
 """Marks of a missing value, in small letters."""
-_LIKE_A_NUMBER = re.compile(  # with signs of thousands, too, which are refused by name
+_LIKE_A_NUMBER = re.compile(  # separators of thousands match, too: the reader refuses them by name
     r"\s*[+-]?(?:\d[\d.,'\u2019\u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*"
 )
 _WORDS = {";": "';'", "\t": "tabulators", ",": "','", "|": "'|'", " ": "blanks"}
-_HEAD = 1 << 16  # bytes that tell the encoding
-_LOOKED_AT = 200  # lines, among which names and numbers must begin
-_FEWEST = 3  # columns of numbers
+_HEAD = 1 << 16  # bytes by which the encoding is detected
+_LOOKED_AT = 200  # lines: names and numbers must begin within them
+_FEWEST = 3  # columns of numbers that a recording has
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """Dialect in which one file is written.
+    """Dialect of one file.
 
-    names, units: of all columns, units as far as the file states them; places: of the mapped columns, by signal;
-    heading: number of the line of names, 0: none; first_row: lines before the first numbers; rows: some of these.
+    names, units: of all columns, a unit empty where the file states none; places: numbers of the mapped columns by
+    signal; heading: number of the line of names, 0: none; first_row: lines before the first row; rows: first rows.
     """
 
     encoding: str
@@ -69,7 +69,7 @@ class Dialect:
 
 @dataclass(frozen=True)
 class _Trial:
-    """The first lines by one separator. heading: line of names, -1: none; fitting: lines of numbers."""
+    """The first lines cut at one separator. heading: line of names, -1: none; fitting: lines of numbers."""
 
     separator: str
     cells: Sequence[Sequence[str]]
@@ -80,15 +80,15 @@ class _Trial:
 
     @property
     def score(self) -> tuple[int, int, int]:
-        """Number of names, and of numbers below them."""
+        """Number of names found, and of numbers below them: the higher, the likelier the separator."""
         numbers = sum(_count(self.cells[number]) for number in self.fitting)
         return self.name_count, numbers, len(self.above[self.heading]) if not numbers else 0
 
 
 def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False) -> Dialect:
-    """Dialect of a file with the columns of a mapping; None: with whatever columns of numbers.
+    """Dialect of a file that has the columns of a mapping; None: any columns of numbers.
 
-    is_own: the mapping is of our own layout. Raises `UserError` where no line has the names, or numbers there.
+    is_own: the mapping is our own layout. Raises `UserError` if no line has the names, or no numbers follow.
     """
     with path.open("rb") as binary:
         encoding = encoding_of(binary.read(_HEAD))
@@ -176,7 +176,7 @@ def _trial(
 
 
 def _fits(row: Sequence[str], places: Sequence[int], by_name: bool) -> bool:
-    """Whether a line has numbers, where they must be; the reader of the line names a cell that is no number."""
+    """Whether a line has numbers in the right columns; a cell that is no number is named when the line is read."""
     cells = [row[place] for place in places if place < len(row)] if places else row
     if by_name:
         return _count(cells) > 0
@@ -187,7 +187,7 @@ def _fits(row: Sequence[str], places: Sequence[int], by_name: bool) -> bool:
 
 
 def _column_number(column: ColumnConfig, names: Sequence[str], where: str = "") -> int | None:
-    """Place of a column among names, with units behind them or not. where: of them, for who has one twice."""
+    """Number of a column, by its name with or without a unit; where: location of the names in error messages."""
     if isinstance(column.column, int):
         return column.column - 1
     for cells in (list(names), [name_and_unit(name)[0] for name in names]):

@@ -20,7 +20,7 @@ NOTHING = np.zeros((SIZE, SIZE))
 
 
 def event(seed: int) -> Resimulation:
-    """Random slopes; parameters and inputs known exactly."""
+    """An event with random slopes whose parameters and inputs are known exactly."""
     random = np.random.default_rng(seed)
     run = OpenLoop(
         rate=RATE,
@@ -60,7 +60,7 @@ def test_a_volume_that_is_no_number_is_revised() -> None:
 
 
 def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
-    """By drawing both and integrating."""
+    """Parameters and inputs are drawn, and the rate is integrated."""
     random = np.random.default_rng(3)
     root = 0.2 * random.normal(size=(SIZE, SIZE))
     by_inputs = 0.8e-10
@@ -77,7 +77,7 @@ def test_width_of_the_volume_follows_from_parameters_and_inputs() -> None:
 
 
 def test_sigma_of_the_published_rate_is_that_of_the_parameters_it_was_published_with() -> None:
-    """Not of those learned later; away from steep ramps, and input noise on top."""
+    """Not that of parameters learned later; checked away from steep ramps, with input noise on top."""
     random = np.random.default_rng(5)
     root = 0.2 * random.normal(size=(SIZE, SIZE))
     spread = replace(event(5), covariance=1e6 * np.eye(SIZE), carried_covariance=root @ root.T)
@@ -89,7 +89,7 @@ def test_sigma_of_the_published_rate_is_that_of_the_parameters_it_was_published_
 
 
 def test_ramps_are_less_certain_than_a_steady_rate() -> None:
-    """For the inputs between the samples are not known."""
+    """Between samples the inputs are unknown, which matters on ramps."""
     sigma = rate_sigma(event(7), WHOLE)
     steepest, steady = np.argmax(np.gradient(RATE)), np.argmax(RATE)
     assert sigma[steady] < 1e-3 * sigma[steepest]

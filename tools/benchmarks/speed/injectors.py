@@ -1,4 +1,4 @@
-"""Several injectors, a daemon each that learns: on buses of their own, in windows of 100 kHz, 25 times a second."""
+"""Several injectors, each with a daemon that learns and a bus of its own: windows at 100 kHz, 25 a second."""
 
 import json
 import re
@@ -33,13 +33,13 @@ _LAST_WORDS = re.compile(
 
 
 def measure_injectors(folder: Path, traffic: Traffic, seconds: float) -> list[Row]:
-    """Daemons for each number of injectors, sent to for so long. Raises RunError."""
+    """Send windows to the daemons of each number of injectors for `seconds`. Raises RunError."""
     windowed = in_windows(traffic)
     return [_row(folder, windowed, number, seconds) for number in NUMBERS]
 
 
 def in_windows(traffic: Traffic) -> Traffic:
-    """The same loop, with pauses in place of the frames far from an open needle."""
+    """The traffic with pauses in place of the frames far from an open needle, as a windowed source sends it."""
     before, after = (round(each * SAMPLE_RATE) for each in (BEFORE, AFTER))
     round_and_round = np.tile(traffic.is_open, 3)
     spread = np.convolve(round_and_round, np.ones(before + after + 1))[before : before + round_and_round.size]
@@ -52,12 +52,12 @@ def in_windows(traffic: Traffic) -> Traffic:
 
 
 def sent_frames(traffic: Traffic) -> NDArray[np.bool_]:
-    """Of every frame of the loop: whether it is sent, else it is a pause."""
+    """Whether each frame of the loop is sent (frames,); else it is a pause."""
     return np.asarray(np.frombuffer(traffic.loop.read_bytes(), RAW_FRAME)["length"] > 0)
 
 
 def lost(passages: Sequence[Passage], is_sent: NDArray[np.bool_]) -> int:
-    """Samples that were sent and are in no rate frame, but for the last window, which may still wait."""
+    """Number of samples that were sent and came back in no rate frame; the last window may still wait."""
     numbers = np.concatenate([each.first + np.arange(each.sent.size) for each in passages])
     numbers = numbers[is_sent[numbers % is_sent.size]]
     begins = np.flatnonzero(np.diff(numbers, prepend=-2) > 1)  # of windows
@@ -67,7 +67,7 @@ def lost(passages: Sequence[Passage], is_sent: NDArray[np.bool_]) -> int:
 
 
 def _marked(starts: NDArray[np.int64], length: int) -> NDArray[np.bool_]:
-    """Samples by their index: those in runs of a length from each start."""
+    """Mask of the samples in runs of `length` from each start."""
     marked = np.zeros(int(starts.max(initial=0)) + length, np.bool_)
     for offset in range(length):
         marked[starts + offset] = True

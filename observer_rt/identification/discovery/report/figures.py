@@ -17,13 +17,13 @@ from observer_rt.identification.discovery.injections import Overlay
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.results import LawCurve
 
-_FEWEST_PLACES = 3  # beside each other, for which there is room
-_CROWDED = 9  # operating points, from which on labels are small
-_WRAPPED = 30  # characters of a label beside a low figure
+_FEWEST_PLACES = 3  # bars for which a figure always has room
+_CROWDED = 9  # operating points: from so many on, labels are small
+_WRAPPED = 30  # characters of a line of a label
 
 
 def overlay_figure(findings: Findings) -> str:
-    """Lift, line pressure, what the models miss of it, and injection rate; a column for each injection."""
+    """Lift, line pressure, its residuals under the models, and injection rate; a column for each injection."""
     with svg_figure(10.4, 7.4) as (figure, svg):
         _draw_overlays(figure, findings.overlays, with_words(findings))
     return svg()
@@ -79,7 +79,7 @@ def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
 
 
 def gap_figure(findings: Findings) -> str:
-    """Before and after beside each other at every operating point held out, in proportion; noise as a line."""
+    """Gaps before and after at every operating point held out, side by side; the noise is a line."""
     points, amended = findings.gaps.points, bool(findings.shown.ids)
     labels = [findings.places[point.recording].point.replace(", ", "\n") for point in points]
     groups = [gap for gap in findings.gaps.printed.values() if gap.measured or amended]
@@ -98,7 +98,7 @@ def gap_figure(findings: Findings) -> str:
 
 
 def _draw_bars(axes: Axes, labels: Sequence[str], gaps: Sequence[Gap], amended: str | None) -> None:
-    """amended: what the legend calls the amended model, None where there is nothing to show of it."""
+    """amended: name of the amended model in the legend; None: there is no amended model."""
     places = np.arange(len(labels))
     width = 0.5 if amended is None else 0.36
     series = [("model as given", [gap.before for gap in gaps], GIVEN, 0.0 if amended is None else -0.2)]
@@ -108,7 +108,7 @@ def _draw_bars(axes: Axes, labels: Sequence[str], gaps: Sequence[Gap], amended: 
     for label, values, colour, shift in series:
         heights = np.array(values)
         axes.bar(places + shift, heights, width, color=colour, label=label)
-        tops = np.maximum(heights, floors)  # where the line does not strike the number through
+        tops = np.maximum(heights, floors)  # numbers stand above the line of the noise, too
         for position, top, height in zip(places + shift, tops, heights, strict=True):
             text = f"{height:.0f}" if height >= 10.0 else f"{height:#.2g}"
             axes.annotate(text, (position, top), (0, 2), textcoords="offset points", ha="center", fontsize=8)
@@ -117,12 +117,14 @@ def _draw_bars(axes: Axes, labels: Sequence[str], gaps: Sequence[Gap], amended: 
     axes.set_ylim(bottom=0.0)
     axes.grid(axis="x", visible=False)
     axes.set_xticks(places, labels)
-    spare = 0.6 + max(0.0, (_FEWEST_PLACES - places.size) / 2.0)  # a single bar need not fill the figure
+    spare = 0.6 + max(
+        0.0, (_FEWEST_PLACES - places.size) / 2.0
+    )  # so that a single bar does not fill the figure
     axes.set_xlim(-spare, places.size - 1.0 + spare)
 
 
 def residual_figure(findings: Findings) -> str:
-    """What the models miss of every injection in order, recordings beside each other; those held out on grey."""
+    """Residuals of the models for every injection, recording by recording; those held out have a grey ground."""
     label = with_words(findings) if findings.shown.ids else None
     held_out = findings.gaps.held_out if findings.held_apart else ()
     middles: dict[float, str] = {}
@@ -155,7 +157,7 @@ def residual_figure(findings: Findings) -> str:
 
 
 def with_words(findings: Findings) -> str:
-    """The model with what was found, for a legend."""
+    """Name of the amended model for a legend."""
     if findings.effects or findings.proposal is None:
         return f"with {' and '.join(findings.named.ids)}"
     return f"with proposal {findings.proposals.index(findings.proposal) + 1}"

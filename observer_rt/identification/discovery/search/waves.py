@@ -1,4 +1,4 @@
-"""Waves of a fixed frequency in what a model leaves: lines of its spectrum, tried as terms that swing."""
+"""Oscillations of a fixed frequency in the residuals: lines of their spectrum become candidate terms."""
 
 import math
 from collections.abc import Sequence
@@ -12,20 +12,21 @@ from observer_rt.model.term_effect import FormNumber, TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation
 
 LOWEST, HIGHEST = 200.0, 0.4  # Hz, and share of the sample rate
-PADDED = 4  # times as many frequencies as samples
-AROUND = 500.0  # Hz, whose median a line stands out from
-STANDS_OUT = 8.0  # times that median
-LARGEST = 5.0  # standard deviations: transients would hide a wave
-APART = 50.0  # Hz
+PADDED = 4  # zero padding: times as many frequencies as samples
+AROUND = 500.0  # Hz: width of the running median of the spectrum
+STANDS_OUT = 8.0  # times the median: least power of a line
+LARGEST = 5.0  # standard deviations: residuals are clipped, since transients would hide an oscillation
+APART = 50.0  # Hz: least distance of two lines
 MOST_LINES = 2
 SWINGING = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.CHAMBER_PRESSURE)
-"""Equations in which something may oscillate by itself: no outflow, which would come back half of the time."""
+"""Equations that may hold an oscillating term; not outflows, since fuel would flow back half of the time."""
 
 
 def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Effect]]:
-    """Sine and cosine of every frequency [Hz] at every place; longest: recording [s], which says how exact it is."""
+    """Sine and cosine terms of every frequency [Hz] in every equation; longest: longest recording [s]."""
     pairs = []
     for frequency in frequencies:
+        # a recording of length T resolves a frequency to 1/T
         numbers = FormNumber(frequency, frequency - 1.0 / longest, frequency + 1.0 / longest)
         for equation in SWINGING:
             sine, cosine = (
@@ -39,7 +40,7 @@ def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Ef
 
 
 def turned(sine: Effect, swings: Sequence[float]) -> Effect:
-    """A wave with these shares of sine and cosine, as one term with a phase."""
+    """One term with a phase, for these amplitudes of the sine and cosine terms."""
     law = sine.apply
     assert isinstance(law, TermLaw)
     frequency, phase = law.numbers
@@ -50,9 +51,9 @@ def turned(sine: Effect, swings: Sequence[float]) -> Effect:
 def lines(
     left: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], interval: float
 ) -> list[float]:
-    """Frequencies [Hz] that stand out of what recordings leave, strongest first.
+    """Frequencies [Hz] that stand out of the spectrum of the residuals, the strongest first.
 
-    left: normalised residuals of each recording; times: theirs [s], a whole number of intervals apart.
+    left: normalised residuals (n,) of each recording; times: theirs [s] (n,), whole numbers of intervals apart.
     """
     size = 1 << math.ceil(math.log2(PADDED * max(one[-1] - one[0] for one in times) / interval))
     power = np.zeros(size // 2 + 1)
@@ -61,7 +62,7 @@ def lines(
         grid[np.rint((when - when[0]) / interval).astype(np.int64)] = np.clip(values, -LARGEST, LARGEST)
         power += np.abs(np.fft.rfft(grid)) ** 2
     step = 1.0 / (size * interval)
-    coarse = 8  # bins of which one is enough for the median
+    coarse = 8  # every 8th bin is enough for the median
     background = np.repeat(median_filter(power[::coarse], max(3, round(AROUND / step / coarse))), coarse)
     power = np.where(power > STANDS_OUT * background[: power.size], power, 0.0)
     first, last = round(LOWEST / step), round(HIGHEST / (interval * step))

@@ -18,9 +18,8 @@ LISTED = [
 ]
 CALLS = (
     *("Injector.load", "Injector.fit", "Injector.evaluate", "Injector.discover"),
-    *("Injector.save", "Observer", "Observer.feed", "Observer.finish", "Observer.save_state"),
-    *("EvaluationResult.plot", "EvaluationResult.save_state", "FitResult.plot"),
-    *("Discovery.plan", "Discovery.report"),
+    *("Injector.save", "Observer", "Observer.feed", "Observer.save_state"),
+    *("EvaluationResult.plot", "EvaluationResult.save_state", "Discovery.report"),
 )
 
 

@@ -317,18 +317,15 @@ def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Impla
     ratio = line.mean / rail.mean
     for factor, unit in _PRESSURE_FACTORS:
         if abs(ratio * factor - 1.0) < SAME:
+            others = [other for inverse, other in _PRESSURE_FACTORS if abs(inverse * factor - 1.0) < SAME]
             yield Implausible(
                 "line_pressure",
                 f"is {line.mean / MEGAPASCAL:.4g} MPa in the mean, rail_pressure {rail.mean / MEGAPASCAL:.4g} MPa: "
                 f"{ratio:.3g} times as much",
                 f"mind the units of both; that of line_pressure is likely {unit}"
-                + "".join(f", or that of rail_pressure {other}" for other in _units_at(1.0 / factor)),
+                + "".join(f", or that of rail_pressure {other}" for other in others),
             )
             return
-
-
-def _units_at(factor: float) -> list[str]:
-    return [unit for each, unit in _PRESSURE_FACTORS if abs(each / factor - 1.0) < SAME]
 
 
 def _lift(lift: SignalSurvey) -> Iterator[Implausible]:

@@ -104,13 +104,7 @@ class DiscoveryResult:
             return self.load(Path(folder) / AMENDED)
 
     def plan(self) -> pd.DataFrame:
-        """Plan the next measurements.
-
-        Returns
-        -------
-        DataFrame
-            Operating points that decide between the remaining candidates, the best first; empty without any.
-        """
+        """Plan what to measure next: operating points that decide between candidates, the best first."""
         with progress_bar(screen, "planning what to measure next", 1.0) as progress:
             plan = planned(self.findings, self.task, two_injections, progress).plan
         return pd.DataFrame([] if plan is None else [one.model_dump() for one in plan.measurements])

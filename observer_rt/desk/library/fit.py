@@ -43,13 +43,7 @@ class FitResult:
         return document_of(self.fitted.done, self.fitted.baseline, self.warnings)
 
     def plot(self) -> Any:
-        """Draw line pressures before and after the fit, and residuals by phase.
-
-        Returns
-        -------
-        Figure
-            Of matplotlib.
-        """
+        """Draw line pressures before and after the fit, and residuals by phase: a matplotlib Figure."""
         from observer_rt.identification.fit.report import fit_figure
 
         return fit_figure(self.fitted.done)

@@ -112,10 +112,8 @@ class Injector:
 
         Raises
         ------
-        UserError
-            For a path that is refused.
-        RunError
-            If writing fails.
+        UserError, RunError
+            For a path that is refused, and if writing fails.
         """
         check_output("save", Path(path), force, INJECTOR_FILE, consent=IN_A_CALL)
         write_text(Path(path), self.file.text)

@@ -136,13 +136,7 @@ class SampleObserver:
         return self._table(self._sent(cut(joined, 0, full)))
 
     def finish(self) -> pd.DataFrame:
-        """Judge the last event, after the last sample.
-
-        Returns
-        -------
-        DataFrame
-            Samples observed since the last call, as of `feed`.
-        """
+        """Judge the last event, after the last sample; returns the samples observed since, as `feed` does."""
         rows = [] if self._held is None else list(self._sent(self._held))
         self._held = None
         self._core.finish()
@@ -182,10 +176,8 @@ class SampleObserver:
 
         Raises
         ------
-        UserError
-            For a path that is refused.
-        RunError
-            If writing fails.
+        UserError, RunError
+            For a path that is refused, and if writing fails.
         """
         check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
         write_state(Path(path), self._core.knowledge, self._parameters)

@@ -127,10 +127,8 @@ class EvaluationResult:
 
         Raises
         ------
-        UserError
-            For a path that is refused.
-        RunError
-            If writing fails.
+        UserError, RunError
+            For a path that is refused, and if writing fails.
         """
         check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
         write_state(Path(path), self.knowledge, self.injector.parameters)

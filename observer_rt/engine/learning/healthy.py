@@ -28,10 +28,6 @@ _FOR_NAMING = ("shape", "appears", "line_pressure_offset_MPa")
 SAME_RATE = 0.01  # share by which sample rates may differ and a baseline still holds: blocks count samples
 
 
-def _ones(*shape: int) -> NDArray[np.float64]:
-    return np.ones(shape)
-
-
 @dataclass(frozen=True, eq=False)
 class Healthy:
     """Innovations of the healthy injector; by default those of an exact model: white, and no event scatters more.
@@ -44,8 +40,8 @@ class Healthy:
     line_pressure_offset_MPa: of its sensor; rate: innovations of a measured injection rate.
     """
 
-    variance: NDArray[np.float64] = field(default_factory=lambda: _ones(PHASES))
-    colour: NDArray[np.float64] = field(default_factory=lambda: _ones(PHASES, len(BLOCKS)))
+    variance: NDArray[np.float64] = field(default_factory=lambda: np.ones(PHASES))
+    colour: NDArray[np.float64] = field(default_factory=lambda: np.ones((PHASES, len(BLOCKS))))
     mass_share: float = 0.0
     adequate: bool = True
     live_variance: float = 1.0

@@ -222,14 +222,12 @@ class CalibrationResult:
         """Phases in which more is left than noise."""
         return tuple(phase for phase in Phase if self.left.chi2[phase] > GATE)
 
-    def _is_tolerated(self, phase: Phase) -> bool:
-        """Whether the residual hardly moves a mass; at standstill nothing flows, and it is no fault of the model."""
-        return phase is not Phase.STANDSTILL and self.comparison.share(phase) <= TOLERATED
-
     @property
     def inadequate(self) -> tuple[Phase, ...]:
         """Phases the model does not explain, the worst first; none where it is adequate."""
-        over = [phase for phase in self.above_gate if not self._is_tolerated(phase)]
+        # a small residual hardly moves a mass; at standstill, where nothing flows, any residual counts
+        share, still = self.comparison.share, Phase.STANDSTILL
+        over = [phase for phase in self.above_gate if phase is still or share(phase) > TOLERATED]
         return tuple(sorted(over, key=lambda phase: -self.left.chi2[phase]))
 
     @property

@@ -85,19 +85,8 @@ SETTLED = Kind("as when settled", Mode.STEADY, c.RETURNS)  # what came after is 
 AT_FAULT = Kind("at fault", Mode.PASSING, c.FAULT_BEGINS, reason=Reason.CONTRADICTED)  # nothing is learned
 INADEQUATE = Kind("model inadequate", Mode.LASTING, c.INADEQUATE_BEGINS, reason=Reason.MODEL_INADEQUATE)
 # fmt: on
-HYPOTHESES = (
-    BEFORE,
-    QUICK,
-    CHANGED,
-    NUDGED,
-    SENSOR_CHANGED,
-    LINE_CHANGED,
-    SHIFTED,
-    SETTLED,
-    AT_FAULT,
-    INADEQUATE,
-)
 NEW = (CHANGED, NUDGED, SENSOR_CHANGED, LINE_CHANGED, SHIFTED)
+HYPOTHESES = (BEFORE, QUICK, *NEW, SETTLED, AT_FAULT, INADEQUATE)
 BELIEVED = (BEFORE, QUICK, SETTLED, SHIFTED)
 """Kinds of events that came as something believed of the injector said."""
 

@@ -16,7 +16,6 @@ from observer_rt.bus.database.lookup import (
     reserved_codes,
     signal_names,
 )
-from observer_rt.engine.stream.state import State
 from observer_rt.foundation.errors import UserError
 
 OUR_LAYOUT = Path(str(files("observer_rt.data") / "observer_fd.dbc"))
@@ -72,14 +71,6 @@ def test_samples_are_interleaved_in_triples(ours: Database) -> None:
     order = [signal.name for signal in find_message(ours, "SampleBlock").signals][3:]
     roles = ("RailPressure", "NeedleLift", "LinePressure")
     assert order == [f"{role}_{i:02d}" for i in range(9) for role in roles] + ["FuelTemperature"]
-
-
-def test_states_have_names(ours: Database) -> None:
-    for name in ("InjectionRate", "InjectionSummary", "ObserverStatus"):
-        choices = find_message(ours, name).get_signal_by_name("State").choices
-        assert {int(code): str(text).partition(":")[0] for code, text in choices.items()} == {
-            state: state.name for state in State
-        }
 
 
 def test_a_users_database(tmp_path: Path) -> None:

@@ -10,11 +10,11 @@ from observer_rt.model.terms.law import (
     Coefficient,
     Lag,
     Law,
+    LawTable,
     Number,
     Operation,
     Quantity,
     Resonance,
-    Table,
 )
 from observer_rt.model.terms.term import TermEquation
 from observer_rt.model.terms.variable import PURE, Unit, unit_named
@@ -52,7 +52,7 @@ class _Check:
                 return variable.unit
             case Lag(argument) | Resonance(argument):
                 return self.unit_of(argument)
-            case Table(argument, points, values):
+            case LawTable(argument, points, values):
                 point_unit = self.unit_of(argument)
                 for point in points:
                     self.alike(

@@ -103,7 +103,7 @@ class Law:
                 return what.get(variable, self)
             case Call(operation, arguments):
                 return Call(operation, tuple(one.replaced(what) for one in arguments))
-            case Lag(argument) | Resonance(argument) | Table(argument):
+            case Lag(argument) | Resonance(argument) | LawTable(argument):
                 return replace(self, argument=argument.replaced(what))
         return self
 
@@ -226,7 +226,7 @@ class Resonance(_LawWithMemory):
 
 
 @dataclass(frozen=True)
-class Table(Law):
+class LawTable(Law):
     """Straight lines between values at points that rise, the first and last value beyond."""
 
     argument: Law
@@ -252,7 +252,7 @@ class Table(Law):
         return law
 
     def settled(self) -> Law:
-        return Table(self.argument.settled(), self.points, self.values)
+        return LawTable(self.argument.settled(), self.points, self.values)
 
     def _at(self, values: Mapping[str, Any], c: float, memory: Memory | None) -> Any:
         points, heights = ([number.reckoned for number in row] for row in (self.points, self.values))
@@ -309,7 +309,7 @@ def _printed(law: Law) -> tuple[str, int]:
         case Resonance(argument, kilohertz, damping):
             frequency = repr(kilohertz).removesuffix(".0")
             return f"{RINGING}({argument}, {frequency}, {damping})", _WHOLE
-        case Table(argument, points, values):
+        case LawTable(argument, points, values):
             knots = ", ".join(f"{point}, {value}" for point, value in zip(points, values, strict=True))
             return f"{TABLE}({argument}, {knots})", _WHOLE
         case Call(Operation.NEGATE, (Number() as number,)):  # without parentheses it were a negative number

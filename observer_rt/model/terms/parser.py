@@ -25,11 +25,11 @@ from observer_rt.model.terms.law import (
     Coefficient,
     Lag,
     Law,
+    LawTable,
     Number,
     Operation,
     Quantity,
     Resonance,
-    Table,
 )
 from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
 
@@ -199,7 +199,7 @@ class _Parser:
             raise UserError(f"column {function.column}", f"no {what}", f"give it in {unit}, above 0")
         return number.value * named[0] / wanted[0]
 
-    def _table(self, argument: Law) -> Table:
+    def _table(self, argument: Law) -> LawTable:
         """The points and values behind a table's argument."""
         numbers: list[Number] = []
         while self._taken(","):
@@ -213,7 +213,7 @@ class _Parser:
             raise UserError(
                 f"column {self.token.column}", "the points of the table do not rise", "put them in order"
             )
-        return Table(argument, points, values)
+        return LawTable(argument, points, values)
 
     def _taken(self, *signs: str) -> str:
         """The sign at hand, where it is one of these; then it is behind us."""

@@ -14,11 +14,11 @@ from observer_rt.model.terms.law import (
     Coefficient,
     Lag,
     Law,
+    LawTable,
     Number,
     Operation,
     Quantity,
     Resonance,
-    Table,
 )
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
@@ -60,7 +60,7 @@ def _rows(law: Law, c: float, fixed: Mapping[Variable, float]) -> Iterator[tuple
             yield _NUMBER, kilohertz
             yield _NUMBER, damping
             yield _RINGING, 0.0
-        case Table():
+        case LawTable():
             yield from _rows(law.spelled, c, fixed)
         case Call(operation, arguments):
             for argument in arguments:

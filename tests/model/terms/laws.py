@@ -13,12 +13,12 @@ from observer_rt.model.terms.law import (
     Coefficient,
     Lag,
     Law,
+    LawTable,
     Memory,
     Number,
     Operation,
     Quantity,
     Resonance,
-    Table,
     Values,
 )
 from observer_rt.model.terms.variable import Variable
@@ -43,7 +43,7 @@ def laws(lagged: bool = True) -> st.SearchStrategy[Law]:
             st.builds(Call, st.sampled_from(_TWO), st.tuples(part, part)),
             st.builds(Call, st.sampled_from(_ONE), st.tuples(part)),
             st.builds(Call, st.just(Operation.POWER), st.tuples(part, _EXPONENTS)),
-            st.builds(Table, part, st.just(_POINTS), st.tuples(*[_VALUES.map(Number)] * len(_POINTS))),
+            st.builds(LawTable, part, st.just(_POINTS), st.tuples(*[_VALUES.map(Number)] * len(_POINTS))),
         ]
         if lagged:
             choices.append(st.builds(Lag, part, st.sampled_from([0.01, 0.25, 3.0])))

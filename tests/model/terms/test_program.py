@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import totals_of_terms
-from observer_rt.model.terms.law import Call, Law, Quantity, Table
+from observer_rt.model.terms.law import Call, Law, LawTable, Quantity
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.program import program_of
 from observer_rt.model.terms.term import Term, TermEquation
@@ -32,7 +32,7 @@ def blurred(
     law: Law, values: Values, c: float, random: np.random.Generator, share: float
 ) -> NDArray[np.float64]:
     """The law, tables as sums of lines, with every operation's result off by about such a share."""
-    if isinstance(law, Table):
+    if isinstance(law, LawTable):
         return blurred(law.spelled, values, c, random, share)
     if not isinstance(law, Call):
         return law.at(values, c)

@@ -14,11 +14,11 @@ from observer_rt.model.terms.law import (
     Coefficient,
     Lag,
     Law,
+    LawTable,
     Number,
     Operation,
     Quantity,
     Resonance,
-    Table,
 )
 from observer_rt.model.terms.variable import Variable
 
@@ -113,7 +113,7 @@ def with_largest_lift(law: Law, largest: float | None) -> Law:
             return Number(largest / MILLIMETRE)
         case Call(operation, arguments):
             return Call(operation, tuple(with_largest_lift(one, largest) for one in arguments))
-        case Lag(argument) | Resonance(argument) | Table(argument):
+        case Lag(argument) | Resonance(argument) | LawTable(argument):
             return replace(law, argument=with_largest_lift(argument, largest))
     return law
 

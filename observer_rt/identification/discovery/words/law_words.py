@@ -17,7 +17,7 @@ from observer_rt.identification.discovery.words.law_reading import (
     with_largest_lift,
     with_unit,
 )
-from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, Number, Operation, Resonance, Table
+from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, LawTable, Number, Operation, Resonance
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import Variable
 
@@ -96,7 +96,7 @@ def plain_words(term: Term, largest_lift: float | None = None) -> str:
         case (Resonance(_, kilohertz, damping),):
             rings = f"rang at {kilohertz:.3g} kHz with a damping of {damping:.3g}"
             return f"a tube before the line-pressure sensor {rings}"
-        case (Table() as table,) if not product.gates:
+        case (LawTable() as table,) if not product.gates:
             return _tabulated(term, table)
     reading = _read(product.factors)
     if reading is None:
@@ -136,7 +136,7 @@ def _amount(term: Term, scale: float) -> str:
     return f"{rounded_size(term, scale).removeprefix('-')} {unit}"
 
 
-def _tabulated(term: Term, table: Table) -> str:
+def _tabulated(term: Term, table: LawTable) -> str:
     line = line_of(table.argument)
     if line is None:
         return ""

@@ -18,6 +18,10 @@ from observer_rt.model.baseline import Baseline
 if TYPE_CHECKING:
     from pathlib import Path
 
+SWAPPED = (  # problem and remedy
+    "rail_pressure falls lower and rises higher than line_pressure: most likely the two are swapped",
+    "compare their columns or signals: the line's pressure drops while the needle is open, and rings",
+)
 PRESSURES = (5 * MEGAPASCAL, 400 * MEGAPASCAL)  # Pa, highest of a common-rail system that injects
 LARGEST_LIFT = 2 * MILLIMETRE
 DIPS = 2 * MEGAPASCAL  # by which a line pressure moves more than the rail's where a needle opens
@@ -120,6 +124,16 @@ class Survey:
 
     signals: dict[str, SignalSurvey] = field(default_factory=dict)
     openings: Openings = field(default_factory=Openings)
+    swapped_in_part: bool = False
+    """Whether rail and line pressure are `swapped` in samples that came together."""
+
+    def take_together(self, signals: Mapping[str, NDArray[np.float64]]) -> None:
+        """Go on with further samples (n,) of several signals, taken at the same times."""
+        part = Survey()
+        for name, values in signals.items():
+            self.take(name, values)
+            part.take(name, values)
+        self.swapped_in_part |= swapped(part) is not None
 
     def take(self, name: str, values: NDArray[np.float64]) -> None:
         """Go on with further samples (n,) of a signal."""
@@ -214,17 +228,13 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
 
 
 def swapped(survey: Survey) -> tuple[str, str] | None:
-    """Problem and remedy where the rail pressure moves as a line's does and the line's as a rail's."""
+    """`SWAPPED` where the rail pressure moves as a line's does and the line's as a rail's."""
     rail, line = survey.signals.get("rail_pressure"), survey.signals.get("line_pressure")
     if rail is None or line is None or not (rail.count and line.count) or line.highest <= line.lowest:
         return None
     margin = FURTHER * line.mean
-    if rail.lowest < line.lowest - margin and rail.highest > line.highest + margin:
-        return (
-            "rail_pressure falls lower and rises higher than line_pressure: most likely the two are swapped",
-            "compare their columns or signals: the line's pressure drops while the needle is open, and rings",
-        )
-    return None
+    is_wider = rail.lowest < line.lowest - margin and rail.highest > line.highest + margin
+    return SWAPPED if is_wider else None
 
 
 @dataclass(frozen=True)
@@ -243,8 +253,8 @@ def doubts(
     survey: Survey, baseline: Baseline | None = None, columns: Mapping[str, str] | None = None
 ) -> Iterator[SignalDoubt]:
     """Oddities of a recording's ranges; baseline: of the model, where it was fitted; columns: names in the file."""
-    if (odd := swapped(survey)) is not None:
-        problem, remedy = odd
+    if survey.swapped_in_part or swapped(survey):
+        problem, remedy = SWAPPED
         first, second = ((columns or {}).get(name, "") for name in ("rail_pressure", "line_pressure"))
         named = (
             f": '{second}' does what a rail's does, '{first}' what a line's does" if first and second else ""

@@ -45,6 +45,21 @@ def problems(recording: Recording) -> list[str]:
     return [each.signal for each in implausible(HeldSignals(recording).survey)]
 
 
+def test_pressures_that_are_swapped_from_the_middle_on() -> None:
+    short = recorded()
+    repeated = {name: np.tile(values, 6) for name, values in short.signals.items()}
+    time = np.arange(6 * short.samples, dtype=np.float64) / short.sample_rate
+    made = short.with_arrays({"time": time, **repeated})
+    later = np.arange(made.samples) >= made.samples // 2
+    rail, line = made.rail_pressure, made.line_pressure
+    exchanged = changed(
+        made, rail_pressure=np.where(later, line, rail), line_pressure=np.where(later, rail, line)
+    )
+    assert swapped(HeldSignals(exchanged).survey) is None
+    assert "most likely the two are swapped" in doubt_text(exchanged)
+    assert "swapped" not in doubt_text(made)
+
+
 @pytest.mark.parametrize("noise", [True, False])
 @pytest.mark.parametrize("pressure", [15e6, 30e6, 100e6, 200e6, 280e6])
 def test_recordings_as_they_should_be(pressure: float, noise: bool) -> None:

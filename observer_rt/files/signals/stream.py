@@ -138,9 +138,9 @@ class HeldSignals(SignalStream):
         self.stretches = (Stretch(float(recording.time[0]), recording.samples),)
         self.optional = tuple(name for name in OPTIONAL if name in recording.signals)
         self.meaning = recording.meaning
-        for name, values in recording.signals.items():
-            for first in range(0, values.size, SAMPLES_AT_ONCE):  # what is in the cache
-                self.survey.take(name, values[first : first + SAMPLES_AT_ONCE])
+        for first in range(0, recording.samples, SAMPLES_AT_ONCE):  # what is in the cache
+            rows = slice(first, first + SAMPLES_AT_ONCE)
+            self.survey.take_together({name: values[rows] for name, values in recording.signals.items()})
 
     def chunks(self) -> Iterator[Chunk]:
         """Views of the recording."""

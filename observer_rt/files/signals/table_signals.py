@@ -87,8 +87,7 @@ class TableSignals(SignalStream):
     def _look_at(self, part: TablePart, row: int, raster: int) -> None:
         """Note the ranges of a part that begins at a row. Raises `UserError` for an infinite value."""
         refuse_infinite(part.signals, lambda inside: self._table.location(row + inside, raster))
-        for name, values in part.signals.items():
-            self.survey.take(name, values)
+        self.survey.take_together(part.signals)
 
     def _unit(self, name: str, column: ColumnConfig) -> tuple[str, str]:
         """Unit of a column, and its source in words. Raises `UserError` for none and for an unknown one."""

@@ -97,14 +97,9 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
     def cut(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.ascontiguousarray(values[kept])
 
-    rate = recording.injection_rate
-    part = replace(
-        recording,
-        time=np.arange(kept.size, dtype=np.float64) * measurement.interval,
-        rail_pressure=cut(recording.rail_pressure),
-        needle_lift=cut(recording.needle_lift),
-        line_pressure=cut(recording.line_pressure),
-        injection_rate=None if rate is None else cut(rate),
+    signals = {name: cut(values) for name, values in recording.signals.items()}
+    part = recording.with_arrays(
+        {"time": np.arange(kept.size, dtype=np.float64) * measurement.interval, **signals}
     )
     return replace(
         measurement,

@@ -64,19 +64,19 @@ cdef void _take(Pipeline* pipeline, int64_t number, const uint8_t* payload, int6
     last = receiver.last_counter[number]
     status = classify(counter, last, last >= 0, _max_step(profile), profile)
     follows = profile != UNPROTECTED and status == E2E_OK
-    cdef int64_t found = 0, placed = 0
+    cdef int64_t carried = 0, placed = 0
     cdef bint restarted = False
     for g in range(message.first_group, message.first_group + message.group_count):
         group = &pipeline.inputs.groups[g]
         if not is_selected(payload, &pipeline.inputs.selection, group.first_condition, group.condition_count):
             continue
-        found |= 1 << group.stream
+        carried |= 1 << group.stream
         contiguous = follows and receiver.interrupted[group.stream] == 0
         placing = _take_group(pipeline, group, payload, counter, contiguous, stamp)
         if placing == PLACING_ACCEPTED or placing == PLACING_RESTARTED:
             placed |= 1 << group.stream
             restarted |= placing == PLACING_RESTARTED
-    if found != 0 and placed == 0:
+    if carried != 0 and placed == 0:
         return
     for g in range(message.first_group, message.first_group + message.group_count):
         stream = pipeline.inputs.groups[g].stream

@@ -159,7 +159,7 @@ cdef struct Counting:
 
 
 cdef struct Shift:
-    unsigned char known
+    unsigned char is_known
     int64_t samples  # from the number of a sample to its index on the grid
     double off  # samples that the clocks place it beside that index
 

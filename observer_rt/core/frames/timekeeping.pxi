@@ -10,7 +10,7 @@ cdef int64_t number_frame(
     outcome = count_frame(&keeping.counts[message], &keeping.clocks[message], sequence, stamp)
     if outcome == COUNT_ANEW:
         forget(&keeping.clocks[message])
-        keeping.shifts[message].known = False
+        keeping.shifts[message].is_known = False
     return outcome
 
 
@@ -29,11 +29,11 @@ cdef void note_frame(const Timekeeping* keeping, int64_t message, int64_t last, 
 cdef void begin_anew(const Timekeeping* keeping, int64_t message) noexcept nogil:
     """A message begins a new index; if it is the index of the grid, every message must find its place anew."""
     forget(&keeping.clocks[message])
-    keeping.shifts[message].known = False
+    keeping.shifts[message].is_known = False
     if keeping.timing[message].joining != JOINING_INDEX:
         return
     for m in range(keeping.messages):
-        keeping.shifts[m].known = False
+        keeping.shifts[m].is_known = False
         if keeping.timing[m].joining == JOINING_INDEX:
             forget(&keeping.clocks[m])
 
@@ -42,7 +42,7 @@ cdef bint has_place(const Timekeeping* keeping, int64_t message) noexcept nogil:
     """Whether it is known where the message's samples lie on the grid."""
     joining = keeping.timing[message].joining
     if joining == JOINING_NEAREST:
-        return keeping.shifts[message].known
+        return keeping.shifts[message].is_known
     leading = &keeping.clocks[keeping.memory.leading]
     return joining != JOINING_CLOCK or (leading.points > 0 and keeping.clocks[message].points > 0)
 
@@ -100,7 +100,7 @@ cdef void _find_nearest(const Timekeeping* keeping, int64_t message, int64_t las
     if leading.points < ENOUGH_POINTS or keeping.clocks[message].points < ENOUGH_POINTS:
         return
     ahead = place_of(keeping, message, last) - last
-    if not shift.known:
-        shift.known = True
+    if not shift.is_known:
+        shift.is_known = True
         shift.samples = <int64_t> floor(ahead + 0.5)
     shift.off = ahead - shift.samples

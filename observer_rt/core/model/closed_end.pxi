@@ -111,14 +111,14 @@ cdef void _end_rows(
     cdef double q_h = 0.0, q_s = 0.0, pp = 1.0 + fill * line.leak, ps = 0.0, sp = 0.0, ss = 1.0
     cdef double h_flow = 0.0, s_flow = 0.0, line_by_h, sac_by_h, line_by_s, sac_by_s, inflow, net, by_pressure
     cdef double by_air, by_slope, soften, by_flow, sac_by_flow, whole, from_sac, from_line
-    cdef bint rest = is_at_rest(solved, u) and x[SAC] == 0.0
+    cdef bint at_rest = is_at_rest(solved, u) and x[SAC] == 0.0
     cdef FlowSlopes flows
     cdef double* of_h = t.of_flows
     cdef double* of_s = t.of_flows + t.m
     cdef int64_t j
     memcpy(line_row, of_line, t.m * sizeof(double))
     memcpy(sac_row, of_sac, t.m * sizeof(double))
-    if not rest:
+    if not at_rest:
         flow_slopes(solved, u, c, network, &flows)
         flow_numbers(solved, u, &flows, t, of_h, of_s)
         q_h, q_s = flows.q_h, flows.q_s

@@ -122,17 +122,17 @@ cdef inline void tangent_rates(
     cdef double* by_flow = t.by_flow + stage * n * 2
     cdef double* of_flows = t.of_flows + stage * 2 * t.m
     cdef double of_pressure = 0.0, of_flow = 0.0
-    cdef bint rest = is_at_rest(x, u)
+    cdef bint at_rest = is_at_rest(x, u)
     cdef int64_t row, i, k
     theta = &t.theta
     memset(by_state, 0, n * n * sizeof(double))
     memset(&flows, 0, sizeof(flows))
-    if not rest:
+    if not at_rest:
         flow_slopes(x, u, c, network, &flows)
         flow_numbers(x, u, &flows, t, of_flows, of_flows + t.m)
     lump_slopes(x, u, flows.q_h, flows.q_s, &c.line.lump, t, by_state, by_flow, n)
     by_flow[2 * SAC], by_flow[2 * SAC + 1] = -c.sac.a6, c.sac.a5
-    if rest:
+    if at_rest:
         memset(by_flow, 0, 2 * n * sizeof(double))
     for row in range(n):
         for i in range(3):
@@ -300,7 +300,7 @@ cdef inline void _advance_lump(
     cdef Interval part = interval[0]
     cdef Inputs bend
     cdef bint flows = interval.start.area > 0.0 or knot.area > 0.0 or interval.end.area > 0.0
-    cdef double rest = 1.0 - knot.share
+    cdef double remaining = 1.0 - knot.share
     if not (0.0 < knot.share < 1.0 and flows):
         _advance(x, interval, c, network, t, n)
         return
@@ -311,6 +311,6 @@ cdef inline void _advance_lump(
     part.end, part.length = bend, knot.share * interval.length
     part.substeps = <int64_t> ceil(knot.share * interval.substeps)
     _advance(x, &part, c, network, t, n)
-    part.start, part.end, part.length = bend, interval.end, rest * interval.length
-    part.substeps = <int64_t> ceil(rest * interval.substeps)
+    part.start, part.end, part.length = bend, interval.end, remaining * interval.length
+    part.substeps = <int64_t> ceil(remaining * interval.substeps)
     _advance(x, &part, c, network, t, n)

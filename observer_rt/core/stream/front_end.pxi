@@ -24,7 +24,7 @@ cdef double opening_band(double lift_noise) noexcept nogil:
     return max(DEAD_BAND_FLOOR, DEAD_BAND_SIGMAS * lift_noise)
 
 
-cdef int64_t known(Observer* observer, int64_t position) noexcept nogil:
+cdef int64_t lookahead_at(Observer* observer, int64_t position) noexcept nogil:
     """How many samples after `position` are received and follow it without a break (at most the look-ahead)."""
     positions = &observer.memory.positions
     count = min(positions.received - 1 - position, observer.constants.timing.lookahead)
@@ -49,7 +49,7 @@ cdef void open_from(Observer* observer, int64_t position) noexcept nogil:
     ramp = &observer.memory.ramp
     foot = max(_foot_ahead(observer, position, 0), 0)
     ramp.foot = position + foot
-    ramp.rise = _rise(observer, position + foot, known(observer, position) - foot)
+    ramp.rise = _rise(observer, position + foot, lookahead_at(observer, position) - foot)
     ramp.foot_lift = _lift_before_foot(observer, position + foot, ramp.rise)
     ramp.fall = 0.0
 
@@ -59,7 +59,7 @@ cdef int64_t _foot_ahead(Observer* observer, int64_t position, int64_t nearest) 
 
     One more where that is a mean over a part of the ramp only.
     """
-    ahead = known(observer, position)
+    ahead = lookahead_at(observer, position)
     for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
         if _opens_within(observer, position + distance, min(ahead - distance, _reach(observer))):
             return distance + _is_partial(observer, position + distance)
@@ -110,7 +110,7 @@ cdef bint stays_low(Observer* observer, int64_t position, double highest) noexce
     ring = observer.ring
     if ring[position & MASK].index - memory.needle.shut_index <= timing.bounce:
         return False
-    ahead = known(observer, position)
+    ahead = lookahead_at(observer, position)
     first = 0
     while first < ahead and not ring[(position + first) & MASK].lift > band.lift_on:
         first += 1
@@ -131,7 +131,7 @@ cdef bint leaps_about(Observer* observer, int64_t position) noexcept nogil:
     memory, ring = observer.memory, observer.ring
     quickest = observer.constants.quickest + memory.dead_band.lift_on + OFF_SEAT
     cdef int64_t leaps = 0
-    for k in range(position, position + known(observer, position) + 1):
+    for k in range(position, position + lookahead_at(observer, position) + 1):
         leaps += abs(ring[k & MASK].lift - ring[(k - 1) & MASK].lift) > quickest
     return leaps >= LEAPS
 
@@ -179,7 +179,7 @@ cdef double _ramp_lift(Observer* observer, int64_t position, int64_t foot) noexc
     """Lift [m] at `position`, `foot` samples before the first recorded as open (0: the recorded one)."""
     if foot <= 0:
         return _recorded_lift(observer, position)
-    rise = _rise(observer, position + foot, known(observer, position) - foot)
+    rise = _rise(observer, position + foot, lookahead_at(observer, position) - foot)
     if rise == 0.0:
         return 0.0
     return _lift_before_foot(observer, position + foot, rise) - (foot - 1) * rise
@@ -199,7 +199,7 @@ cdef bint _no_lift_from(Observer* observer, int64_t position) noexcept nogil:
     band = &observer.memory.dead_band
     # a ramp whose toe is missing ends at once: what is below the dead band is noise
     threshold = band.lift_on if observer.constants.timing.toe > 0 else band.lift_off
-    ahead = known(observer, position)
+    ahead = lookahead_at(observer, position)
     for distance in range(min(ahead + 1, CONFIRM)):
         if observer.ring[(position + distance) & MASK].lift > threshold:
             return False
@@ -210,7 +210,7 @@ cdef bint _ends_within(Observer* observer, int64_t position) noexcept nogil:
     """Whether a ramp ends within the mean that `position` is, and samples before it tell that ramp."""
     return bool(
         position - 1 >= observer.memory.ramp.foot
-        and known(observer, position) > 0
+        and lookahead_at(observer, position) > 0
         and not _no_lift_from(observer, position)
         and _no_lift_from(observer, position + 1)
     )
@@ -269,7 +269,7 @@ cdef double shut_area(Observer* observer, int64_t position) noexcept nogil:
     """
     virtual = 0.0
     seat = &observer.constants.seat
-    foot = _foot_ahead(observer, position, 1) if known(observer, position) >= 2 else -1
+    foot = _foot_ahead(observer, position, 1) if lookahead_at(observer, position) >= 2 else -1
     if foot > 0:
         first = _ramp_lift(observer, position + 1, foot - 1)
         if first > 0.0 or foot == 1:

@@ -120,7 +120,7 @@ cdef bint come_to_rest(Observer* observer, int64_t position) noexcept nogil:
     memory = observer.memory
     band = &memory.dead_band
     before = observer.constants.timing.confirm
-    begin, end = position - before, position + known(observer, position) + 1
+    begin, end = position - before, position + lookahead_at(observer, position) + 1
     if begin <= memory.ramp.foot or end - position <= before:
         return False
     level = 0.0

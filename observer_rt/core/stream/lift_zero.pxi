@@ -29,7 +29,7 @@ cdef inline void take_out_zero(Observer* observer, int64_t position) noexcept no
     """
     memory = observer.memory
     zero, resting = &memory.lift_zero, &memory.resting_lift
-    end = position + known(observer, position) + 1
+    end = position + lookahead_at(observer, position) + 1
     if zero.lifted == 0:
         _begin(observer, end)
     for k in range(zero.lifted, end):

@@ -31,7 +31,7 @@ cdef bint _is_measured(Observer* observer, int64_t position) noexcept nogil:
     if late == 0:
         return True
     if late > 0:
-        return known(observer, position) >= late
+        return lookahead_at(observer, position) >= late
     return position + late >= observer.memory.positions.segment_start
 
 

@@ -78,7 +78,7 @@ cdef bint advance_stream(Observer* observer) noexcept nogil:
         position = positions.processed
         if (
             not mode.draining
-            and known(observer, position) < observer.constants.timing.lookahead
+            and lookahead_at(observer, position) < observer.constants.timing.lookahead
             and not _cut_short(observer, position)
         ):
             break
@@ -98,7 +98,7 @@ cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept n
     come as a frame carries more or fewer.
     """
     positions = &observer.memory.positions
-    for k in range(positions.inspected, position + known(observer, position) + 1):
+    for k in range(positions.inspected, position + lookahead_at(observer, position) + 1):
         row = &observer.ring[k & MASK]
         outlier = inspect(observer, k)
         if row.doubt == DOUBT_NONE:
@@ -108,7 +108,7 @@ cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept n
 
 cdef bint _cut_short(Observer* observer, int64_t position) noexcept nogil:
     """Whether a break follows within the look-ahead, so that it will never be longer."""
-    following = position + known(observer, position) + 1
+    following = position + lookahead_at(observer, position) + 1
     return following < observer.memory.positions.received
 
 

@@ -13,10 +13,10 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery import nominal, real_line
-from tools.benchmarks.discovery.answers import Answer, Grade
+from tools.benchmarks.discovery.answers import Answer, Grade, calibration_error
 from tools.benchmarks.discovery.cases import HiddenCase, Query, nominal_cases, real_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.discovery.nominal import calibration_error, detection_limit
+from tools.benchmarks.discovery.nominal import detection_limit
 from tools.benchmarks.discovery.real_line import is_larger
 from tools.benchmarks.discovery.rigs import GIVEN, Rig
 from tools.benchmarks.discovery.scoring import gaps, held_intervals
@@ -34,7 +34,6 @@ def answer(
     stated: dict[str, Any] = {
         "smallest": (),
         "amended_model": "",
-        "seconds": 3.0,
         "core_seconds": 4.0,
         **more,
     }
@@ -143,7 +142,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, module: Any, parts: Parts) -> Non
         request = " ".join(map(str, (*recordings, folder, model)))
         assert not any(name in request for name in (*HIDDEN, *EFFECTS, *Discrepancy, *Query))
         assert len(recordings) == len(GIVEN)
-        return Answer("named", tuple(findings_of(parts)), (), amended_model_of(parts), 1.0, 1.0)
+        return Answer("named", tuple(findings_of(parts)), (), amended_model_of(parts), 1.0)
 
     monkeypatch.setattr(module, "ask", ask)
 
@@ -171,8 +170,8 @@ def test_the_true_effect_in_force_closes_the_gap(
     row = nominal.score_nominal(case, NOMINAL_INJECTOR)
     assert row["grade"] is Grade.RIGHT
     assert row["held"] == [True] * len(case.parts[0][1])
-    for _, after, oracle in noted_gaps[0]:
-        assert after < oracle + 0.01  # MPa, mg: steps and holds of two integrators
+    for _, after, _ in noted_gaps[0]:
+        assert after < 0.03  # MPa, mg: steps and holds of two integrators
     assert max(before for before, _, _ in noted_gaps[0]) > 0.3
 
 
@@ -186,7 +185,7 @@ def test_a_wrong_effect_leaves_the_gap(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_an_exact_equivalent_counts_with_its_own_size() -> None:
     stiffer = 1.0 / (1.0 - 0.05) - 1.0
-    named = Answer("named", tuple(findings_of((("bulk_modulus", (stiffer,)),))), (), "", 1.0, 1.0)
+    named = Answer("named", tuple(findings_of((("bulk_modulus", (stiffer,)),))), (), "", 1.0)
     assert held_intervals((("line_volume", (-0.05,)),), named) == [True]
     assert held_intervals((("line_volume", (0.05,)),), named) == [False]
 

@@ -14,11 +14,11 @@ from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_cases
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.outside import bars, facts_of, score_outside
 from tools.benchmarks.discovery.outside_answers import (
-    Misfit,
     OutsideAnswer,
     ProposedTerms,
     vocabulary_without,
 )
+from tools.benchmarks.discovery.scoring import Misfit
 
 GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2), "after")
 SEAT = replace(GOOD, equations=("needle_lift",))
@@ -32,7 +32,6 @@ ANSWER = OutsideAnswer(
     Misfit(1.0, 2.0),
     Misfit(0.0, 0.0),
     Misfit(1.0, 2.0),
-    9.0,
     7.0,
 )
 
@@ -145,15 +144,23 @@ def test_every_figure_has_a_bar_that_can_be_missed() -> None:
     good = [
         facts(GOOD),
         facts(GOOD, name="relief_leakage"),
-        named("seat_area"),
-        named(asked=Query.HEALTHY, verdict="none"),
+        named("seat_area", stated=((0.97, ("lift_gain",), ()),)),
+        named(asked=Query.HEALTHY, verdict="none", stated=((0.99, (), ()),)),
     ]
     good.append(facts(SEAT, asked=Query.LEFT_OUT, name="seat_area"))
     wrong = replace(GOOD, equations=("stiffness",), misfit=Misfit(2.0, 3.0))
     bad = [facts(wrong), facts(wrong, name="relief_leakage"), facts(GOOD, asked=Query.HEALTHY)]
     bad.append(named("seat_area", proposals=(GOOD,)))
     bad.append(facts(asked=Query.LEFT_OUT, name="seat_area"))
-    bad.append(named("guide_leakage", asked=Query.OUTSIDE, name="root_leakage", core_seconds=1e3))
+    bad.append(
+        named(
+            "guide_leakage",
+            asked=Query.OUTSIDE,
+            name="root_leakage",
+            core_seconds=1e3,
+            stated=((0.9, (), ("stiffness",)),),
+        )
+    )
     assert judged(frame_of(good), bars("A"))["met"].isin([True, None]).all()
     verdict = judged(frame_of([*good, *bad]), bars("A"))
     assert not verdict["met"].any()

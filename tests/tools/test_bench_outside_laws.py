@@ -15,8 +15,8 @@ from observer_rt.model.terms.term import Term, TermEquation
 from tests.plants.parameters import Injector
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches
 from tools.benchmarks.discovery.laws import KINDS, WAVE_OF_SENSOR, WEAK_BELOW
-from tools.benchmarks.discovery.outside_answers import misfit
 from tools.benchmarks.discovery.rigs import FURTHER, write_all
+from tools.benchmarks.discovery.scoring import misfit
 from tools.benchmarks.discovery.vocabulary import TAP_DAMPING
 
 PART = Injector()

@@ -4,13 +4,13 @@ import json
 import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from tools.benchmarks.campaign import How, Row
@@ -19,6 +19,7 @@ TIME_LIMIT = 600  # s
 KEPT_MESSAGE = 400  # characters of a failed command's
 NONE, NAMED, AMBIGUOUS, UNKNOWN = "none", "named", "ambiguous", "unknown"
 CONFIDENT = 0.9
+BIN_EDGES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 
 class Grade(StrEnum):
@@ -39,6 +40,20 @@ def tally(values: pd.Series) -> str:
     return ", ".join(f"{value} {count}" for value, count in values.value_counts().items())
 
 
+def calibration(confidences: pd.Series) -> pd.DataFrame:
+    """What confidences, positive where right, let expect, and how often they are right, by bins."""
+    stated = confidences.abs().astype(float)
+    within = pd.cut(stated, BIN_EDGES, include_lowest=True)
+    columns = pd.DataFrame({"expected": stated, "seen": (confidences > 0.0).astype(float), "of": 1})
+    return columns.groupby(within, observed=True).agg({"expected": "mean", "seen": "mean", "of": "sum"})
+
+
+def calibration_error(confidences: pd.Series) -> float:
+    """Mean distance between expected and seen in `calibration`."""
+    bins = calibration(confidences)
+    return float(np.average((bins["expected"] - bins["seen"]).abs(), weights=bins["of"]))
+
+
 GRADES: dict[str, tuple[str, How]] = {str(grade): ("grade", _counted(grade)) for grade in Grade}
 """Columns of tables."""
 
@@ -47,15 +62,14 @@ GRADES: dict[str, tuple[str, How]] = {str(grade): ("grade", _counted(grade)) for
 class Answer:
     """What findings.json says; listed: all ids an ambiguous answer leaves open.
 
-    amended_model: the text of the file, or of the model given where nothing is amended; seconds: of wall time;
-    core_seconds: of processor time, all its processes.
+    amended_model: the text of the file, or of the model given where nothing is amended; core_seconds: of processor
+    time, all its processes.
     """
 
     verdict: str
     claims: tuple[Row, ...]
     smallest: tuple[Row, ...]
     amended_model: str
-    seconds: float
     core_seconds: float
 
     @property
@@ -78,7 +92,6 @@ class Answer:
             "verdict": self.verdict,
             "claimed": claimed,
             "answer": named if self.verdict == NAMED else self.verdict,
-            "seconds": self.seconds,
             "core_seconds": self.core_seconds,
         }
 
@@ -91,16 +104,16 @@ def ask(recordings: Sequence[Path], folder: Path, model: Path, choose: bool) -> 
     """
     command = [sys.executable, "-m", "observer_rt", "discover", "--model", str(model), "--out", str(folder)]
     command += map(str, recordings)
-    before, begin = _core_seconds(), time.perf_counter()
+    before = _core_seconds()
     findings = _findings(command, folder)
-    seconds, used = time.perf_counter() - begin, _core_seconds() - before
+    used = _core_seconds() - before
     if choose and findings["verdict"] == AMBIGUOUS:
         leading = "+".join(effect["id"] for effect in findings["effects"])
         findings = _findings([*command, "--force", "--choose", leading], folder)
     name = findings.get("amended_model")
     amended = (folder / name).read_text() if name else model.read_text()
     effects, smallest = tuple(findings["effects"]), tuple(findings.get("smallest_visible", ()))
-    return Answer(findings["verdict"], effects, smallest, amended, seconds, used)
+    return Answer(findings["verdict"], effects, smallest, amended, used)
 
 
 def _findings(command: Sequence[str], folder: Path) -> dict[str, Any]:

@@ -13,8 +13,9 @@ import typer
 from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.foundation.errors import UserError
 from tools.benchmarks import command_line as cli
-from tools.benchmarks.campaign import Row, conclude, run_cases, table
+from tools.benchmarks.campaign import Row, conclude, run_cases, table, values_of
 from tools.benchmarks.discovery import nominal, outside, real_line
+from tools.benchmarks.discovery.answers import calibration
 from tools.benchmarks.discovery.cases import (
     HEALTHY,
     OUTSIDE_SHARES,
@@ -83,7 +84,7 @@ def discovery(
             f"asked: {asked}": table(frame[frame["asked"].eq(asked)], "hidden", outside.COLUMNS)
             for asked in OUTSIDE_SHARES
             if "asked" in frame and frame["asked"].eq(asked).any()
-        }
+        } | {"confidence": calibration(values_of(frame, "confidences"))}
         conclude(frame, outside.bars(str(tier)), tables, out, as_json, outside.misses(frame))
     elif on_lines:
         cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, HEALTHY), ())

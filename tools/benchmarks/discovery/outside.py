@@ -1,6 +1,6 @@
 """Outside the vocabulary: effects no name is for, or whose name was taken away, and the terms `discover` proposes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,7 +9,7 @@ import pandas as pd
 
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row
-from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, tally
+from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, calibration_error, tally
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches, taken_away
 from tools.benchmarks.discovery.kinds import (
     MOMENTUM,
@@ -92,6 +92,12 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
         "WRONG EQUATION": case.asked is Query.OUTSIDE and not right_equation,
         "GAP": case.asked is Query.OUTSIDE and (not pressure_halved or mass_halved is False),
     }
+    right, wrong_odds = 0.0, []  # right are all that cannot be told from what is hidden
+    for odds, names, equations in answer.stated:
+        if _is_right(names, map(TermEquation, equations), case, right_equations):
+            right += odds
+        else:
+            wrong_odds.append(-odds)
     suspicion = VIOLATED.get(answer.suspect, frozenset()) & right_equations
     said = f"{answer.verdict} {'+'.join(answer.claims)}".strip()
     if answer.verdict == UNKNOWN:  # with the equation that is suspected, and a ? where it is wrong
@@ -103,6 +109,7 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
         "in_library": kind.in_library if kind else None,
         "said": said,
         "confidence": answer.confidence,
+        "confidences": [right, *wrong_odds] if right else wrong_odds,
         "proposal": f"{best.text}{'' if best.may_enter else ', refused'}" if best else "nothing",
         "proposed": best is not None,
         "accepted": accepted,
@@ -121,10 +128,19 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
         "mass_halved": mass_halved,
         "accepted_worse": worse,
         "wrong_and_sure": wrong,
-        "seconds": answer.seconds,
         "core_seconds": answer.core_seconds,
         "marks": ", ".join(mark for mark, holds in marks.items() if holds),
     }
+
+
+def _is_right(
+    names: Iterable[str], laws: Iterable[TermEquation], case: HiddenCase, right: frozenset[TermEquation]
+) -> bool:
+    """Whether an explanation is of the hidden effect, by name or by laws of its equation; of a healthy case none."""
+    of_laws, named = frozenset(laws), tuple(names)
+    if case.asked is Query.HEALTHY or not (of_laws or named):
+        return case.asked is Query.HEALTHY and not (of_laws or named)
+    return of_laws <= right and all(near_tie(name, case.name) for name in named)
 
 
 def misses(frame: pd.DataFrame) -> list[str]:
@@ -155,10 +171,12 @@ def bars(tier: str) -> Sequence[Bar]:
         ("proposed_to_healthy", "asked == 'healthy'", "proposed", 0.0, 0.02),
         ("proposed_to_rightly_named", "asked == 'single' and rightly_named == True", "proposed", 0.03, 0.06),
     )
+    calibrated = Bar("confidence_calibration_error", "confidences", calibration_error, most=0.05)
     slowest = Bar("core_seconds_max", "core_seconds", "max", most=(10.0, 20.0)[index])
     return [
         *(Bar(name, column, "mean", least=limits[index], of=of) for name, of, column, *limits in at_least),
         *(Bar(name, column, "mean", most=limits[index], of=of) for name, of, column, *limits in at_most),
+        calibrated,
         slowest,
     ]
 
@@ -179,7 +197,6 @@ COLUMNS: dict[str, tuple[str, How]] = {
     "mass after": ("mass_after", "median"),
     "mass halved": ("mass_halved", "of"),
     "worse": ("accepted_worse", "sum"),
-    "seconds": ("seconds", "median"),
     "of a core": ("core_seconds", "median"),
     "answered": ("said", tally),
 }

@@ -1,6 +1,5 @@
 """What `discover` answers on a case, and how far its models are from the plant where nothing was given."""
 
-import math
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -9,34 +8,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-import numpy as np
-
 from observer_rt.config.bench import load_injector
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.files.formats import read_recording
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
+from observer_rt.identification.discovery.search.outcome import SearchOutcome
 from observer_rt.identification.discovery.search.results import Proposal
-from observer_rt.identification.discovery.search.search import Search, SearchOutcome
+from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.open_loop import mass, measured_mass, simulated
 from observer_rt.identification.likelihood.operating_points import by_operating_point
-from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model import effects
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
+from tools.benchmarks.discovery.scoring import Misfit, misfit
 
+IMPROBABLE = 0.02
 GIVEN_FOLDER, FURTHER_FOLDER, HEALTHY_FOLDER = "given", "further", "healthy"  # of a case
-
-
-@dataclass(frozen=True)
-class Misfit:
-    """Rms of model minus plant at operating points that were not given: line pressure around openings, and mass."""
-
-    pressure_mpa: float
-    mass_mg: float
 
 
 @dataclass(frozen=True)
@@ -60,7 +49,8 @@ class OutsideAnswer:
 
     claims: names given; by_vocabulary: names its search ended with where they explain all, whatever is proposed
     besides; suspect: the equation an unknown effect is said to violate; before: of the model as given; own: of it
-    where nothing is hidden; named: with what the vocabulary has for it; core_seconds: of processor time.
+    where nothing is hidden; named: with what the vocabulary has for it; core_seconds: of processor time; stated:
+    probability, names and equations of laws of every explanation that is not improbable.
     """
 
     verdict: str
@@ -72,8 +62,8 @@ class OutsideAnswer:
     before: Misfit
     own: Misfit
     named: Misfit
-    seconds: float
     core_seconds: float
+    stated: tuple[tuple[float, tuple[str, ...], tuple[str, ...]], ...] = ()
 
 
 def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> OutsideAnswer:
@@ -83,10 +73,10 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
     baseline = NOT_FITTED if fitted is None else healthy_of_fit(fitted, True)
     recordings = [with_healthy_offset(one, baseline) for one in _measured(folder / GIVEN_FOLDER)]
     points = [point.measurement for point in by_operating_point(recordings)]
-    begin, core_begin = time.perf_counter(), time.process_time()
+    begin = time.process_time()
     with vocabulary_without(without), noted_search() as noted:
         findings = name_effects(nominal, points, SearchOptions(os.cpu_count() or 1, baseline=baseline))
-    seconds, core_seconds = time.perf_counter() - begin, time.process_time()
+    core_seconds = time.process_time() - begin
     outcome = noted[-1]
     further = _measured(folder / FURTHER_FOLDER)
     winner = outcome.winner if outcome.adequate else outcome.nominal
@@ -100,8 +90,12 @@ def ask_outside(folder: Path, model: Path, without: Sequence[str] = ()) -> Outsi
         misfit(nominal, further),
         misfit(nominal, _measured(folder / HEALTHY_FOLDER)),
         misfit(winner.model(nominal), further),
-        seconds,
-        core_seconds - core_begin,
+        core_seconds,
+        tuple(
+            (odds, one.named, tuple(str(term.equation) for term in one.terms))
+            for one, odds in outcome.posterior
+            if odds >= IMPROBABLE
+        ),
     )
 
 
@@ -120,24 +114,6 @@ def taken(
         )
         for one in proposals
     )
-
-
-def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
-    """Of a model, against recordings without noise; inf where it has no solution."""
-    pressures, masses = [], []
-    try:
-        for measured in further:
-            for run in simulated(measured, model):
-                inside = in_mass_window(measured, run.event, run.rate_samples)
-                off = run.line_pressure - measured.recording.line_pressure[run.samples]
-                pressures.append(off[inside] / MEGAPASCAL)
-                density = model.coefficients.density
-                off_mass = mass(measured, run, density) - measured_mass(measured, run, density)
-                masses.append(off_mass / MILLIGRAM)
-    except ArithmeticError:
-        return Misfit(math.inf, math.inf)
-    values = (float(np.sqrt(np.mean(np.square(found)))) for found in (np.concatenate(pressures), masses))
-    return Misfit(*(value if math.isfinite(value) else math.inf for value in values))
 
 
 @contextmanager

@@ -2,27 +2,24 @@
 
 import math
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.learning.predictor import follow
-from observer_rt.core.model.model import rest_state
-from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
-from observer_rt.engine.estimation.scalars import nothing_learned
-from observer_rt.files.signals.recording import Recording
+from observer_rt.files.formats import read_recording
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
-from observer_rt.identification.likelihood.measurement import measurements
-from observer_rt.identification.likelihood.windows import TrueInputs
+from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.open_loop import mass, measured_mass, simulated
+from observer_rt.identification.likelihood.windows import in_mass_window
+from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import EffectInForce, EffectValue, InjectorParameters
-from observer_rt.model.stability import substeps_needed
-from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
 from tests.plants.parameters import Faults, with_faults
-from tests.plants.plant import SAMPLE_RATE, Bench, Outcome, record
+from tests.plants.plant import SAMPLE_RATE, Bench
 from tests.plants.windows import windows_of
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery import oracle
@@ -30,14 +27,11 @@ from tools.benchmarks.discovery.answers import AMBIGUOUS, Answer
 from tools.benchmarks.discovery.cases import HiddenCase, nominal_benches
 from tools.benchmarks.discovery.discrepancies import plant_of
 from tools.benchmarks.discovery.kinds import same_effect
-from tools.benchmarks.discovery.rigs import GIVEN
+from tools.benchmarks.discovery.rigs import GIVEN, write_all
 from tools.benchmarks.discovery.vocabulary import HIDDEN, Parts, effect_of
 
-SUBSTEPS = 10  # at 100 kHz, or what is needed: of the nominal injector a fifth, at the largest orifice
 Model = tuple[Array, Array]
 """Recorded line pressure [Pa] and mass flow [kg/s] (n,) of a model or of the plant."""
-Solve = Callable[[Bench, Outcome], Model]
-"""What a model makes of a recording's inputs."""
 
 
 def visibility(case: HiddenCase) -> Row:
@@ -88,28 +82,38 @@ def held_intervals(truth: Parts, answer: Answer) -> list[bool]:
     return held
 
 
-def gaps(benches: Iterable[Bench], models: Sequence[Solve]) -> tuple[list[float], ...]:
-    """Rms of each model minus plant where nothing was given: of line pressures [MPa] and of injected masses [mg]."""
-    off: list[list[Model]] = [[] for _ in models]
-    for bench in benches:
-        outcome = record(bench)
-        windows = windows_of(outcome, SAMPLE_RATE)
-        samples = np.concatenate([np.arange(r.start, r.stop) for r in windows.ranges])
-        density = with_faults(bench.injector, bench.events[0].faults).density
-        for solve, differences in zip(models, off, strict=True):
-            line, flow = solve(bench, outcome)
-            pressure = (line - outcome.measured.line_pressure)[samples] / MEGAPASCAL
-            mass = windows.masses(flow - outcome.truth.injection_rate * density, 1.0) / MILLIGRAM
-            differences.append((pressure, mass))
-    return tuple(
-        [float(np.sqrt(np.mean(np.concatenate([d[signal] for d in each]) ** 2))) for each in off]
-        for signal in (0, 1)
-    )
+def gaps(benches: Iterable[Bench], injectors: Sequence[InjectorParameters]) -> tuple[list[float], ...]:
+    """Rms of each injector's model minus plant on recordings without noise: of line pressures [MPa], masses [mg]."""
+    with tempfile.TemporaryDirectory() as folder:
+        further = measurements([read_recording(path) for path in write_all(benches, True, Path(folder))])
+    off = [misfit(effective_model(injector), further) for injector in injectors]
+    return [one.pressure_mpa for one in off], [one.mass_mg for one in off]
 
 
-def solving(injector: InjectorParameters) -> Solve:
-    """The package's model of an injector, open loop."""
-    return lambda _, outcome: open_loop(injector, recording_of(outcome))
+@dataclass(frozen=True)
+class Misfit:
+    """Rms of model minus plant at operating points that were not given: line pressure around openings, and mass."""
+
+    pressure_mpa: float
+    mass_mg: float
+
+
+def misfit(model: EffectiveModel, further: Sequence[Measurement]) -> Misfit:
+    """Of a model, against recordings without noise; inf where it has no solution."""
+    pressures, masses = [], []
+    try:
+        for measured in further:
+            for run in simulated(measured, model):
+                inside = in_mass_window(measured, run.event, run.rate_samples)
+                off = run.line_pressure - measured.recording.line_pressure[run.samples]
+                pressures.append(off[inside] / MEGAPASCAL)
+                density = model.coefficients.density
+                off_mass = mass(measured, run, density) - measured_mass(measured, run, density)
+                masses.append(off_mass / MILLIGRAM)
+    except ArithmeticError:
+        return Misfit(math.inf, math.inf)
+    values = (float(np.sqrt(np.mean(np.square(found)))) for found in (np.concatenate(pressures), masses))
+    return Misfit(*(value if math.isfinite(value) else math.inf for value in values))
 
 
 def injector_of(text: str) -> InjectorParameters:
@@ -118,13 +122,6 @@ def injector_of(text: str) -> InjectorParameters:
         path = Path(folder) / "injector.toml"
         path.write_text(text)
         return load_injector(path)
-
-
-def truth_of(case: HiddenCase) -> Solve:
-    """What the plant itself makes of its inputs, by the oracle."""
-    return lambda bench, outcome: true_model(
-        oracle.recorded(bench, outcome, with_rate=False), faults_of(case)
-    )
 
 
 def faults_of(case: HiddenCase) -> Faults:
@@ -137,36 +134,6 @@ def true_model(r: oracle.OracleRecording, faults: Faults) -> Model:
     errors, rate, _ = oracle.simulated(r, faults, closed_loop=False)
     line = r.line - errors * (1.0 + faults.line_pressure_sensor_gain)
     return line, rate * with_faults(r.bench.injector, faults).density
-
-
-def open_loop(injector: InjectorParameters, recording: Recording) -> tuple[Array, Array]:
-    """Line pressure as the model's sensor records it [Pa] (n,), and injected mass flow [kg/s] (n,)."""
-    model = effective_model(injector)
-    c, sensor = model.coefficients, model.sensor
-    (measurement,) = measurements([recording])
-    inputs = TrueInputs(measurement, model.inputs, c)
-    u = np.stack((inputs.rail, inputs.area), axis=1)
-    start = np.zeros(c.states + 1)
-    start[-1] = inputs.rail[0]
-    rest_state(start[:-1], start[-1], c)
-    window = Window(
-        inputs=u,
-        output=np.zeros(recording.samples),
-        resting=np.zeros(recording.samples, np.bool_),
-        start=start,
-        opening=recording.samples,
-    )
-    errors, rate = np.empty((2, recording.samples))
-    substeps = max(SUBSTEPS, substeps_needed(model.injector, recording.sample_rate, model.departures))
-    setting = Setting(
-        measurement.interval, substeps, c, np.zeros(c.states), lag=sensor.lag, program=model.program
-    )
-    follow(window, setting, nothing_learned(c), 0, errors, rate, None, NO_SLOPES)
-    indicated = -errors * c.pressure_scale + c.chamber_pressure + sensor.offset
-    indicated[0] = indicated[1]
-    late = sensor.delay / measurement.interval
-    sample = np.arange(recording.samples)
-    return np.interp(sample - late, sample, indicated), rate * c.density
 
 
 def in_terms_of(fitted: InjectorParameters, case: HiddenCase) -> Parts:

@@ -7,7 +7,8 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
-from observer_rt.identification.discovery.search.results import Cell
+from observer_rt.identification.discovery.search.fits import Fitter
+from observer_rt.identification.discovery.search.results import Candidate, Cell
 from observer_rt.identification.likelihood.likelihood import (
     JointLikelihood,
     JudgedModel,
@@ -22,6 +23,8 @@ from observer_rt.model.effective import EffectiveModel
 VARIANCE_LIMIT = {Signal.LINE_PRESSURE: 1.25, Signal.INJECTION_RATE: 1.6}
 COLOUR_LIMIT = {Signal.LINE_PRESSURE: 2.0, Signal.INJECTION_RATE: 4.0}
 SIGNIFICANT = 5.0  # standard deviations
+REMAINDER = 0.06  # of what there was, that a fitted model may leave: a law is no more exact than it is
+EXACT = 1e-3  # of the same, that an exact model may leave: steps and samples are not finer
 
 
 def cells_of(
@@ -97,3 +100,36 @@ def worst(pool: Pool, healthy: Healthy = NOT_FITTED) -> Worst:
                 ratio = min(ratio, 1.0)
             ranked.append(Worst(signal, phase, ratio))
     return max(ranked, key=lambda item: item.ratio)
+
+
+class Adequacy:
+    """Whether candidates leave nothing but noise, or the model's own error."""
+
+    def __init__(self, fits: Fitter, healthy: Healthy) -> None:
+        self._fits, self._healthy = fits, healthy
+        self.remainder = REMAINDER if healthy.appears else EXACT
+        """Share of what effects explain that may be the model's own error."""
+
+    def ratio(self, candidate: Candidate) -> float:
+        """Ratio of a candidate's worst phase to its limit; above 1 it does not explain the recordings."""
+        pool = self._fits.pool(candidate)
+        return np.inf if pool is None else worst(pool, self._healthy).ratio
+
+    def __call__(self, candidate: Candidate) -> bool:
+        """Whether a candidate with laws explains the recordings, but for the model's own error."""
+        pool = self._fits.pool(candidate)
+        if pool is None:
+            return False
+        return self.ratio(candidate) <= 1.0 or bool(candidate.hypothesis.effects and self._is_remainder(pool))
+
+    def _is_remainder(self, pool: Pool) -> bool:
+        """Whether so little is left of what there was in every phase that it may be the model's own error."""
+        before = self._fits.pool(self._fits.nothing())
+        assert before is not None  # the search began with it
+        for signal, statistics in pool.items():
+            for phase in Phase:
+                healthy = VARIANCE_LIMIT[signal] * healthy_level(self._healthy, signal, phase)[0]
+                excess = statistics.variance(phase) - healthy
+                if excess > self.remainder * max(0.0, before[signal].variance(phase) - healthy):
+                    return False
+        return True

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import combinations, product
 from operator import attrgetter, itemgetter
 from types import MappingProxyType
@@ -19,7 +18,14 @@ from observer_rt.identification.discovery.search.hypothesis import (
     minimum_from,
 )
 from observer_rt.identification.discovery.search.results import Candidate
-from observer_rt.identification.discovery.search.scores import Scores, Signature, scored, weights_of
+from observer_rt.identification.discovery.search.scores import (
+    WHOLE,
+    Scores,
+    Signature,
+    bounds_of,
+    scored,
+    weights_of,
+)
 from observer_rt.identification.likelihood import appearance
 from observer_rt.identification.likelihood.bounded_fit import (
     MAX_ITERATIONS,
@@ -42,13 +48,11 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import form_freed, form_settled, is_term
 from observer_rt.model.terms.term import TermEquation
 
-WORTH_FITTING = 10.0  # predicted gain from which on a second effect is fitted
-PROMISED = 0.5  # of a gain that is needed: a promise is linear, and not exact
-MOST_SECONDS = 6  # second effects fitted to one leader
 ROUGH_ITERATIONS = 3  # of the first fit of every effect
 ROUGH_SHARE = 0.5  # of what the best single explains: those that leave more of it unexplained stay rough
 ALWAYS_REFINED = 4  # leaders
 LAW_ITERATIONS, FREED_ITERATIONS = 6, 8  # of a fit of laws, and with the numbers within them free
+MOST_NAMED = 3  # numbers within a law that has a name: a table has more
 SAME = 0.998  # cosine of two signatures of one equation, from which on they stand for one
 NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
 
@@ -170,26 +174,23 @@ class Fitter:
                 raise
 
     def scores(self, about: Candidate, effects: Sequence[Effect]) -> Scores:
-        """Scores of effects with one size that a candidate does not have, a small one of each beside it."""
+        """Scores of effects that a candidate does not have, by a little of each beside it, names by more as well."""
         here = self.residuals(about)
         assert here is not None  # it was fitted
         weights = weights_of(here)
         left = np.asarray(weights * here.z, np.float32)
 
         def signature(effect: Effect) -> Signature | None:
-            size, hypothesis = effect.parameters[0], about.hypothesis.with_effect(effect)
-            small = hypothesis.ranges()[-1].step if is_term(effect) else 0.5 * size.dead_zone
-            scored_effects: list[tuple[float, Signature]] = []
-            for step in (small, -small):
-                if size.lowest <= step <= size.highest:
-                    moved = self._sizing(hypothesis).residuals(np.append(about.theta, step))
-                    if moved is not None:
-                        slope = np.asarray(weights * (here.z - moved.z) / step, np.float32)
-                        gain = max(float(slope @ left) * math.copysign(1.0, step), 0.0) ** 2
-                        scored_effects.append((gain / max(float(slope @ slope), _TINY), slope))
-                if scored_effects and equation_of(effect) != TermEquation.NEEDLE_LIFT:
+            both, probed = about.hypothesis.with_effect(effect), list[tuple[float, Signature]]()
+            for sizes in _probes(effect, both.ranges()[-1].step if effect.parameters else WHOLE):
+                moved = self._sizing(both).residuals(np.append(about.theta, sizes[: len(effect.parameters)]))
+                if moved is not None:
+                    slope = np.asarray(weights * (here.z - moved.z) / sizes[0], np.float32)
+                    gain = max(float(slope @ left) * math.copysign(1.0, sizes[0]), 0.0) ** 2
+                    probed.append((gain / max(float(slope @ slope), _TINY), slope))
+                if probed and is_term(effect) and equation_of(effect) != TermEquation.NEEDLE_LIFT:
                     break  # but a needle is shut or open: little more is not little less the other way round
-            return max(scored_effects, key=itemgetter(0))[1] if scored_effects else None
+            return max(probed, key=itemgetter(0))[1] if probed else None
 
         scored_effects = [
             (number, one)
@@ -220,9 +221,15 @@ class Fitter:
         return self._remembered(hypothesis, hypothesis.ids, minimum_of_law)
 
     def sharpened(self, candidate: Candidate) -> Candidate | None:
-        """A candidate with the numbers within its laws fitted, too; None where they have none."""
-        effects = candidate.hypothesis.effects
-        freed = Hypothesis(tuple(map(form_freed, effects)))
+        """A candidate with the numbers within its laws fitted, too; None where they have none.
+
+        Those of a table are, where it stands alone: beside another law they hardly move, and are many.
+        """
+        effects, numbers = candidate.hypothesis.effects, candidate.hypothesis.numbers
+        few = [len(effects) == 1 or number <= MOST_NAMED for number in numbers]
+        freed = Hypothesis(
+            tuple(form_freed(one) if is_free else one for one, is_free in zip(effects, few, strict=True))
+        )
         if len(freed.parameters) == len(candidate.sizes):
             return None
         parts = zip(freed.effects, candidate.hypothesis.split(candidate.theta), strict=True)
@@ -238,7 +245,7 @@ class Fitter:
         if fit_of_form is None:
             return None
         settled = tuple(
-            form_settled(effect, values[1:].tolist()) if is_term(effect) else effect
+            form_settled(effect, values[1:].tolist()) if is_term(effect) and values.size > 1 else effect
             for effect, values in zip(effects, freed.split(fit_of_form.theta), strict=True)
         )
         return self._law(Hypothesis(settled), candidate.theta)
@@ -261,84 +268,60 @@ class Fitter:
             self._fitted(candidate)
         return candidate
 
-    def _fit_all(self, tasks: Sequence["_Task"], max_iterations: int) -> list[Candidate]:
-        """Fit hypotheses, each from its starts; those without a solution are left out."""
+    def named(
+        self, about: Candidate, effects: Sequence[Effect], sizes: Sequence[float] | None = None
+    ) -> list[Candidate]:
+        """Each effect of the vocabulary beside a candidate, all sizes fitted together, the best first.
 
-        def fitted(task: _Task) -> Candidate | None:
-            hypothesis = task.hypothesis
+        sizes: of their first parameters by their scores, one more place to begin. Those within reach of the best are
+        fitted to the end, the others roughly.
+        """
+        tasks = []
+        for number, effect in enumerate(effects):
+            own = Hypothesis((effect,)).starts()
+            if sizes is not None and effect.parameters:
+                own.append(np.append(sizes[number], own[0][1:]))
+            starts = [np.append(about.theta, start) for start in own]
+            tasks.append((about.hypothesis.with_effect(effect), starts))
+        rough = sorted(self._fitted_all(tasks, ROUGH_ITERATIONS), key=attrgetter("statistic"))
+        if not rough:
+            return []
+        reach = max(NEAR, ROUGH_SHARE * (about.statistic - rough[0].statistic))
+        leaders = [
+            one
+            for number, one in enumerate(rough)
+            if number < ALWAYS_REFINED or one.statistic <= rough[0].statistic + reach
+        ]
+        refined = self._fitted_all([(one.hypothesis, [one.theta]) for one in leaders], MAX_ITERATIONS)
+        return sorted([*refined, *rough[len(leaders) :]], key=attrgetter("price"))
+
+    def _fitted_all(
+        self, tasks: Sequence[tuple[Hypothesis, Sequence[NDArray[np.float64]]]], max_iterations: int
+    ) -> list[Candidate]:
+        """Hypotheses, each fitted from its starts; those without a solution are left out."""
+
+        def fitted(task: tuple[Hypothesis, Sequence[NDArray[np.float64]]]) -> Candidate | None:
+            hypothesis, starts = task
             key = hypothesis.ids if max_iterations == MAX_ITERATIONS else (*hypothesis.ids, ROUGH)
+            further = len(hypothesis.effects) > 1
             return self._remembered(
                 hypothesis,
                 key,
-                lambda: minimum_from(self._sizing(hypothesis), task.starts, max_iterations, task.probed),
+                lambda: minimum_from(self._sizing(hypothesis), starts, max_iterations, further),
             )
 
         return [one for one in self.map(fitted, tasks) if one is not None]
 
-    def singles(self, effects: Sequence[Effect], nominal: Candidate) -> list[Candidate]:
-        """Every effect alone; those that explain far less than the best are fitted roughly."""
-        hypotheses = [Hypothesis((effect,)) for effect in effects]
-        return self._refined([_Task(h, h.starts()) for h in hypotheses], nominal)
 
-    def pairs(self, leaders: Sequence[Candidate], effects: Sequence[Effect], goal: float) -> list[Candidate]:
-        """Each leader with the second effects that promise something, fitted together as the singles are.
-
-        goal: price that a pair must come near.
-        """
-        tasks = [task for leader in leaders for task in self._seconds(leader, effects, goal)]
-        return self._refined(tasks, min(leaders, key=attrgetter("statistic")))
-
-    def _refined(self, tasks: Sequence["_Task"], before: Candidate) -> list[Candidate]:
-        """Each hypothesis once, best first where it matters: those within reach of the best are fitted to the end.
-
-        before: the best candidate that is smaller.
-        """
-        rough = best_of_each(self._fit_all(tasks, ROUGH_ITERATIONS), attrgetter("statistic"))
-        if not rough:
-            return []
-        limit = rough[0].statistic + max(NEAR, ROUGH_SHARE * (before.statistic - rough[0].statistic))
-        leaders = sum(number < ALWAYS_REFINED or one.statistic <= limit for number, one in enumerate(rough))
-        refined = self._fit_all(
-            [_Task(one.hypothesis, [one.theta]) for one in rough[:leaders]], MAX_ITERATIONS
-        )
-        return refined + rough[leaders:]
-
-    def _seconds(self, leader: Candidate, effects: Sequence[Effect], goal: float) -> list["_Task"]:
-        """The leader with each second effect that promises something, and where to begin."""
-        base = self.residuals(leader)
-        if base is None:
-            return []
-        sizing = self._sizing(leader.hypothesis)
-        spanned, _ = np.linalg.qr(linearise(sizing, leader.theta, base, leader.hypothesis.ranges()).slopes)
-        others = [effect for effect in effects if effect not in leader.hypothesis.effects]
-        promises = self.map(lambda effect: self._promise(leader, base, spanned, effect), others)
-        ranked = sorted(zip(promises, others, strict=True), key=lambda item: -item[0].gain)
-        least = max(WORTH_FITTING, PROMISED * (leader.price - goal))
-        worthwhile = [item for item in ranked if item[0].gain > least][:MOST_SECONDS]
-        return [
-            _Task(leader.hypothesis.with_effect(effect), promise.starts, probed=True)
-            for promise, effect in worthwhile
-        ]
-
-    def _promise(
-        self, leader: Candidate, base: Residuals, spanned: NDArray[np.float64], effect: Effect
-    ) -> "_Promise":
-        """Estimates the gain of a second effect were the residuals linear in it, the leader's sizes free."""
-        both = leader.hypothesis.with_effect(effect)
-        sizing = self._sizing(both)
-        best = _Promise(0.0, ())
-        for values in _probes(effect):
-            start = np.concatenate([leader.theta, values])
-            moved = sizing.residuals(start)
-            if moved is None:
-                continue
-            gain = base.statistic - moved.statistic
-            if effect.parameters:
-                gain = max(gain, _predicted_gain(base, moved, spanned))
-            if gain > best.gain:
-                off = np.array([p.off for p in effect.parameters])
-                best = _Promise(gain, (start, np.concatenate([leader.theta, off + 0.1 * (values - off)])))
-        return best
+def _probes(effect: Effect, small: float) -> list[tuple[float, ...]]:
+    """Sizes at which an effect is scored; of a name also where a fit begins, for some show only from there on."""
+    if not effect.parameters or is_term(effect):
+        lowest, highest = bounds_of(effect)
+        return [(step,) for step in (small, -small) if lowest <= step <= highest]
+    first, others = effect.parameters[0], effect.parameters[1:]
+    little = [step for step in (first.dead_zone, -first.dead_zone) if first.lowest <= step <= first.highest]
+    sizes = [*little, *(start for start in first.starts if start != first.off)]
+    return list(product(sizes, *(p.starts for p in others)))
 
 
 def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], float]) -> list[Candidate]:
@@ -347,40 +330,6 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
     for candidate in sorted(candidates, key=by):
         best.setdefault(frozenset(candidate.ids), candidate)
     return list(best.values())
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """A hypothesis to be fitted, and where to begin: at guesses, or at what probing found."""
-
-    hypothesis: Hypothesis
-    starts: Sequence[NDArray[np.float64]]
-    probed: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Promise:
-    gain: float
-    starts: tuple[NDArray[np.float64], ...]
-
-
-def _probes(effect: Effect) -> list[NDArray[np.float64]]:
-    """Sizes at which a second effect is tried: small ones of either sign, and the starts that are not off."""
-    if not effect.parameters:
-        return [np.zeros(0)]
-    first, others = effect.parameters[0], effect.parameters[1:]
-    sizes = [first.off + sign * 3.0 * first.dead_zone for sign in (1.0, -1.0)]
-    sizes += [start for start in first.starts if start != first.off]
-    allowed = [size for size in sizes if first.lowest <= size <= first.highest]
-    return [np.array(values) for values in product(allowed, *(p.starts for p in others))]
-
-
-def _predicted_gain(base: Residuals, moved: Residuals, spanned: NDArray[np.float64]) -> float:
-    """Least-squares gain along the secant to `moved`, what the leader's own sizes span (n, p) taken out."""
-    direction = moved.z - base.z
-    direction -= spanned @ (spanned.T @ direction)
-    length = float(direction @ direction)
-    return float(direction @ base.z) ** 2 / length if length > 0.0 else 0.0
 
 
 def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:

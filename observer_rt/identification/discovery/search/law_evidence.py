@@ -21,7 +21,7 @@ def law_curve(term: Term, score: Score, spread: float, reach: tuple[float, float
     score: of effects beside the model that has the term; spread: mean square of what that leaves; reach: time [s] and
     number of injections of the recordings.
     """
-    curve_axis = _axis_of(term.law, reach)
+    curve_axis = axis_of(term.law, reach)
     if curve_axis is None:
         return None
     axis, gates = curve_axis
@@ -47,8 +47,11 @@ def law_curve(term: Term, score: Score, spread: float, reach: tuple[float, float
     )
 
 
-def _axis_of(law: Law, reach: tuple[float, float]) -> tuple[Axis, list[Variable]] | None:
-    """The one variable of a law beside its gates, and these."""
+def axis_of(law: Law, reach: tuple[float, float]) -> tuple[Axis, list[Variable]] | None:
+    """The one variable of a law beside its gates, and these; None of one that remembers, or has several.
+
+    reach: as of `law_curve`.
+    """
     time, injections = reach
     gates = [gate for gate in GATES if gate in law.variables]
     counted = tuple(float(number) for number in range(1, round(injections) + 1))

@@ -10,13 +10,13 @@ import numpy as np
 from observer_rt.config.effects import term_domain
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.discovery.search.adequacy import worst
+from observer_rt.identification.discovery.search.adequacy import Adequacy, worst
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.law_evidence import law_curve
-from observer_rt.identification.discovery.search.laws import Adequacy
 from observer_rt.identification.discovery.search.library import span_of
+from observer_rt.identification.discovery.search.outcome import SearchOutcome
 from observer_rt.identification.discovery.search.results import (
     INTERVAL_MARGIN,
     TOO_FREE,
@@ -27,7 +27,6 @@ from observer_rt.identification.discovery.search.results import (
     Refusal,
 )
 from observer_rt.identification.discovery.search.scores import Scores
-from observer_rt.identification.discovery.search.search import SearchOutcome
 from observer_rt.identification.discovery.search.seen import seen_in
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.open_loop import consequence

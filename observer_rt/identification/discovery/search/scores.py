@@ -12,6 +12,7 @@ from observer_rt.core.learning.whitening import HUBER
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 
+WHOLE = 1.0  # size of a switch
 Signature = NDArray[np.float32]
 
 
@@ -78,6 +79,11 @@ def weights_of(here: Residuals) -> NDArray[np.float64]:
     return np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(here.z), HUBER)))
 
 
+def bounds_of(effect: Effect) -> tuple[float, float]:
+    """Ends of its first parameter; a switch is there or not."""
+    return (effect.parameters[0].lowest, effect.parameters[0].highest) if effect.parameters else (0.0, WHOLE)
+
+
 def scored(
     effects: Sequence[Effect], numbers: NDArray[np.int64], slopes: Signature, here: Residuals
 ) -> Scores:
@@ -89,9 +95,7 @@ def scored(
     gradient = np.array([slopes[part].T @ left[part] for part in parts], np.float64)
     own = np.diagonal(information, axis1=1, axis2=2)
     own_total, total = own.sum(axis=0), gradient.sum(axis=0)
-    lowest, highest = (
-        np.array([getattr(one.parameters[0], name) for one in effects]) for name in ("lowest", "highest")
-    )
+    lowest, highest = np.array([bounds_of(one) for one in effects]).reshape(-1, 2).T
     sizes = np.clip(total / own_total, lowest, highest)
     without = np.maximum(own_total - own, 1e-12 * own_total)
     validated = np.clip((total - gradient) / without, lowest, highest)

@@ -1,76 +1,42 @@
-"""The search for the missing effect: effects by name, alone and in pairs, and laws; its verdict is a posterior."""
+"""The search for the missing effect: forward from the model as it is, with removal; its verdict is a posterior.
+
+Every explanation is a candidate: effects of the vocabulary, laws without a name, or both. One linearised pass beside
+a candidate says what each further effect would gain, the best are refitted, and what pays for itself, held out as
+well, is gone on from.
+"""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import combinations
+from collections.abc import Iterator, Sequence
 from operator import attrgetter
 
 import numpy as np
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.identification.discovery.search.fits import NEAR, Fitter, best_of_each
+from observer_rt.identification.discovery.search.adequacy import Adequacy
+from observer_rt.identification.discovery.search.fits import MOST_NAMED, NEAR, Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
-from observer_rt.identification.discovery.search.laws import KEPT_SHARE, TIE, Adequacy, Laws, LawSearch
-from observer_rt.identification.discovery.search.library import library, span_of
+from observer_rt.identification.discovery.search.hypothesis import Hypothesis
+from observer_rt.identification.discovery.search.laws import MOST_TOGETHER, Laws
+from observer_rt.identification.discovery.search.outcome import SearchOutcome, probabilities
 from observer_rt.identification.discovery.search.results import UNNAMED, Candidate
 from observer_rt.identification.likelihood.appearance import least_gain
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
 
-RELATIVE_GAIN = 1e-3  # of what is explained, that one more effect must add to an adequate model
-LEADERS = 3  # singles that a second effect is added to
-LED = 0.5  # of what a law explains, that a leader must where one law explains all
-TEMPER = 2.0  # of -2 log L, for what no model knows of noise and line: 12 behind are odds of 1 to 20
-HIGHEST = 0.99
-SURE = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
-PAIR = 2
-
-
-@dataclass(frozen=True, eq=False)
-class SearchOutcome:
-    """Result of the search.
-
-    winner: the best named effects, the nominal model when none is accepted; laws: the laws found, None where they
-    were not tried; posterior: probabilities of all candidates that explain the recordings, the best first; fitted:
-    all candidates; threshold: the gain an effect had to exceed; ratio: of the winner's worst phase to its limit,
-    above 1 when the winner does not explain the recordings, not even with an effect too small to matter.
-    """
-
-    nominal: Candidate
-    winner: Candidate
-    laws: Laws | None
-    posterior: tuple[tuple[Candidate, float], ...]
-    fitted: tuple[Candidate, ...]
-    threshold: float
-    ratio: float
-
-    @property
-    def adequate(self) -> bool:
-        """Whether the winner explains the recordings."""
-        return self.ratio <= 1.0
-
-    @property
-    def soft(self) -> bool:
-        """Whether two effects were named together that are so alike that they may be one."""
-        pairs = combinations(self.winner.hypothesis.effects, 2)
-        return any(one.is_like(other, Likeness.ALIKE) for one, other in pairs)
-
-    @property
-    def left(self) -> tuple[Candidate, ...]:
-        """The fewest explanations that together are as good as sure, the most probable first."""
-        candidates, sum_of = list[Candidate](), 0.0
-        for candidate, probability in self.posterior:
-            if sum_of >= SURE * HIGHEST:
-                break
-            candidates.append(candidate)
-            sum_of += probability
-        return tuple(candidates)
-
-    def probability(self, candidate: Candidate) -> float:
-        """Probability of an explanation; 0 for other candidates."""
-        return next((odds for other, odds in self.posterior if other.key == candidate.key), 0.0)
+STARTS = 3  # candidates gone on from at once
+NAMES = 6  # refitted beside a candidate, of the best by score
+WORTH_FITTING = 10.0  # gain by score from which on a further name is refitted
+PROMISED = 0.5  # of a gain that is needed: a score is linear, and not exact
+LED = 0.5  # of what the best explains, that a candidate must explain to be gone on from
+TIE = 16.0  # of -2 log L, within which fits explain as much
+RELATIVE_GAIN, FITTED_GAIN = (
+    1e-3,
+    0.02,
+)  # of what is explained, that an effect must add; beside a fitted model
+LEAST_SHARE, KEPT_SHARE = (
+    0.05,
+    0.02,
+)  # of what is left unexplained, that a further law must gain; that it keeps
 
 
 def representatives() -> tuple[Effect, ...]:
@@ -88,171 +54,153 @@ def indistinguishable(effect: Effect) -> tuple[str, ...]:
 
 
 class Search:
-    """Names alone, pairs of them where something is left to explain, laws where it takes two names or more."""
+    """Goes on from the best few, an effect or two of one equation at a time, as long as that pays."""
 
-    def __init__(self, fitter: Fitter, effects: Sequence[Effect], baseline: Healthy = NOT_FITTED) -> None:
-        self._fitter = fitter
-        self._effects = effects
-        self._baseline = baseline
+    def __init__(self, fitter: Fitter, names: Sequence[Effect], baseline: Healthy = NOT_FITTED) -> None:
+        self._fitter, self._names, self._baseline = fitter, tuple(names), baseline
         self._least_gain = least_gain(baseline.appears)
-        self._adequate = Adequacy(fitter, baseline)
+        self._is_adequate = Adequacy(fitter, baseline)
+        self._laws = Laws(fitter, self._names, self._is_adequate)
+        self._nothing = fitter.nothing()
+        self._tried = [self._nothing]
         self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)
 
-    @cached_property
-    def _library(self) -> tuple[Effect, ...]:
-        """Laws without a name, as effects."""
-        return tuple(library(span_of(self._fitter.likelihood)))
-
     def run(self) -> SearchOutcome:
-        """Fit candidates until nothing more is worth adding; see `SearchOutcome`."""
-        nominal = self._fitter.nothing()
-        singles = sorted(self._fitter.singles(self._effects, nominal), key=attrgetter("price"))
-        best, ratio = nominal, self._ratio(nominal)
-        single = self._best(singles, nominal, best, ratio)
-        if single is not None:
-            best, ratio = single, self._ratio(single)
-        by_law = self._law_search.enough if ratio > 1.0 else None
-        pairs = self._pairs(singles, best, ratio, by_law)
-        pair = self._best(pairs, nominal, best, ratio, singles)
-        if pair is not None:
-            best, ratio = pair, self._ratio(pair)
-        too_small = ratio > 1.0 and best is nominal and self._is_too_small(singles[0])
-        adequate = ratio <= 1.0 or too_small
-        laws = self._laws(pairs) if self._asks_laws(best, adequate) else None
-        fitted = (nominal, *singles, *pairs, *(() if laws is None else laws.tried))
-        if laws is not None and not adequate and laws.adequate and not laws.best.terms:
-            three = self._best([laws.best], nominal, best, ratio, pairs)
-            if three is not None:
-                best, ratio, adequate = three, self._ratio(three), True
-        explains = list[Candidate]()
-        if adequate:
-            explains = [best, *self._contenders(best, fitted), nominal]
-        if laws is not None and laws.adequate:
-            best_laws = (laws.best, *laws.rivals)
-            explains += [one for one in best_laws if one.terms]
-        return SearchOutcome(
-            nominal,
-            best,
-            laws,
-            self._posterior(best, explains),
-            fitted,
-            self._threshold(best),
-            min(ratio, 1.0) if adequate else ratio,
-        )
+        """See `SearchOutcome`."""
+        names = self._fitter.named(self._nothing, self._names)
+        self._tried += names
+        best = self._better(names, self._nothing) or self._nothing
+        adequate = self._is_adequate(best) or (not best.ids and self._is_too_small(names[:1]))
+        if best.ids or not adequate:
+            best = self._grown(best)
+            adequate = self._is_adequate(best)
+        if len(best.ids) == 1 and best.terms:
+            self._tried += self._laws.stand_ins(best)
+            best = self._better([one for one in self._tried if len(one.ids) == 1], self._nothing) or best
+        return self._outcome(best, adequate)
 
-    def _asks_laws(self, best: Candidate, adequate: bool) -> bool:
-        """Whether laws are asked: where no name explains the recordings, or it takes two, or one leaves a law."""
-        if not adequate or len(best.ids) >= PAIR:
-            return True
-        if not best.ids:
-            return False
-        scores = self._fitter.scores(best, self._library)
-        return bool(np.max(scores.validated, initial=0.0) > UNNAMED * best.spread)
+    def _grown(self, best: Candidate) -> Candidate:
+        """The best there is, from the best name alone, or nothing."""
+        if not self._is_adequate(best) or self._laws.promise(best) > UNNAMED * best.spread:
+            laws = self._laws.fits_with(self._nothing)
+            best = min(best, self._better(laws, self._nothing) or best, key=self._rank)
+            self._tried += laws
+        about, done = self._firsts(best), set[tuple[str, ...]]()
+        while about:
+            grown = list[Candidate]()
+            for base in about:
+                done.add(base.ids)
+                for fits in self._larger_fits(base, best):
+                    self._tried += fits
+                    best = min(best, self._better(fits, base) or best, key=self._rank)
+                    grown += self._gone_on_from(fits, base)
+            left = [one for one in grown if one.ids not in done and len(one.ids) < MOST_TOGETHER]
+            ranked = sorted({one.ids: one for one in left}.values(), key=self._rank)
+            about = ranked[:STARTS]
+            if all(one.terms for one in about):  # laws are free to stand for several names
+                about += [one for one in ranked if not one.terms][:1]
+        return best
 
-    @cached_property
-    def _law_search(self) -> LawSearch:
-        """Laws beside effects of one size."""
-        named = (effect for effect in self._effects if len(effect.parameters) == 1)
-        return LawSearch(self._fitter, [*self._library, *named], self._adequate)
-
-    def _laws(self, pairs: Sequence[Candidate]) -> Laws:
-        """Laws; a third is sought beside the best pair, too."""
-        near = sorted((one for one in pairs if len(one.sizes) == PAIR), key=attrgetter("price"))[:1]
-        return self._law_search.run(near)
-
-    def _posterior(
-        self, best: Candidate, explains: Sequence[Candidate]
-    ) -> tuple[tuple[Candidate, float], ...]:
-        """Probabilities of explanations, the best by name among them; beside nothing others pay their threshold."""
-        accepted = 0.0 if best.ids else self._threshold(best)
-
-        def cost(candidate: Candidate) -> float:
-            return candidate.price + (accepted if candidate.ids else 0.0)
-
-        once = {
-            frozenset(candidate.ids): candidate for candidate in reversed(explains)
-        }  # the first fit of each
-        ranked = sorted(once.values(), key=cost)
-        behind = [cost(candidate) - cost(ranked[0]) for candidate in ranked]
-        return tuple(zip(ranked, probabilities(behind), strict=True))
-
-    def _contenders(self, winner: Candidate, fitted: Sequence[Candidate]) -> tuple[Candidate, ...]:
-        """Candidates that might be right instead, of the same size (single effects beside the nominal model)."""
-        size = max(1, len(winner.ids))
-        limit = winner.price + NEAR + (0.0 if winner.ids else self._threshold(winner))
-        return tuple(
-            one
-            for one in fitted
-            if one is not winner
-            and len(one.ids) == size
-            and one.plausible
-            and one.price < limit
-            and self._is_new(one)
-        )
-
-    def _is_too_small(self, single: Candidate) -> bool:
-        """Whether a single explains the recordings by an effect within its dead zone."""
-        return single.within_bounds and not single.plausible and self._ratio(single) <= 1.0
-
-    def _pairs(
-        self, singles: Sequence[Candidate], best: Candidate, ratio: float, law: Candidate | None
-    ) -> list[Candidate]:
-        """Pairs worth fitting: with the best single, with more leaders when it does not explain the recordings.
-
-        Where a pair is worth having, its other member leads, too: the best single may stand in for two. law: one that
-        explains all; a leader must explain a good part of that, and a pair as much.
-        """
-        if not best.hypothesis.effects and ratio <= 1.0:
+    def _gone_on_from(self, fits: Sequence[Candidate], about: Candidate) -> list[Candidate]:
+        """The best fit where it gains something, and what it has more, by itself: the first may stand in for two."""
+        best = self._without_idle(self._simplest(fits)) if fits else about
+        if best.statistic >= about.statistic - self._threshold(about):
             return []
-        leaders, goal = list(singles[: 1 if ratio <= 1.0 else LEADERS]), math.inf
-        if law is not None:
-            nominal, goal = self._fitter.nothing().statistic, law.price + NEAR
-            least = LED * (nominal - law.statistic)
-            leaders = [one for one in leaders if nominal - one.statistic > least]
-        if not leaders:
-            return []
-        pairs = best_of_each(self._fitter.pairs(leaders, self._effects, goal), attrgetter("price"))
-        partners = [
-            one for one in singles if pairs and set(one.ids) < set(pairs[0].ids) and one not in leaders
-        ]
-        if partners and pairs[0].statistic < leaders[0].statistic - self._least_gain:
-            more = self._fitter.pairs(partners, self._effects, goal)
-            pairs = best_of_each([*pairs, *more], attrgetter("price"))
-        return pairs
+        alone = [one for one in self._tried if len(one.ids) == 1 and set(one.ids) < set(best.ids)]
+        return [best, *alone]
 
-    def _best(
-        self,
-        candidates: Sequence[Candidate],
-        nominal: Candidate,
-        smaller: Candidate,
-        ratio: float,
-        parts: Sequence[Candidate] = (),
-    ) -> Candidate | None:
-        """The best candidate whose every effect is plausible and pays for itself; None: no better one.
+    def _rank(self, candidate: Candidate) -> tuple[bool, float]:
+        return not self._is_adequate(candidate), candidate.price
 
-        parts: fitted singles; a pair must beat each of its own.
+    def _firsts(self, best: Candidate) -> list[Candidate]:
+        """First effects to go on from: the best, and where it does not explain all, or only by a law, others.
+
+        Each shares no equation with those before, and explains a good part of what the best does.
         """
-        limit = np.inf
-        for candidate in candidates:
-            threshold = self._threshold(candidate)
-            if ratio <= 1.0:
-                threshold = max(threshold, RELATIVE_GAIN * (nominal.statistic - smaller.statistic))
-            own = [part for part in parts if set(part.ids) < set(candidate.ids)]
-            if own and self._baseline.appears:  # what is less may be the error of the fitted model
-                threshold = max(threshold, KEPT_SHARE * (nominal.statistic - candidate.statistic))
-            gain = min(part.statistic for part in (smaller, *own)) - candidate.statistic
-            if gain <= threshold or candidate.statistic > limit:
-                continue
-            if candidate.plausible:
-                if self._is_new(candidate) and self.held_out.pays(
-                    candidate, min((smaller, *own), key=attrgetter("statistic"))
-                ):
-                    return candidate
-                continue
-            if len(candidate.hypothesis.effects) == 1 and candidate.within_bounds:
+        firsts = [best] if best.ids else []
+        if self._is_adequate(best) and not best.terms:
+            return firsts
+        least = self._nothing.statistic - LED * (self._nothing.statistic - best.statistic)
+        for fit in sorted(self._tried, key=attrgetter("price")):
+            if len(firsts) == STARTS or (best.ids and fit.statistic > least):
+                break
+            if fit.ids and not any(fit.hypothesis.equations & other.hypothesis.equations for other in firsts):
+                firsts.append(self._without_idle(fit))
+        return firsts
+
+    def _larger_fits(self, about: Candidate, best: Candidate) -> Iterator[list[Candidate]]:
+        """Fits with an effect or two more: names by score and, where none explains all, laws."""
+        goal = best.price + NEAR if self._is_adequate(best) else math.inf
+        least = max(WORTH_FITTING, PROMISED * (about.price - goal))
+        names = [one for one in self._names if one not in about.hypothesis.effects]
+        scores = self._fitter.scores(about, names)
+        rows = [row for row in np.argsort(-scores.gains).tolist() if scores.gains[row] > least][:NAMES]
+        sizes = [float(scores.sizes((row,))[0]) for row in rows]
+        fits = self._fitter.named(about, [scores.effects[row] for row in rows], sizes)
+        yield fits
+        if any(map(self._is_adequate, fits[:1])) or (self._is_adequate(best) and best is not about):
+            return
+        if not self._is_adequate(about) or self._laws.promise(about) > UNNAMED * about.spread:
+            yield self._laws.fits_with(about)
+
+    def _better(self, fits: Sequence[Candidate], smaller: Candidate) -> Candidate | None:
+        """The simplest of the best fits that pays for what it has more; None where none does."""
+        limit = math.inf
+        ranked = sorted(fits, key=attrgetter("price"))
+        if ranked and ranked[0].terms:
+            ranked.insert(0, self._simplest(ranked))
+        for candidate in ranked:
+            if candidate.price >= smaller.price or candidate.statistic > limit:
+                break
+            candidate = self._without_idle(candidate)
+            if self._pays(candidate, smaller):
+                return candidate
+            if len(candidate.ids) == 1 and candidate.within_bounds and not candidate.plausible:
                 # too small to matter, and yet it explains better than what would follow
                 limit = min(limit, candidate.statistic + TIE)
         return None
+
+    def _pays(self, candidate: Candidate, smaller: Candidate) -> bool:
+        """Whether every effect is plausible, new and worth its price, held out as well."""
+        parts = [one for one in self._tried if set(one.ids) < set(candidate.ids)]
+        over = min((smaller, *parts), key=attrgetter("statistic"))
+        return (
+            candidate.plausible
+            and candidate.price < over.price
+            and over.statistic - candidate.statistic > self._needed(candidate, over, LEAST_SHARE)
+            and self._is_new(candidate)
+            and self.held_out.pays(candidate, over)
+        )
+
+    def _needed(self, candidate: Candidate, over: Candidate, share: float) -> float:
+        """Gain over a smaller one that a candidate must exceed: more, the more is left, and the more is explained.
+
+        Less than a share of the gain over nothing may be the model's own error.
+        """
+        explained = self._nothing.statistic - candidate.statistic
+        least = self._threshold(over)
+        if candidate.terms:
+            return max(least, self._own(candidate), share * self._unexplained(over))
+        if not over.ids:
+            return least
+        return max(least, (FITTED_GAIN if self._baseline.appears else RELATIVE_GAIN) * explained)
+
+    def _unexplained(self, candidate: Candidate) -> float:
+        """Residuals beyond noise, as `statistic` counts them."""
+        samples = sum(
+            int(one.phases.size + one.rate_phases.size) for one in self._fitter.likelihood.recordings
+        )
+        return (candidate.spread - 1.0) * samples
+
+    def _own(self, candidate: Candidate) -> float:
+        """Share of a candidate's gain that may be the model's own error."""
+        return self._is_adequate.remainder * (self._nothing.statistic - candidate.statistic)
+
+    def _is_too_small(self, singles: Sequence[Candidate]) -> bool:
+        """Whether a single explains the recordings by an effect within its dead zone."""
+        return any(
+            one.within_bounds and not one.plausible and self._is_adequate.ratio(one) <= 1.0 for one in singles
+        )
 
     def _is_new(self, candidate: Candidate) -> bool:
         """Whether every size differs from what the effect appears to be on the healthy injector."""
@@ -274,11 +222,81 @@ class Search:
         """Least gain of an effect beside a candidate: more, the more that leaves unexplained."""
         return self._least_gain * candidate.spread
 
-    def _ratio(self, candidate: Candidate) -> float:
-        return self._adequate.ratio(candidate)
+    def _simplest(self, fits: Sequence[Candidate]) -> Candidate:
+        """The best fit, or one of fewer effects and equations, or with a name, that leaves but the model's own error.
+
+        One that leaves nothing but noise comes before all that do not.
+        """
+        best = min(fits, key=attrgetter("price"))
+        limit = best.price + max(self._own(best), TIE * best.spread)
+        tied = sorted(
+            (one for one in fits if one.price <= limit),
+            key=lambda one: (
+                len(one.ids),
+                len(one.hypothesis.equations),
+                max(one.hypothesis.numbers) > MOST_NAMED,
+                one.price,
+            ),
+        )
+        return next(filter(self._is_adequate, tied), tied[0])
+
+    def _without_idle(self, best: Candidate) -> Candidate:
+        """Without the effects that later ones have made needless."""
+        for effect in best.hypothesis.effects:
+            if len(best.ids) < 2:
+                break
+            index = best.hypothesis.effects.index(effect)
+            others = Hypothesis(tuple(one for one in best.hypothesis.effects if one is not effect))
+            sizes = best.hypothesis.split(best.theta)
+            start = np.concatenate(sizes[:index] + sizes[index + 1 :])
+            for smaller in self._fitter.laws([(others, start)]):
+                if smaller.statistic - best.statistic < self._needed(best, smaller, KEPT_SHARE):
+                    best = smaller
+        return best
+
+    def _outcome(self, best: Candidate, adequate: bool) -> SearchOutcome:
+        posterior = self._posterior(best) if adequate else ()
+        winner = best if adequate and not best.terms else self._nothing
+        if best.terms:
+            winner = next((one for one, _ in posterior if not one.terms), self._nothing)
+        ratio = self._is_adequate.ratio(winner)
+        rivals = [
+            one for one in self._alternatives(best) if one.statistic < best.statistic + TIE * best.spread
+        ]
+        return SearchOutcome(
+            self._nothing,
+            winner,
+            posterior,
+            () if adequate else (best, *rivals),
+            tuple(self._tried),
+            self._threshold(best),
+            min(ratio, 1.0) if winner is best and adequate else ratio,
+        )
+
+    def _alternatives(self, best: Candidate) -> list[Candidate]:
+        """Explanations of no more effects that might be right instead, one by laws of each equation."""
+        accepted = 0.0 if best.ids else self._threshold(best)
+        limit = best.price + NEAR + accepted
+        once: dict[frozenset[str], Candidate] = {_class_of(best): best}
+        for fit in sorted(self._tried, key=attrgetter("price")):
+            explains = fit.price < limit and 0 < len(fit.ids) <= max(1, len(best.ids)) and fit.plausible
+            if explains and _class_of(fit) not in once and self._is_new(fit):
+                once[_class_of(fit)] = fit
+        return list(once.values())[1:]
+
+    def _posterior(self, best: Candidate) -> tuple[tuple[Candidate, float], ...]:
+        """Probabilities of explanations; beside nothing others pay their threshold."""
+        accepted = 0.0 if best.ids else self._threshold(best)
+
+        def cost(candidate: Candidate) -> float:
+            return candidate.price + (accepted if candidate.ids else 0.0)
+
+        every = {one.key: one for one in (best, *self._alternatives(best), self._nothing)}
+        ranked = sorted(every.values(), key=cost)
+        behind = [cost(candidate) - cost(ranked[0]) for candidate in ranked]
+        return tuple(zip(ranked, probabilities(behind), strict=True))
 
 
-def probabilities(behind: Sequence[float]) -> list[float]:
-    """Probabilities of explanations that are behind the best by these amounts of -2 log L, their prices in it."""
-    weights = [math.exp(min(0.0, -one / (2.0 * TEMPER))) for one in behind]
-    return [HIGHEST * weight / sum(weights) for weight in weights]
+def _class_of(candidate: Candidate) -> frozenset[str]:
+    """What stands for one explanation: names, or the equations in which laws are."""
+    return candidate.hypothesis.equations if candidate.terms else frozenset(candidate.ids)

@@ -16,6 +16,7 @@ from observer_rt.identification.discovery.search.fits import FitMemory, Fitter, 
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.in_part import with_parts
+from observer_rt.identification.discovery.search.outcome import HIGHEST, TEMPER, SearchOutcome, probabilities
 from observer_rt.identification.discovery.search.proposals import Proposer
 from observer_rt.identification.discovery.search.results import (
     INTERVAL_MARGIN,
@@ -30,15 +31,7 @@ from observer_rt.identification.discovery.search.results import (
     SmallestVisible,
     Verdict,
 )
-from observer_rt.identification.discovery.search.search import (
-    HIGHEST,
-    TEMPER,
-    Search,
-    SearchOutcome,
-    indistinguishable,
-    probabilities,
-    representatives,
-)
+from observer_rt.identification.discovery.search.search import Search, indistinguishable, representatives
 from observer_rt.identification.likelihood.appearance import Signature, healthy_remainder
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
@@ -217,9 +210,7 @@ class _Verdict:
         self._outcome = outcome
         self._baseline = baseline
         self._names = _names_left(outcome)
-        laws = [one for one in outcome.left if one.terms]
-        if outcome.laws is not None and not outcome.posterior:  # nothing explains all
-            laws = [one for one in (outcome.laws.best, *outcome.laws.rivals) if one.terms]
+        laws = [one for one in outcome.left or outcome.nearest if one.terms]
         proposer = Proposer(fitter, outcome, baseline, held_out)
         proposals = proposer.proposals(laws[:MOST_PROPOSED])
         self._proposals = with_parts(proposals, self._likelihood, self._nominal)

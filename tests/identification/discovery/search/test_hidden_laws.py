@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.discovery.search.laws import Adequacy, LawSearch
-from observer_rt.identification.discovery.search.library import library, span_of
+from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
@@ -47,8 +45,8 @@ def found_in(change: Change) -> tuple[Term, ...]:
     """The terms found in them."""
     nominal = effective_model(NOMINAL)
     fits = Fitter(joint_likelihood(measurements(recorded(change)), nominal), nominal, workers=2)
-    effects = list(library(span_of(fits.likelihood)))
-    return LawSearch(fits, effects, Adequacy(fits, NOT_FITTED)).run().best.terms
+    outcome = Search(fits, ()).run()
+    return (outcome.left or outcome.nearest)[0].terms
 
 
 def plugged(bench: Bench) -> Bench:

@@ -59,6 +59,14 @@ UNSIGNED = message_with("0|8@1+ (0.5,-10) [0|0]", {"GenSigSNA": 255, "GenSigErro
 SIGNED = message_with("0|8@1- (0.5,-10) [0|0]", {"GenSigSNA": -128, "GenSigError": -127})
 
 
+@pytest.mark.parametrize(
+    ("value", "raw"),
+    [(117.5, 253), (117.0, 253), (116.5, 253), (116.0, 252), (1e300, 253), (math.inf, 253), (-math.inf, 0)],
+)
+def test_no_number_reads_as_not_available_or_error(value: float, raw: int) -> None:
+    assert encoded(UNSIGNED, value)[0] == raw
+
+
 @given(st.floats(allow_nan=False))
 def test_every_number_comes_back_as_the_nearest_possible(value: float) -> None:
     for message, low, high in ((UNSIGNED, -10.0, 116.5), (SIGNED, -73.0, 53.5)):
@@ -73,6 +81,11 @@ def test_reserved_codes_are_nan() -> None:
     assert encoded(UNSIGNED, math.nan)[0] == 255
     assert math.isnan(decoded(SIGNED, b"\x80" + bytes(7)))
     assert encoded(SIGNED, math.nan)[0] == 0x80
+
+
+def test_a_reserved_code_in_the_middle_of_the_range_is_stepped_over() -> None:
+    message = message_with("0|8@1+ (1,0) [0|0]", {"GenSigSNA": 100, "GenSigError": 99})
+    assert [encoded(message, value)[0] for value in (98.0, 99.0, 100.0, 101.0)] == [98, 98, 101, 101]
 
 
 @pytest.mark.parametrize("code", [0x00000000, 0x7F7FFFFF, 0x00000001])

@@ -13,7 +13,7 @@ from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.files.signals.recording import Recording
 from tests.plants import plant
 from tests.plants.plant import Outcome, record
-from tests.plants.windows import windows_of
+from tests.plants.windows import true_masses
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,7 @@ def observed(bench: plant.Bench, observer: Bench | None = None) -> ObservedRun:
     outcome = record(bench)
     observer_bench = observer or bench_at(bench.sample_rate)
     reports = evaluate(observer_bench, [recording_of(outcome)]).evaluations[0].reports
-    windows = windows_of(outcome, bench.sample_rate)
-    return ObservedRun(reports, windows.masses(outcome.truth.injection_rate, bench.injector.density))
+    return ObservedRun(reports, true_masses(outcome, bench))
 
 
 def recording_of(outcome: Outcome) -> Recording:

@@ -30,10 +30,9 @@ def test_healthy_injector_names_nothing() -> None:
     check_well_estimated(run)
     assert all(run.indicator(name).value == 0.0 for name in GATED)
     assert abs(run.indicator(OFFSET).value) < 0.02e6
-    assert [report.reason for report in run.reports[:4]] == [
+    assert [report.reason for report in run.reports[:3]] == [
         Reason.TOO_FEW_EVENTS,
         Reason.TOO_FEW_EVENTS,
-        Reason.OUTSIDE_LEARNED_RANGE,
         Reason.NONE,
     ]
 

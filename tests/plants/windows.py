@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.plants.arrays import Array
-from tests.plants.plant import Outcome
+from tests.plants.parameters import with_faults
+from tests.plants.plant import Bench, Outcome
 
 LEAD, TAIL = 0.15e-3, 0.5e-3  # s of a window, before the opening and after the needle is shut
 MILLIGRAM = 1e-6  # kg
@@ -44,6 +45,13 @@ class Windows:
     def mean_squares(self, error: Array) -> tuple[float, ...]:
         """Mean square of an error over every event's union of windows."""
         return tuple(float(np.mean(error[self.union(i)] ** 2)) for i in range(len(self.of_event)))
+
+
+def true_masses(outcome: Outcome, bench: Bench) -> Array:
+    """Mass of every opening [kg]: what a fuel of another density injects is not what the injector file would say."""
+    densities = np.array([with_faults(bench.injector, event.faults).density for event in bench.events])
+    windows = windows_of(outcome, bench.sample_rate)
+    return np.asarray(windows.masses(outcome.truth.injection_rate, 1.0) * densities[outcome.event_of])
 
 
 def windows_of(outcome: Outcome, sample_rate: float) -> Windows:

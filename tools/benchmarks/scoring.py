@@ -20,7 +20,7 @@ from observer_rt.model.effects import sized
 from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
 from tests.plants.plant import Outcome
-from tests.plants.windows import Windows, windows_of
+from tests.plants.windows import Windows, true_masses, windows_of
 from tools.benchmarks.cases import CLASSES, Case
 from tools.benchmarks.windowed import WindowedEvaluation, evaluate_windowed
 
@@ -211,7 +211,7 @@ def score_evaluation(case: Case, outcome: Outcome, bench: Bench, evaluation: Sco
     return Score(
         case,
         windows.of_event,
-        np.array(windows.opening_masses_mg(truth.injection_rate, density)),
+        true_masses(outcome, case.bench) / MILLIGRAM,
         np.array([windows.union(e).size for e in range(len(windows.of_event))]),
         _injections(evaluation, windows),
         valid,

@@ -20,6 +20,7 @@ from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, best_subset
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import Theta
+from observer_rt.engine.estimation.shrinkage import shrink
 from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.interval import (
@@ -164,6 +165,7 @@ class SecondLook:
         """An event run with what all events teach of it."""
         event, run = self._events[number], self._runs[number]
         gate = theta_limits(run.setting.coefficients).gate
+        belief = shrink(belief)
         theta, active = best_subset(belief.mean, belief.covariance, gate, self._active)
         gated = GatedBelief(belief, gate, active)
         carried = gated.carried(theta) + event.by_coil

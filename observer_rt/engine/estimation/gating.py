@@ -12,7 +12,7 @@ ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Belief:
     """Mean (m,) of theta, and how uncertain it is in two senses, both (m, m).
 

@@ -275,7 +275,7 @@ SCALARS = Scalars((
     *_weights("nozzle", Parameter.NOZZLE_WEIGHT, drop=0.03, area=0.015, time=0.015, rail=0.015),
     Scalar("seat_bias", Parameter.SEAT_BIAS, prior=0.4, drift=5e-4, longest_step=0.3, bounds=(-0.8, 1.5),
            shown=ShownIndicator(SEAT, key="seat_v_S")),
-    *_weights("seat", Parameter.SEAT_WEIGHT, area=0.01, drop=0.01),
+    *_weights("seat", Parameter.SEAT_WEIGHT, area=0.02, drop=0.02),
     Scalar("friction", Parameter.LINE_FRICTION, prior=1.75, drift=2e-3, longest_step=1.2, bounds=(-0.95, 10.0),
            gated_from=-0.95, shown=ShownIndicator("line_friction", label="line friction k"),
            change=lambda line, k: line._replace(a4=line.a4 * (1.0 + k))),

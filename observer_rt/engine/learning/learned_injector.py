@@ -10,6 +10,7 @@ from observer_rt.engine.estimation.gating import Belief, GatedBelief
 from observer_rt.engine.estimation.held import held_at
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.scalars import EXACTLY, SCALARS, Parameter, Theta, with_gain
+from observer_rt.engine.estimation.shrinkage import shrink
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise
 from observer_rt.engine.learning.healthy import SAME_RATE
 from observer_rt.engine.learning.learned_range import EventPoint
@@ -37,7 +38,7 @@ class LearnedInjector:
     @cached_property
     def gated(self) -> GatedBelief:
         """The belief as the estimate has it."""
-        return GatedBelief(self.belief, SCALARS.gate, self.active)
+        return GatedBelief(shrink(self.belief), SCALARS.gate, self.active)
 
     def colour_at(self, interval: float) -> Colour | None:
         """The colour, if it was found at this sample interval [s]."""

@@ -96,7 +96,7 @@ def test_wear_of_the_first_is_that_of_the_last() -> None:
             interval = report.indicators[effect].ci95
             assert interval is not None
             assert interval[0] <= last <= interval[1]
-    assert farthest(again, SEAT, again[-1]) < 0.5 * farthest(once, SEAT, once[-1])
+    assert farthest(again, SEAT, again[-1]) < 0.003  # its sigma is .01
     assert farthest(again, NOZZLE, again[-1]) < 0.7 * farthest(once, NOZZLE, once[-1])
     wide, narrow = (reports[0].indicators[NOZZLE].sigma for reports in (once, again))
     assert wide is not None

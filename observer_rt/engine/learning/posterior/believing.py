@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import best_subset
 from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.shrinkage import shrink
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.hypotheses import Mode, Possibility, is_alike, is_compatible
@@ -59,22 +60,16 @@ class Believing:
 
     def _learned(self, explanation: Explanation) -> LearnedInjector:
         before, cost, limits = explanation.hypothesis.learned, explanation.cost, self.reader.limits
-        held, information, vector = explanation.held, cost.information, cost.vector
-        belief = held.prior.updated(information, vector)
-        if explanation.fit is not None:
-            theta, active = explanation.theta, explanation.fit.active
-        else:
-            theta, active = best_subset(belief.mean, belief.covariance, limits.gate, before.active)
-            theta = np.clip(theta, limits.lowest, limits.highest)
-        reading = explanation.reading
-        statistics = reading.healthy.relative(reading.leaves(explanation.theta, explanation.fit))
+        held, reading, fit = explanation.held, explanation.reading, explanation.fit
+        statistics = reading.healthy.relative(reading.leaves(explanation.theta, fit))
         temper = self.reader.temper_in(self.state, before, statistics, reading.cost.temper)
-        if temper > 1.0:
-            information = information / temper
-            belief = held.prior.updated(information, vector / temper)
+        information = cost.information / temper
+        belief = held.prior.updated(information, cost.vector / temper)
+        likely, active = shrink(belief), before.active if fit is None else fit.active
+        theta, active = best_subset(likely.mean, likely.covariance, limits.gate, active)
         learned = LearnedInjector(
             belief=held.considered(belief, information),
-            theta=theta,
+            theta=np.clip(theta, limits.lowest, limits.highest),
             statistics=pooled(before.statistics, statistics),
             active=active,
             is_prior=False,

@@ -92,10 +92,10 @@ def _compared(account: Account, explained: ExplainedEvent, mass: EventMass, read
         theta = carried.learned.theta.copy()
         if carried.velocity is not None:
             theta[list(FLOWS)] += carried.velocity.mean
-        belief = carried.learned.belief.drifted(reader.drift)
+        belief = carried.learned.gated.belief.drifted(reader.drift)
         if explanation.kind is QUICK:
             belief = belief.widened(reader.widths(QUICK))
-        variance = mass.variance(replace(carried.learned, belief=belief).gated.covariance)
+        variance = mass.variance(replace(carried.learned.gated, belief=belief).covariance)
         wander = doubt.wander.after(1.0 / mass.ratio(theta) - 1.0, variance, point)
     if explanation.score_as_believed is not None:
         scatter = scatter.after(explanation.score_as_believed)

@@ -1,0 +1,79 @@
+"""Weights of the network are as large as what was seen says, and an unseen one varies by that."""
+
+import itertools
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter
+from observer_rt.engine.estimation.shrinkage import SMALL, shrink
+from observer_rt.model.network import OF_NOZZLE
+
+PRIOR = SCALARS.prior(1.0)
+FLOWS = np.repeat((0, 1), (OF_NOZZLE, WEIGHTS.size - OF_NOZZLE))
+MEASUREMENTS = 30
+
+
+def scaled(squares: tuple[float, ...]) -> NDArray[np.float64]:
+    """Variances of the prior with weights of nozzle and seat whose variances are these shares."""
+    variances = PRIOR**2
+    variances[WEIGHTS] *= np.array(squares)[FLOWS]
+    return variances
+
+
+def measured(nozzle: float, seat: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Measurements (n, m) with noise of 1, of weights that are these shares of the prior, and their values (n,)."""
+    rng = np.random.default_rng(3)
+    rows = rng.normal(size=(MEASUREMENTS, PRIOR.size)) / PRIOR
+    rows[:, WEIGHTS[::5]] = 0.0  # some are not excited
+    theta = np.sqrt(scaled((nozzle**2, seat**2))) * rng.normal(size=PRIOR.size)
+    return rows, rows @ theta + rng.normal(size=MEASUREMENTS)
+
+
+def learned(variances: NDArray[np.float64], rows: NDArray[np.float64], seen: NDArray[np.float64]) -> Belief:
+    return prior_belief(np.zeros(PRIOR.size), np.diag(variances)).updated(rows.T @ rows, rows.T @ seen)
+
+
+def likelihood(variances: NDArray[np.float64], rows: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
+    spread = (rows * variances) @ rows.T + np.eye(MEASUREMENTS)
+    return -0.5 * float(np.linalg.slogdet(spread)[1] + seen @ np.linalg.solve(spread, seen))
+
+
+@pytest.mark.parametrize(("nozzle", "seat"), [(0.05, 0.05), (1.0, 0.05), (0.05, 1.0), (2.0, 1.5)])
+def test_the_scale_of_each_flow_is_what_its_marginal_likelihood_says(nozzle: float, seat: float) -> None:
+    """Against the likelihood of the measurements themselves, and a prior that has that scale from the start."""
+    rows, seen = measured(nozzle, seat)
+    scales = list(itertools.product((SMALL**2, 1.0), repeat=2))
+    logs = np.array([likelihood(scaled(each), rows, seen) for each in scales])
+    weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+    of_nozzle, of_seat = weights @ np.array(scales)
+    expected = learned(scaled((of_nozzle, of_seat)), rows, seen)
+    small = shrink(learned(PRIOR**2, rows, seen))
+    np.testing.assert_allclose(small.sigma, expected.sigma, rtol=0.01)
+    np.testing.assert_allclose(small.mean, expected.mean, atol=0.05 * expected.sigma.max(), rtol=0.02)
+    np.testing.assert_allclose(small.error_covariance, small.covariance, atol=1e-9)
+    unseen = small.sigma[WEIGHTS[::5]] / PRIOR[WEIGHTS[::5]]
+    assert unseen[0] == pytest.approx(np.sqrt(of_nozzle), rel=0.01)
+    assert unseen[-1] == pytest.approx(np.sqrt(of_seat), rel=0.01)
+
+
+def test_before_anything_was_seen_both_scales_are_as_likely() -> None:
+    belief = prior_belief(np.zeros(PRIOR.size), np.diag(PRIOR**2))
+    shares = np.diag(shrink(belief).covariance) / PRIOR**2
+    np.testing.assert_allclose(shares[WEIGHTS], 0.5 * (1.0 + SMALL**2), rtol=1e-3)
+    others = np.delete(np.arange(PRIOR.size), WEIGHTS)
+    np.testing.assert_allclose(shares[others], 1.0)
+
+
+def test_other_parameters_move_with_the_weights_that_explained_them() -> None:
+    """A bias that only differs from a weight by what was not seen takes over what the weight had."""
+    row = np.zeros((MEASUREMENTS, PRIOR.size))
+    row[:, Parameter.SEAT_BIAS] = 10.0
+    row[:, Parameter.SEAT_WEIGHT] = 10.0
+    belief = learned(PRIOR**2, row, np.full(MEASUREMENTS, 1.0))
+    small = shrink(belief)
+    both = [Parameter.SEAT_BIAS, Parameter.SEAT_WEIGHT]
+    assert abs(small.mean[Parameter.SEAT_WEIGHT]) < abs(belief.mean[Parameter.SEAT_WEIGHT])
+    assert small.mean[both].sum() == pytest.approx(belief.mean[both].sum(), rel=1e-3)

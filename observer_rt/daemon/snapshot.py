@@ -75,7 +75,8 @@ class Status:
     """State of a daemon.
 
     run: tells it from other daemons. moment: when it last looked at itself [ns since 1970]. words: state or reason
-    in words. model: file in force. lost: samples and frames so far. lateness: of all inputs, in words.
+    in words. model: file in force. lost: samples and frames so far. lateness: of all inputs, in words. learned:
+    curves of the laws of nozzle and seat, as `LearnedCurve.columns`.
     """
 
     run: int
@@ -91,6 +92,7 @@ class Status:
     inputs: tuple[InputStatus, ...] = ()
     lateness: str = ""
     lines: tuple[StatusLine, ...] = ()
+    learned: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def has_all_inputs(self) -> bool:

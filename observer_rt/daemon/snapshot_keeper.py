@@ -32,6 +32,8 @@ from observer_rt.daemon.snapshot import (
     StatusLine,
 )
 from observer_rt.daemon.status_lines import StatusLines, inputs_of, lateness
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.learned_curves import learned_curves
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -74,6 +76,8 @@ class SnapshotKeeper:
         self._news: deque[tuple[InjectionReport | MeasuredMass, int]] = deque(maxlen=KEPT)
         self._samples: deque[tuple[InjectionReport, NDArray[np.void]]] = deque(maxlen=WITH_CURVES)
         self._lock = threading.Lock()  # of clients only
+        self._knowledge: Knowledge | None = None  # of which there are curves
+        self._curves_learned: tuple[Mapping[str, Any], ...] = ()
         self._count = 0
         self._kept: deque[tuple[InjectionReport, ShownInjection]] = deque(maxlen=KEPT)
 
@@ -164,7 +168,6 @@ class SnapshotKeeper:
             "rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
             "rate_bound_mm3_per_ms": 1.96 * sigma / MM3_PER_MS,
             **{f"{each.name}_rate_mm3_per_ms": each.rate / MM3_PER_MS for each in compared},
-            **{f"phi{number + 1}": rows["phi"][:, number] for number in range(3)},
         }
         return {name: values.astype(np.float32) for name, values in curves.items()}
 
@@ -187,7 +190,15 @@ class SnapshotKeeper:
             inputs=inputs_of(daemon, now),
             lateness=lateness(daemon.core.timing),
             lines=tuple(self._lines.of(daemon, now)),
+            learned=self._learned(daemon.core.knowledge),
         )
+
+    def _learned(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
+        """Curves of what was learned, worked out once for each event."""
+        if knowledge is not self._knowledge:
+            self._knowledge = knowledge
+            self._curves_learned = tuple(curve.columns for curve in learned_curves(knowledge, self._c))
+        return self._curves_learned
 
     def _of_state(
         self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]

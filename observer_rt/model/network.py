@@ -82,7 +82,7 @@ def constant_network(nozzle: float = 0.0, seat: float = 0.0) -> Network:
 
 
 def activations(
-    x: Sequence[float] | NDArray[np.float64], u: Sequence[float | NDArray[np.float64]]
+    x: Sequence[float | NDArray[np.float64]] | NDArray[np.float64], u: Sequence[float | NDArray[np.float64]]
 ) -> NDArray[np.float64]:
     """Outputs (..., HIDDEN) of the neurons at states x (3, ...), inputs u = [p_R, A_S, time since the opening]."""
     by_curve = x[2], u[1], u[2], u[0], u[1], x[0] - x[2]

@@ -62,8 +62,9 @@ def observing(path: Path, link: ScriptedLink) -> Iterator[HeardDaemon]:
 def test_injections_have_what_the_daemon_computed(path: Path) -> None:
     recording = worn_recording(6, WEAR)
     with observing(path, ScriptedLink(frames_of(path, recording))) as daemon:
-        shown = asked(path).injections
-        reports = daemon.notes.injections
+        until(lambda: len(daemon.notes.injections) == 6)
+        snapshot = asked(path)
+        shown, reports = snapshot.injections, daemon.notes.injections
     assert [injection.values["number"] for injection in shown] == [injection.number for injection in reports]
     for injection, report in zip(shown, reports, strict=True):
         window, curves = slice(report.start_index, report.end_index + 1), injection.curves
@@ -87,8 +88,9 @@ def test_injections_have_what_the_daemon_computed(path: Path) -> None:
     nominal = float(np.trapezoid(last.curves["nominal_rate_mm3_per_ms"], last.curves["time_ms"]))
     assert 1e-3 * nominal * reports[-1].density == pytest.approx(last.references["nominal"], rel=1e-3)
     assert last.values["mass_mg"] / last.references["nominal"] == pytest.approx(1.0 + WEAR, abs=0.05)
-    assert float(last.curves["phi3"].min()) < -100.0
     assert 0.0 < float(last.curves["rate_bound_mm3_per_ms"].max()) < 5.0
+    assert {curve["flow"] for curve in snapshot.status.learned} == {"orifice_area", "seat_area"}
+    assert snapshot.status.learned[0]["change"][-1] == pytest.approx(WEAR, abs=0.05)
 
 
 def test_the_nominal_model_is_what_an_injector_that_learned_nothing_shows(path: Path) -> None:

@@ -29,6 +29,7 @@ from observer_rt.desk.evaluation.segment import (
 )
 from observer_rt.desk.evaluation.spool import Spool
 from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.learned_curves import LearnedCurve, learned_curves
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass
 from observer_rt.engine.service.learners import LearnerFactory, make_learner
@@ -54,6 +55,8 @@ class Evaluation:
     standstill: Standstill
     has_energizing: bool
     """Whether the bench has this input, so that reports and counters include commands."""
+    learned: tuple[LearnedCurve, ...]
+    """Laws of nozzle and seat as they were known at its end."""
 
     def __init__(
         self, source: SignalStream, curves_of: Coefficients | None = None, keeps_trace: bool = False
@@ -227,6 +230,7 @@ def _observed(
             run.finish()
         evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
         evaluation.has_energizing = core.optional.energizing is not None
+        evaluation.learned = learned_curves(core.knowledge, core.coefficients)
         before = core.counters
     for evaluation in evaluations:
         evaluation.finish()

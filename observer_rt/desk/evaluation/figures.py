@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
 from observer_rt.desk.evaluation.evaluate import Evaluation
+from observer_rt.desk.evaluation.learned_figures import draw_learned
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.account.hypotheses import BEFORE
 from observer_rt.engine.learning.indicators import Estimate
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.figures import NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
@@ -32,6 +34,7 @@ LEAST_SHOWN = 0.1  # % of a mass: what differs less is drawn as equal
 CERTAIN = 0.95  # probability: where every event is so surely as before, no posterior is drawn
 EXPECTED = "#d9d9d9"  # colour of events as before; other hypotheses have the colours of recordings
 COLUMNS = 4  # of curves side by side
+LEARNED_HEIGHT = 4.6  # inches, of the laws learned
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
@@ -51,11 +54,12 @@ class MassRow:
 
 @dataclass(frozen=True)
 class Picture:
-    """Drawn data of one recording: curves of some injections by number, masses and wear of all."""
+    """Drawn data of one recording: curves of some injections by number, masses and wear of all, laws learned."""
 
     title: str
     curves: Mapping[int, RateCurves]
     masses: Sequence[MassRow]
+    learned: Sequence[LearnedCurve] = ()
 
 
 def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> None:
@@ -187,7 +191,8 @@ def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -
 def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     """Draw curves of injections above, masses and wear of all injections below.
 
-    One recording shows what its events were, too, where one was perhaps not as before. Several recordings share all
+    One recording shows what its events were, too, where one was perhaps not as before, and the laws that were learned
+    from them. Several recordings share all
     axes, each in a colour of its own. reference: what the estimates are compared with
     ("true", "measured").
     """
@@ -204,11 +209,15 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
         panels.append((1.6, lambda axes: draw_posterior(axes, recordings[0].masses)))
     heights = [height for height, _ in panels]
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
+    learned = recordings[0].learned if len(recordings) == 1 else ()
+    sections = [3.4 + 2.2 * has_line] * rows + [sum(heights)] + [LEARNED_HEIGHT] * bool(learned)
     figure = NotebookFigure(
-        figsize=(max(8.8, 4.1 * columns), rows * (3.4 + 2.2 * has_line) + sum(heights) + 0.8),
+        figsize=(max(8.8, 4.1 * columns), sum(sections) + 0.8),
         layout="constrained",
     )
-    parts = figure.add_gridspec(rows + 1, 1, height_ratios=[3.4 + 2.2 * has_line] * rows + [sum(heights)])
+    parts = figure.add_gridspec(len(sections), 1, height_ratios=sections)
+    if learned:
+        draw_learned(figure, parts[-1], learned)
     for row in range(rows):
         grid = parts[row].subgridspec(1 + has_line, columns, height_ratios=(3.4, 2.2)[: 1 + has_line])
         for column, number in enumerate(numbers[row * COLUMNS : (row + 1) * COLUMNS]):
@@ -312,7 +321,8 @@ def picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
         for place, one in enumerate(evaluation.injections)
         if one.report.number in numbers
     }
-    return Picture(str(evaluation.path), curves, [_mass_row(one) for one in evaluation.injections])
+    masses = [_mass_row(one) for one in evaluation.injections]
+    return Picture(str(evaluation.path), curves, masses, evaluation.learned)
 
 
 def _mass_row(result: InjectionResult) -> MassRow:

@@ -128,6 +128,7 @@ def _without_injections(evaluation: Evaluation, c: Coefficients) -> dict[str, An
             **_level_json(evaluation),
             **_energizing_json(evaluation),
         },
+        "learned": [curve.columns for curve in evaluation.learned],
     }
 
 

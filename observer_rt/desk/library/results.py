@@ -29,6 +29,7 @@ from observer_rt.model.effects import effective_model
 RECORDING = "recording"
 _BOUND = SHOWN["mass_bound_mg"]
 _SHOWN_ROWS = 12
+_OF_POINTS = ["value", "change", "ci95_halfwidth"]
 _IN_SHORT = (
     RECORDING,
     "number",
@@ -79,6 +80,15 @@ class EvaluationResult:
         ]
         columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
         return with_units(pd.DataFrame(rows, columns=columns))
+
+    @cached_property
+    def learned(self) -> pd.DataFrame:
+        """Laws of nozzle and seat as learned, a point a row: relative change of a flow over a variable."""
+        curves = [
+            {RECORDING: _name(one), **curve.columns} for one in self.evaluations for curve in one.learned
+        ]
+        table = pd.DataFrame(curves, columns=[RECORDING, "flow", "variable", *_OF_POINTS])
+        return table.explode(_OF_POINTS, ignore_index=True).astype(dict.fromkeys(_OF_POINTS, float))
 
     @cached_property
     def trace(self) -> pd.DataFrame:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from socket import SHUT_RDWR, socket
+from typing import Any
 
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.control_socket import connected, line_of, socket_places
@@ -34,7 +35,7 @@ SECOND = 1e9  # ns
 
 @dataclass(frozen=True)
 class InjectorSnapshot:
-    """An injector now: its name, state in words, faults; silent: all else is of before."""
+    """An injector now: its name, state in words, faults, laws learned; silent: all else is of before."""
 
     name: str
     state: str
@@ -43,6 +44,7 @@ class InjectorSnapshot:
     faults: tuple[Fault, ...] = ()
     silent: bool = False
     lost: int = 0
+    learned: tuple[Mapping[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,9 @@ class DaemonReader:
         status = self._status
         if status is not None and not self._is_old(status.moment):
             return InjectorSnapshot(
-                self.name, status.state, status.words, status.level, status.faults, lost=status.lost
+                *(self.name, status.state, status.words, status.level, status.faults),
+                lost=status.lost,
+                learned=status.learned,
             )
         since = self._begin if status is None else status.moment
         if status is None and not self._is_old(since):

@@ -55,7 +55,8 @@ def indicators_of(
     pressures [p_0] of recent events; by what the nozzle's change is another there, it is no wear.
     """
     nozzle, by_nozzle = nozzle_change(theta, x, u)
-    of_flows = {NOZZLE: (float(nozzle), by_nozzle), SEAT: _seat_change(theta)}
+    seat, by_seat = seat_change(theta, SEAT_AREA, SEAT_DROP)
+    of_flows = {NOZZLE: (float(nozzle), by_nozzle), SEAT: (float(seat), by_seat)}
 
     def estimate(effect: str, column: int) -> Estimate:
         value, slopes = of_flows.get(effect) or (float(theta[column]), np.eye(theta.size)[column])
@@ -93,7 +94,7 @@ def nozzle_change(
     theta: NDArray[np.float64],
     x: Sequence[float] | NDArray[np.float64],
     u: Sequence[float | NDArray[np.float64]] | NDArray[np.float64],
-    since: float = OPENED_SINCE,
+    since: float | NDArray[np.float64] = OPENED_SINCE,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Relative change of the nozzle flow at states x (3, ...) and inputs u (2, ...), needle open; slopes (..., m).
 
@@ -112,9 +113,12 @@ def nozzle_change(
     return factor * against_chamber - 1.0, slopes
 
 
-def _seat_change(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Relative change N_S of the seat flow, and its derivatives (m,)."""
-    slopes = np.zeros(theta.size)
-    slopes[_SEAT] = 1.0
-    slopes[WEIGHTS[OF_NOZZLE:]] = activations((SEAT_DROP, 0.0, 0.0), (0.0, SEAT_AREA, 0.0))[OF_NOZZLE:]
-    return float(slopes @ theta), slopes
+def seat_change(
+    theta: NDArray[np.float64], area: float | NDArray[np.float64], drop: float | NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Relative change N_S of the seat flow (...) at a seat area [A_0] and a pressure drop [p_0]; slopes (..., m)."""
+    sigmas = activations((drop, 0.0, 0.0), (0.0, area, 0.0))[..., OF_NOZZLE:]
+    slopes = np.zeros((*sigmas.shape[:-1], theta.size))
+    slopes[..., _SEAT] = 1.0
+    slopes[..., WEIGHTS[OF_NOZZLE:]] = sigmas
+    return slopes @ theta, slopes

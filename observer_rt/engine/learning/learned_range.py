@@ -24,7 +24,7 @@ UNSEEN = 2e-3  # of a rate: standard deviation of what a learned model still get
 # larger than at the event by this factor in any case; and at the event.
 FLOW_KNOWN, FURTHER, FLOW_LEARNED = 0.012, 1.3, 0.03
 _RAILS = RAIL_BIN * (np.arange(RAIL_BINS) + 0.5)  # p_0, middles of the bins of the rail pressure
-_FILLED = 0.95  # p_S over p_L of a sac that is full
+FULL = 0.95  # p_S over p_L of a sac that is full
 _LONG = 0.8  # the same, mean of a long injection
 _LIKE = 0.03  # by which a sac may be fuller than the event's
 _LEAST_FLOW = 0.01  # of a nozzle as given: against a back-pressure above p_S there is none
@@ -94,7 +94,7 @@ def known_flow(
     doing: p_S / p_L = d ln Q_H / d ln (1 + N_H) of a steady flow. At another rail pressure N_H is another.
     """
     pressures, middle = np.append(_RAILS, point.rail_pressure), 0.5 * math.exp(point.open_time)
-    states = np.array([pressures, np.zeros_like(pressures), _FILLED * pressures])
+    states = np.array([pressures, np.zeros_like(pressures), FULL * pressures])
     change, slopes = nozzle_change(theta, states, (pressures, point.area), middle)
     # the last row is at the event's rail pressure
     by_nozzle = slopes / np.maximum(1.0 + change, _LEAST_FLOW)[:, None]
@@ -102,7 +102,7 @@ def known_flow(
     if not (injected > 0.0 and full[_NOZZLE] > 0.0):
         return NOWHERE
     here = event.run.slopes.sum(axis=0) / injected
-    filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), _FILLED)
+    filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), FULL)
 
     def sigma(fullness: float, change: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
         share = (fullness - filled) / (1.0 - filled)

@@ -39,6 +39,7 @@ from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_f
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, state_of_service
 from observer_rt.engine.words import Topic, is_good
+from observer_rt.model.effective import Coefficients
 
 _NOT_LEARNED = (
     "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
@@ -230,7 +231,8 @@ class Core:
         places = np.arange(first, self.processed, 1 + (self.processed - first) // most) % RING
         ring = self.compiled.observer.ring
         return {
-            role: ring[role.value][places] * (1.0 if role is Role.NEEDLE_LIFT else self._pressure_scale)
+            role: ring[role.value][places]
+            * (1.0 if role is Role.NEEDLE_LIFT else self.coefficients.pressure_scale)
             for role in Role
         }
 
@@ -287,7 +289,7 @@ class Core:
     @property
     def standstill(self) -> Standstill:
         """Statistics of the closed needle since the start."""
-        figures = standstill_of(self.compiled.observer.memory[0], self._pressure_scale)
+        figures = standstill_of(self.compiled.observer.memory[0], self.coefficients.pressure_scale)
         return replace(figures, lift=self.lift)
 
     @property
@@ -362,7 +364,7 @@ class Core:
             commanded = self.optional.opening_of(injection)
             report = report_of(injection, judged, commanded, self.contest.concerns(injection))
             if self._writes_summaries:
-                self._results.add_summary(report, self.optional.learning, self._pressure_scale)
+                self._results.add_summary(report, self.optional.learning, self.coefficients.pressure_scale)
             self._tell(report)
             self.optional.on_injection(report)
 
@@ -373,8 +375,9 @@ class Core:
         return row
 
     @property
-    def _pressure_scale(self) -> float:
-        return self.compiled.observer.constants.coefficients.pressure_scale
+    def coefficients(self) -> Coefficients:
+        """Coefficients of the model in force."""
+        return self.compiled.observer.constants.coefficients
 
 
 def status_values(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> StatusValues:

@@ -15,7 +15,7 @@ from tests.device import candump_lines, frames_of, simulated
 
 RECORDING_KEYS = {
     *("file", "samples", "sample_rate_hz", "lost_samples", "spikes", "bridged_samples"),
-    *("checks", "injections", "summary"),
+    *("checks", "injections", "summary", "learned"),
 }
 INJECTION_KEYS = {
     *("number", "event", "start_index", "end_index", "start_s", "end_s", "rail_pressure_MPa", "mass_mg"),
@@ -59,6 +59,9 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert low < 0.3 < high
     assert recording["summary"]["valid_share"] == 0.5
     assert recording["summary"]["adoptions"] >= 2
+    (over_drop, *_) = recording["learned"]
+    assert (over_drop["flow"], over_drop["variable"]) == ("orifice_area", "pressure_drop_MPa")
+    assert over_drop["change"][-1] == pytest.approx(0.3, abs=over_drop["ci95_halfwidth"][-1])
 
 
 def test_a_level_that_nobody_measured_is_said(command: Command, worn: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from matplotlib.patches import Rectangle
 
 from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.desk.evaluation.figures import LEAST_SHOWN, MassRow, Picture, draw_masses, injections_figure
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.units import MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 TIME = np.linspace(0.0, 2.0, 50) * MILLISECOND
@@ -71,6 +72,18 @@ def test_what_the_events_were_is_drawn_where_one_was_not_as_before(changed: floa
         bars = [bar for bar in axes.patches if isinstance(bar, Rectangle)]
         heights = {round(bar.get_x() + 0.5 * bar.get_width()): bar.get_height() for bar in bars[-2:]}
         assert heights == pytest.approx({1: 0.0, 2: changed})
+
+
+@pytest.mark.parametrize("recordings", [1, 2])
+def test_laws_learned_are_drawn_of_a_single_recording(recordings: int) -> None:
+    drop = np.linspace(10.0, 100.0, 5)
+    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, np.full(5, -0.1), np.full(5, 0.01))
+    shown = replace(picture("one"), learned=(curve,))
+    axes = injections_figure([shown] * recordings, "measured").axes
+    drawn = [each for each in axes if each.get_xlabel() == "pressure drop [MPa], nozzle"]
+    assert len(drawn) == (recordings == 1)
+    for each in drawn:
+        assert each.lines[-1].get_ydata() == pytest.approx(-10.0)
 
 
 def test_an_interval_that_tells_nothing_does_not_flatten_the_curves() -> None:

@@ -109,6 +109,15 @@ def test_units_end_the_names_and_lead_to_si(result: ort.EvaluationResult) -> Non
     assert set(result.trace.attrs["si"]) >= {"time_s", "injection_rate_mm3_per_ms"}
 
 
+def test_what_was_learned_is_a_table_of_curves(result: ort.EvaluationResult) -> None:
+    table = result.learned
+    assert {*table.flow} == {"orifice_area", "seat_area"}
+    drop = table[(table.flow == "orifice_area") & (table.variable == "pressure_drop_MPa")]
+    assert drop.value.is_monotonic_increasing
+    last = result.injections.iloc[-1]
+    np.testing.assert_allclose(drop.change.iloc[-1], last.nozzle_v_H, atol=drop.ci95_halfwidth.iloc[-1])
+
+
 def test_result_shows_itself(result: ort.EvaluationResult) -> None:
     assert repr(result).startswith("6 injections of 1 recording, ")
     assert "<table" in result._repr_html_()

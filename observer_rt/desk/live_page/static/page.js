@@ -80,15 +80,6 @@ const DETAILS = {
     title: "Needle lift", unit: "µm", span: 50, x: TIME,
     columns: (list) => overlaid(list, { sensor: "needle_lift_um" }), series: measured("sensor"),
   },
-  phi: {
-    title: "Correction φ, 1/s, own scales", span: 10, x: TIME,
-    columns: (list) => overlaid(list, {}, { phi1: "phi1", phi2: "phi2", phi3: "phi3" }),
-    series: [
-      line("phi1", "φ₁ line pressure", OBSERVER, { scale: "1" }),
-      line("phi2", "φ₂ line flow", SECOND, { scale: "2" }),
-      line("phi3", "φ₃ sac pressure", THIRD, { scale: "3" }),
-    ],
-  },
 };
 const HISTORY = {
   mass: {
@@ -118,7 +109,27 @@ const HISTORY = {
     ],
   },
 };
-const PANELS = { ...HISTORY, ...DETAILS };
+// Of each flow and input: how the network has changed the flow, as the daemon knows it after the last event.
+const INPUTS = {
+  pressure_drop_MPa: "pressure drop, MPa", seat_area_mm2: "seat area, mm²",
+  time_since_opening_ms: "time since the opening, ms", rail_pressure_MPa: "rail pressure, MPa",
+};
+const law = (flow, title, input) => [`${flow}_${input}`, {
+  title, unit: "% of flow", span: 4, x: { column: "value", label: INPUTS[input], axis: INPUTS[input], span: 0.1 },
+  columns: (list, told) => {
+    const curve = told.learned.find((each) => each.flow === flow && each.variable === input);
+    if (!curve) return {};
+    const end = (sign) => curve.change.map((change, k) => percent(change + sign * curve.ci95_halfwidth[k]));
+    return { value: curve.value, change: curve.change.map(percent), low: end(-1), high: end(1) };
+  },
+  series: [unnamed("low"), line("high", "95 %", BAND, { width: 1, value: halfOf }), line("change", "learned", OBSERVER)],
+  bands: [["high", "low", BAND]],
+}];
+const LAWS = Object.fromEntries([
+  ...Object.keys(INPUTS).map((input) => law("orifice_area", "Nozzle, as learned", input)),
+  ...["seat_area_mm2", "pressure_drop_MPa"].map((input) => law("seat_area", "Seat, as learned", input)),
+]);
+const PANELS = { ...HISTORY, ...DETAILS, ...LAWS };
 
 // What is not known is null, in numbers as in curves.
 const sum = (value, sign, other) => (value == null || other == null ? null : value + sign * other);
@@ -181,7 +192,7 @@ let chosen = 0; // injector whose details are shown
 let held = null; // lists of injections, while the page stands still
 let place = 0; // of the one shown among those held
 let now = 0; // ns since 1970, of the server
-const due = { details: 0, history: 0 };
+const due = { details: 0, history: 0, laws: 0 };
 const drawnOf = {}; // what a group of panels was drawn of
 
 function addPanel(id, { title, unit, span, least, x, series, columns, bands = [] }) {
@@ -304,7 +315,7 @@ function showControls() {
 // Draw a panel of an injector's list of injections: title, curves.
 function drawPanel(id, k, list) {
   const { plot, title, columns, names } = panels[id];
-  const found = list.length ? columns(list) : {};
+  const found = list.length ? columns(list, injectors[k].told) : {};
   const number = numberOf(list.at(-1));
   element(id).classList.toggle("empty", !found[names[0]]?.length);
   plot.setData(names.map((name) => found[name] ?? found[names[0]]?.map(() => null) ?? []));
@@ -343,6 +354,7 @@ function draw(atOnce = false) {
   element("details").classList.toggle("dead", injectors[chosen].told.silent);
   const isDrawn = drawGroup("details", DETAILS, DETAILS_EVERY, atOnce);
   if (!isDrawn || atOnce) drawGroup("history", HISTORY, HISTORY_EVERY, atOnce);
+  if (!element("laws").hidden) drawGroup("laws", LAWS, HISTORY_EVERY, atOnce);
   showControls();
 }
 
@@ -426,8 +438,9 @@ element("back").onclick = () => step((before) => before - 1);
 element("forth").onclick = () => step((before) => before + 1);
 element("place").oninput = () => step(() => element("place").valueAsNumber);
 element("correction").onclick = ({ target }) => {
-  element("phi").hidden = !element("phi").hidden;
-  target.setAttribute("aria-pressed", !element("phi").hidden);
+  element("laws").hidden = !element("laws").hidden;
+  target.setAttribute("aria-pressed", !element("laws").hidden);
+  if (injectors.length) draw(true);
 };
 
 const waiting = []; // messages, drawn together in the next frame, and answered with the number of the last one

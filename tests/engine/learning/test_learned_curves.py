@@ -1,0 +1,69 @@
+"""Laws that the network learned, as curves with intervals, against those of plants by other equations."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer_rt.desk.evaluation.evaluate import evaluate
+from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.engine.learning.learned_curves import LearnedCurve, learned_curves
+from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
+from observer_rt.model.effects import effective_model
+from tests.engine.sample_stream import NOISE
+from tests.observed_plants import bench_at, recording_of
+from tests.plants.laws import COKING_TIME, REFERENCE, Laws
+from tests.plants.parameters import Faults, Injector
+from tests.plants.plant import Bench, Event, Needle, Shot, record
+
+RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
+DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
+Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def curves_after(
+    laws: Laws, rail_pressures: tuple[float, ...] = RAIL_PRESSURES
+) -> Mapping[tuple[str, str], LearnedCurve]:
+    """Curves learned from 15 injections of an injector with such laws, by flow and variable."""
+    schedule = tuple(
+        Event(rail_pressures[k % len(rail_pressures)], (Shot(7e-6 * (k % 5), DURATIONS[k % 3]),), Faults())
+        for k in range(15)
+    )
+    plant = Bench(Injector(), Needle(), schedule, seed=37, laws=laws)
+    bench = bench_at(plant.sample_rate)
+    knowledge = evaluate(bench, [recording_of(record(plant))]).knowledge
+    c = effective_model(bench.injector.parameters).coefficients
+    return {(curve.flow, curve.variable): curve for curve in learned_curves(knowledge, c)}
+
+
+@pytest.mark.parametrize(
+    ("laws", "variable", "truth"),
+    [
+        (Laws(rail_growth=0.3), "rail_pressure_MPa", lambda p: 0.3 * (p * MEGAPASCAL / REFERENCE - 1.0)),
+        (
+            Laws(coking=0.3),
+            "time_since_opening_ms",
+            lambda t: -0.3 * (1.0 - np.exp(-t * MILLISECOND / COKING_TIME)),
+        ),
+    ],
+)
+def test_a_law_of_the_nozzle_is_within_its_interval(laws: Laws, variable: str, truth: Curve) -> None:
+    curve = curves_after(laws)["orifice_area", variable]
+    true = truth(curve.inputs)
+    assert np.ptp(true) > 0.1
+    assert np.mean(np.abs(curve.change - true) <= curve.half_width) > 0.8
+    assert np.abs(curve.change - true).max() < 0.25 * np.ptp(true)
+
+
+def test_a_healthy_injector_has_flat_curves_over_what_varied() -> None:
+    curves = curves_after(Laws(), RAIL_PRESSURES[:1])
+    assert ("orifice_area", "rail_pressure_MPa") not in curves
+    assert {flow for flow, _ in curves} == {"orifice_area", "seat_area"}
+    for curve in curves.values():
+        assert (np.abs(curve.change) <= 2.0 * curve.half_width).all()
+
+
+def test_there_are_none_before_an_event() -> None:
+    c = effective_model(bench_at(100e3).injector.parameters).coefficients
+    assert learned_curves(no_knowledge(NOISE, c.pressure_scale), c) == ()

@@ -78,6 +78,7 @@ def draw_masses(axes: Axes, recordings: Sequence[Picture], reference: str) -> No
             nominal = NOMINAL if len(recordings) == 1 else colour
             _draw_points(axes, table, colour, nominal)
     axes.set(xlabel="injection", ylabel=label)
+    axes.use_sticky_edges = False  # numbers of bars that hang down have room above them, too
     axes.margins(y=0.12)
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -LEAST_SHOWN), max(high, LEAST_SHOWN))

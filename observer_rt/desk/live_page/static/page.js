@@ -205,11 +205,8 @@ function addPanel(id, { title, unit, span, least, x, series, columns, bands = []
     ({ label, size, grid, stroke: INK, font: FONT, labelFont: FONT, labelSize: 22 });
   const plot = new uPlot({
     title, width: 1, height: 1, series: all, // as large as its place, once that is known
-    scales: Object.fromEntries([
-      ["x", { time: false, range: steady(x.span, 0) }],
-      ...all.slice(1).map(({ scale = "y" }) => [scale, { range: steady(span, 0.04, least) }]),
-    ]),
-    axes: unit ? [axis(x.axis, 30), axis(unit, 66)] : [axis(x.axis, 30)],
+    scales: { x: { time: false, range: steady(x.span, 0) }, y: { range: steady(span, 0.04, least) } },
+    axes: [axis(x.axis, 30), axis(unit, 66)],
     bands: bands.map(([high, low, fill]) => ({ series: [at(high), at(low)], fill })),
     cursor: { drag: { x: false, y: false } },
   }, all.map(() => []), spot);

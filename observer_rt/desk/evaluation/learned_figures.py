@@ -27,8 +27,10 @@ def draw_learned(figure: Figure, part: SubplotSpec, curves: Sequence[LearnedCurv
     rows = -(-len(curves) // COLUMNS)
     grid = part.subgridspec(rows, COLUMNS)
     drawn: list[Axes] = []
-    for place, curve in enumerate(curves):
-        axes = figure.add_subplot(grid[place // COLUMNS, place % COLUMNS], sharey=drawn[0] if drawn else None)
+    for number, curve in enumerate(curves):
+        axes = figure.add_subplot(
+            grid[number // COLUMNS, number % COLUMNS], sharey=drawn[0] if drawn else None
+        )
         change, half = PERCENT * curve.change, PERCENT * curve.half_width
         colour = COLOURS.get(curve.flow, SEAT_COLOUR)
         axes.axhline(0, color="#222222", lw=0.8)
@@ -36,7 +38,7 @@ def draw_learned(figure: Figure, part: SubplotSpec, curves: Sequence[LearnedCurv
         axes.plot(curve.inputs, change, color=colour, lw=1.4)
         flow = "nozzle" if curve.flow == NOZZLE else "seat"
         axes.set_xlabel(f"{_NAMES[curve.variable]}, {flow}", fontsize=8)
-        if place % COLUMNS == 0:
+        if number % COLUMNS == 0:
             axes.set_ylabel("learned change\nof the flow [%]")
         axes.grid(alpha=0.3)
         drawn.append(axes)

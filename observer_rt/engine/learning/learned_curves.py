@@ -30,7 +30,7 @@ class LearnedCurve:
     """Relative change of a flow over one input, the other inputs held at those of the last event.
 
     flow: name of its indicator; variable: the input, whose unit ends the name; inputs, change and sigma (one standard
-    deviation, by what events told): (n,) each.
+    deviation, from the events): (n,) each.
     """
 
     flow: str
@@ -86,12 +86,10 @@ def _of_nozzle(theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coef
         ("rail_pressure_MPa", pressure, _grid(min(rails), max(rails))),
     )
     held = (FULL * last.rail_pressure, last.area, 0.5 * math.exp(last.open_time), last.rail_pressure)
-    for place, (variable, unit, grid) in enumerate(grids):
+    for swept, (variable, unit, grid) in enumerate(grids):
         if not grid.size:
             continue
-        drop, area, since, rail = (
-            grid if place == each else np.full_like(grid, held[each]) for each in range(4)
-        )
+        drop, area, since, rail = (grid if swept == k else np.full_like(grid, held[k]) for k in range(4))
         change, slopes = nozzle_change(theta, np.stack((drop, 0.0 * drop, drop)), (rail, area), since)
         offset = c.chamber_pressure / MEGAPASCAL if variable == "rail_pressure_MPa" else 0.0
         yield NOZZLE, variable, unit * grid + offset, change, slopes

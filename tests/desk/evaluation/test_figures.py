@@ -80,10 +80,10 @@ def test_laws_learned_are_drawn_of_a_single_recording(recordings: int) -> None:
     curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, np.full(5, -0.1), np.full(5, 0.01))
     shown = replace(picture("one"), learned=(curve,))
     axes = injections_figure([shown] * recordings, "measured").axes
-    drawn = [each for each in axes if each.get_xlabel() == "pressure drop [MPa], nozzle"]
+    drawn = [panel for panel in axes if panel.get_xlabel() == "pressure drop [MPa], nozzle"]
     assert len(drawn) == (recordings == 1)
-    for each in drawn:
-        assert each.lines[-1].get_ydata() == pytest.approx(-10.0)
+    for panel in drawn:
+        assert panel.lines[-1].get_ydata() == pytest.approx(-10.0)
 
 
 def test_an_interval_that_tells_nothing_does_not_flatten_the_curves() -> None:

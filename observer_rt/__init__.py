@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from observer_rt.desk.library.recordings import read, to_frame
     from observer_rt.desk.library.results import EvaluationResult
     from observer_rt.desk.library.simulation import simulate
-    from observer_rt.desk.library.units import in_si
     from observer_rt.foundation.errors import UserError
 
 __version__ = "0.2.0"
@@ -32,7 +31,6 @@ __all__ = [
     "Observer",
     "ObserverWarning",
     "UserError",
-    "in_si",
     "read",
     "simulate",
     "to_frame",
@@ -45,7 +43,6 @@ _PLACES = {
     "Observer": "desk.library.observer.SampleObserver",
     "ObserverWarning": "desk.library.notes.ObserverWarning",
     "UserError": "foundation.errors.UserError",
-    "in_si": "desk.library.units.in_si",
     "read": "desk.library.recordings.read",
     "simulate": "desk.library.simulation.simulate",
     "to_frame": "desk.library.recordings.to_frame",

@@ -23,7 +23,7 @@ CALLS = (
 )
 
 
-@pytest.mark.parametrize("name", [*CALLS, "read", "to_frame", "in_si", "simulate"])
+@pytest.mark.parametrize("name", [*CALLS, "read", "to_frame", "simulate"])
 def test_a_call_of_the_library_has_its_sections(name: str) -> None:
     """Parameters, results and errors as numpydoc has them, for notebooks and the site."""
     errors = validate(f"observer_rt.{name}")["errors"]

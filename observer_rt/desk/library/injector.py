@@ -168,7 +168,7 @@ class Injector:
         state: Pathlike | None = None,
         chain: bool = False,
         learn: bool = True,
-        twice: bool = True,
+        twice: bool = False,
     ) -> EvaluationResult:
         """Run recordings through the observer.
 
@@ -185,7 +185,7 @@ class Injector:
         twice : bool
             Whether every injection is looked at again with what all of them taught, so that the first are as good
             as the last: rate, mass, peak rate, validity, wear and all else that is learned, with their intervals.
-            `phi_version` stays that of the live run. False: all is as the daemon would have it live.
+            `phi_version` stays that of the live run. False, as on the command line: all as the daemon would have it.
 
         Returns
         -------

@@ -16,7 +16,6 @@ from observer_rt.core.stream.stream import RING
 from observer_rt.daemon.persistence.state_file import restored_knowledge
 from observer_rt.desk.evaluation.histories import refuse_missing_state, write_state
 from observer_rt.desk.library.recordings import path_of
-from observer_rt.desk.library.units import with_units
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -151,7 +150,7 @@ class SampleObserver:
             {**row_of(FIELDS, Output.PARQUET, one, c), MASS_BOUND.name: MASS_BOUND.of(one, c)}
             for one in self._reports
         ]
-        return with_units(pd.DataFrame(rows, columns=names))
+        return pd.DataFrame(rows, columns=names)
 
     @property
     def is_valid(self) -> bool:
@@ -207,13 +206,11 @@ class SampleObserver:
 
     def _table(self, parts: Iterable[NDArray[np.void]]) -> pd.DataFrame:
         rows = np.concatenate([self._core.rows(0, 0), *parts])
-        return with_units(
-            pd.DataFrame(
-                {
-                    "time_s": rows["index"] / self._rate,
-                    "injection_rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
-                    "valid": rows["valid"],
-                    "state": pd.Categorical.from_codes(rows["state"], [each.name for each in State]),
-                }
-            )
+        return pd.DataFrame(
+            {
+                "time_s": rows["index"] / self._rate,
+                "injection_rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
+                "valid": rows["valid"],
+                "state": pd.Categorical.from_codes(rows["state"], [each.name for each in State]),
+            }
         )

@@ -15,7 +15,6 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.injector import RecordingConfig
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.library.notes import noted
-from observer_rt.desk.library.units import with_units
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.signals.recording import SIGNALS, Recording
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
@@ -81,11 +80,11 @@ def to_frame(recording: Recording) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a sample; the end of a column's name is its unit, `attrs["si"]` has the factors to SI.
+        A row a sample; the end of a column's name is its unit.
     """
     arrays = recording.arrays
     columns = {c.header: arrays[c.channel] / c.factor for c in PRINTED if c.channel in arrays}
-    return with_units(pd.DataFrame(columns))
+    return pd.DataFrame(columns)
 
 
 def sources_of(recordings: Recordings, bench: Bench, console: Console) -> list[SignalStream]:

@@ -15,7 +15,6 @@ from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN, Inj
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
 from observer_rt.desk.library.notes import naming_parameters
-from observer_rt.desk.library.units import with_units
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
@@ -56,11 +55,11 @@ class EvaluationResult:
 
     @cached_property
     def injections(self) -> pd.DataFrame:
-        """Injections, a row each: masses, wear, validity; units end the names, `attrs["si"]` has their factors."""
+        """Injections, a row each: masses, wear, validity; units end the names."""
         c = self._coefficients
         rows = [_row(one, result, c) for one in self.evaluations for result in one.injections]
         columns = [RECORDING, *columns_of(RESULT_FIELDS, Output.PARQUET), _BOUND.name]
-        return with_units(pd.DataFrame(rows, columns=columns))
+        return pd.DataFrame(rows, columns=columns)
 
     @cached_property
     def budget(self) -> pd.DataFrame:
@@ -79,7 +78,7 @@ class EvaluationResult:
             if result.report.budget is not None
         ]
         columns = [RECORDING, "number", *(f"by_{part}_mg" for part in VolumeBudget._fields)]
-        return with_units(pd.DataFrame(rows, columns=columns))
+        return pd.DataFrame(rows, columns=columns)
 
     @cached_property
     def learned(self) -> pd.DataFrame:
@@ -93,7 +92,7 @@ class EvaluationResult:
     @cached_property
     def trace(self) -> pd.DataFrame:
         """Samples, a row each: injection rate with its standard deviation, validity, states."""
-        return with_units(pd.concat([_samples(one) for one in self.evaluations], ignore_index=True))
+        return pd.concat([_samples(one) for one in self.evaluations], ignore_index=True)
 
     @property
     def valid_share(self) -> float:

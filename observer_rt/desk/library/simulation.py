@@ -7,7 +7,6 @@ import pandas as pd
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.library.notes import naming_parameters
-from observer_rt.desk.library.units import with_units
 from observer_rt.desk.simulation.schedule import (
     ENERGIZING_TIME_OPTION,
     INJECTIONS_OPTION,
@@ -96,17 +95,15 @@ def simulate(
         levels = SimulatedNoise() if noise else None
         made = simulated(parameters, schedule, sample_rate_Hz, sizes, levels, measured_rate, seed)
     truth = made.truth
-    return made.recording, with_units(
-        pd.DataFrame(
-            {
-                "time_s": truth.time,
-                "injection_rate_mm3_per_ms": truth.injection_rate / MM3_PER_MS,
-                "needle_lift_mm": truth.needle_lift / MILLIMETRE,
-                "line_pressure_MPa": truth.line_pressure / MEGAPASCAL,
-                "sac_pressure_MPa": truth.sac_pressure / MEGAPASCAL,
-                "line_flow_mm3_per_ms": truth.line_flow / MM3_PER_MS,
-            }
-        )
+    return made.recording, pd.DataFrame(
+        {
+            "time_s": truth.time,
+            "injection_rate_mm3_per_ms": truth.injection_rate / MM3_PER_MS,
+            "needle_lift_mm": truth.needle_lift / MILLIMETRE,
+            "line_pressure_MPa": truth.line_pressure / MEGAPASCAL,
+            "sac_pressure_MPa": truth.sac_pressure / MEGAPASCAL,
+            "line_flow_mm3_per_ms": truth.line_flow / MM3_PER_MS,
+        }
     )
 
 

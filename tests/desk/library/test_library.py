@@ -34,7 +34,7 @@ def worn() -> tuple[Recording, pd.DataFrame]:
 @pytest.fixture(scope="module")
 def result(worn: tuple[Recording, pd.DataFrame]) -> ort.EvaluationResult:
     """As the daemon would have it live."""
-    return ort.Injector.load().evaluate(worn[0], twice=False)
+    return ort.Injector.load().evaluate(worn[0])
 
 
 def true_masses(truth: pd.DataFrame, injections: pd.DataFrame) -> list[float]:
@@ -84,12 +84,12 @@ def test_every_form_of_a_recording_gives_the_same_masses(
         "si": recording.arrays,
         "list": [str(path)],
     }[form]
-    outcome = ort.Injector.load().evaluate(sources, twice=False)
+    outcome = ort.Injector.load().evaluate(sources)
     np.testing.assert_allclose(outcome.injections.mass_mg, result.injections.mass_mg, rtol=1e-6)
 
 
-def test_two_looks_are_the_default_and_have_a_budget(worn: tuple[Recording, pd.DataFrame]) -> None:
-    result = ort.Injector.load().evaluate(worn[0])
+def test_two_looks_have_a_budget(worn: tuple[Recording, pd.DataFrame]) -> None:
+    result = ort.Injector.load().evaluate(worn[0], twice=True)
     table, budget = result.injections, result.budget
     assert table.valid.all()
     np.testing.assert_allclose(table.mass_mg, true_masses(worn[1], table), rtol=6e-3)
@@ -98,15 +98,6 @@ def test_two_looks_are_the_default_and_have_a_budget(worn: tuple[Recording, pd.D
     ).sum() >= 4  # they err alike
     total = np.sqrt((budget.filter(like="by_") ** 2).sum(axis=1))
     np.testing.assert_allclose(table.mass_bound_mg, 1.96 * total, rtol=1e-3)
-
-
-def test_units_end_the_names_and_lead_to_si(result: ort.EvaluationResult) -> None:
-    table, si = result.injections, ort.in_si(result.injections)
-    assert table.attrs["si"]["mass_mg"].factor == 1e-6
-    np.testing.assert_allclose(si.mass, table.mass_mg * 1e-6)
-    np.testing.assert_allclose(si.rail_pressure, table.rail_pressure_MPa * 1e6)
-    assert "number" in si
-    assert set(result.trace.attrs["si"]) >= {"time_s", "injection_rate_mm3_per_ms"}
 
 
 def test_what_was_learned_is_a_table_of_curves(result: ort.EvaluationResult) -> None:
@@ -133,7 +124,7 @@ def test_learned_state_goes_on(
 ) -> None:
     path = tmp_path / "learned.state"
     result.save_state(path)
-    again = ort.Injector.load().evaluate(worn[0], state=path, twice=False)
+    again = ort.Injector.load().evaluate(worn[0], state=path)
     assert again.injections.valid.sum() > result.injections.valid.sum()
     with pytest.raises(ort.UserError, match="no such file"):
         ort.Injector.load().evaluate(worn[0], state=tmp_path / "other.state")

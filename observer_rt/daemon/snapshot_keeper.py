@@ -76,8 +76,7 @@ class SnapshotKeeper:
         self._news: deque[tuple[InjectionReport | MeasuredMass, int]] = deque(maxlen=KEPT)
         self._samples: deque[tuple[InjectionReport, NDArray[np.void]]] = deque(maxlen=WITH_CURVES)
         self._lock = threading.Lock()  # of clients only
-        self._knowledge: Knowledge | None = None  # of which there are curves
-        self._curves_learned: tuple[Mapping[str, Any], ...] = ()
+        self._learned: tuple[Knowledge | None, tuple[Mapping[str, Any], ...]] = None, ()  # and curves of it
         self._count = 0
         self._kept: deque[tuple[InjectionReport, ShownInjection]] = deque(maxlen=KEPT)
 
@@ -190,15 +189,14 @@ class SnapshotKeeper:
             inputs=inputs_of(daemon, now),
             lateness=lateness(daemon.core.timing),
             lines=tuple(self._lines.of(daemon, now)),
-            learned=self._learned(daemon.core.knowledge),
+            learned=self._laws(daemon.core.knowledge),
         )
 
-    def _learned(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
+    def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
         """Curves of what was learned, worked out once for each event."""
-        if knowledge is not self._knowledge:
-            self._knowledge = knowledge
-            self._curves_learned = tuple(curve.columns for curve in learned_curves(knowledge, self._c))
-        return self._curves_learned
+        if knowledge is not self._learned[0]:
+            self._learned = knowledge, tuple(curve.columns for curve in learned_curves(knowledge, self._c))
+        return self._learned[1]
 
     def _of_state(
         self, moment: int, state: State, reasons: Sequence[Reason], faults: tuple[Fault, ...]

@@ -9,12 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.indicators import (
-    SEAT_AREA,
-    SEAT_DROP,
-    nozzle_change,
-    seat_change,
-)
+from observer_rt.engine.learning.indicators import SEAT_AREA, SEAT_DROP, nozzle_change, seat_change
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_range import FULL, EventPoint
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
@@ -29,20 +24,15 @@ LEAST_SPAN = 0.05  # of its middle: a curve over a narrower range of its input s
 class LearnedCurve:
     """Relative change of a flow over one input, the other inputs held at those of the last event.
 
-    flow: name of its indicator; variable: the input, whose unit ends the name; inputs, change and sigma (one standard
-    deviation, from the events): (n,) each.
+    flow: name of its indicator; variable: the input, whose unit ends the name; inputs, change and half_width (of the
+    95 % interval): (n,) each.
     """
 
     flow: str
     variable: str
     inputs: NDArray[np.float64]
     change: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-
-    @property
-    def half_width(self) -> NDArray[np.float64]:
-        """Half of the 95 % interval (n,)."""
-        return 1.96 * self.sigma
+    half_width: NDArray[np.float64]
 
     @property
     def columns(self) -> dict[str, Any]:
@@ -59,52 +49,37 @@ class LearnedCurve:
 def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve, ...]:
     """Curves of what was learned, over the ranges in which there were events; none before any."""
     learned, theta = knowledge.state.learned, knowledge.in_force
-    if not learned.learned_at:
-        return ()
     covariance = learned.gated.carried(theta)
-    curves = (*_of_nozzle(theta, learned.learned_at, c), *_of_seat(theta, learned.learned_at, c))
     return tuple(
-        LearnedCurve(
-            flow, variable, inputs, change, np.sqrt(np.maximum(((slopes @ covariance) * slopes).sum(1), 0.0))
-        )
-        for flow, variable, inputs, change, slopes in curves
+        LearnedCurve(flow, variable, inputs, change, 1.96 * np.sqrt(((slopes @ covariance) * slopes).sum(1)))
+        for flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
     )
 
 
-_Curve = tuple[str, str, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Flow, variable, inputs (n,), change (n,) and its slopes by theta (n, m)."""
-
-
-def _of_nozzle(theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coefficients) -> Iterator[_Curve]:
-    last, pressure = points[-1], c.pressure_scale / MEGAPASCAL
-    rails, areas = [point.rail_pressure for point in points], [point.area for point in points]
+def _changes(
+    theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coefficients
+) -> Iterator[tuple[Any, ...]]:
+    """Flow, variable, inputs (n,), change (n,) and its slopes by theta (n, m) of every curve."""
+    if not points:
+        return
+    last, pressure, area = points[-1], c.pressure_scale / MEGAPASCAL, c.area_scale / MILLIMETRE**2
+    rails, widest = [point.rail_pressure for point in points], max(point.area for point in points)
     longest = max(math.exp(point.open_time) for point in points)
     grids = (
-        ("pressure_drop_MPa", pressure, _grid(LOWEST_DROP, FULL * max(rails))),
-        ("seat_area_mm2", c.area_scale / MILLIMETRE**2, _grid(0.1 * last.area, max(areas))),
-        ("time_since_opening_ms", 1.0 / MILLISECOND, _grid(0.1 * longest, longest)),
-        ("rail_pressure_MPa", pressure, _grid(min(rails), max(rails))),
+        ("pressure_drop_MPa", pressure, 0.0, _grid(LOWEST_DROP, FULL * max(rails))),
+        ("seat_area_mm2", area, 0.0, _grid(0.1 * widest, widest)),
+        ("time_since_opening_ms", 1.0 / MILLISECOND, 0.0, _grid(0.1 * longest, longest)),
+        ("rail_pressure_MPa", pressure, c.chamber_pressure / MEGAPASCAL, _grid(min(rails), max(rails))),
     )
     held = (FULL * last.rail_pressure, last.area, 0.5 * math.exp(last.open_time), last.rail_pressure)
-    for swept, (variable, unit, grid) in enumerate(grids):
-        if not grid.size:
-            continue
-        drop, area, since, rail = (grid if swept == k else np.full_like(grid, held[k]) for k in range(4))
-        change, slopes = nozzle_change(theta, np.stack((drop, 0.0 * drop, drop)), (rail, area), since)
-        offset = c.chamber_pressure / MEGAPASCAL if variable == "rail_pressure_MPa" else 0.0
-        yield NOZZLE, variable, unit * grid + offset, change, slopes
-
-
-def _of_seat(theta: NDArray[np.float64], points: Sequence[EventPoint], c: Coefficients) -> Iterator[_Curve]:
-    highest, widest = max(point.rail_pressure for point in points), max(point.area for point in points)
-    areas, drops = _grid(0.1 * widest, widest), _grid(LOWEST_DROP, highest)
-    yield SEAT, "seat_area_mm2", areas * c.area_scale / MILLIMETRE**2, *seat_change(theta, areas, SEAT_DROP)
-    yield (
-        SEAT,
-        "pressure_drop_MPa",
-        drops * c.pressure_scale / MEGAPASCAL,
-        *seat_change(theta, SEAT_AREA, drops),
-    )
+    for swept, (variable, unit, origin, grid) in enumerate(grids):
+        drop, seat, since, rail = (grid if swept == k else np.full_like(grid, held[k]) for k in range(4))
+        if grid.size:
+            states = np.stack((drop, 0.0 * drop, drop))
+            yield NOZZLE, variable, unit * grid + origin, *nozzle_change(theta, states, (rail, seat), since)
+    drops, areas = _grid(LOWEST_DROP, max(rails)), grids[1][-1]
+    yield SEAT, "seat_area_mm2", areas * area, *seat_change(theta, areas, SEAT_DROP)
+    yield SEAT, "pressure_drop_MPa", drops * pressure, *seat_change(theta, SEAT_AREA, drops)
 
 
 def _grid(first: float, last: float) -> NDArray[np.float64]:

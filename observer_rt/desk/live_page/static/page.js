@@ -242,6 +242,7 @@ function build(names) {
   all.style.setProperty("--columns", ROW[names.length] ?? 4);
   element("names").hidden = names.length === 1;
   names.forEach((name, k) => addPanel(`rate_${k}`, RATE));
+  element("laws").innerHTML = Object.keys(LAWS).map((id) => `<div id="${id}" class="plot"></div>`).join("");
   for (const [id, panel] of Object.entries(PANELS)) addPanel(id, panel);
 }
 

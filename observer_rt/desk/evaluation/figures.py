@@ -218,7 +218,7 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     )
     parts = figure.add_gridspec(len(sections), 1, height_ratios=sections)
     if learned:
-        draw_learned(figure, parts[-1], learned)
+        draw_learned(parts[-1], learned)
     for row in range(rows):
         grid = parts[row].subgridspec(1 + has_line, columns, height_ratios=(3.4, 2.2)[: 1 + has_line])
         for column, number in enumerate(numbers[row * COLUMNS : (row + 1) * COLUMNS]):

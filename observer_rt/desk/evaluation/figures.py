@@ -212,10 +212,8 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
     learned = recordings[0].learned if len(recordings) == 1 else ()
     sections = [3.4 + 2.2 * has_line] * rows + [sum(heights)] + [LEARNED_HEIGHT] * bool(learned)
-    figure = NotebookFigure(
-        figsize=(max(8.8, 4.1 * columns), sum(sections) + 0.8),
-        layout="constrained",
-    )
+    size = max(8.8, 4.1 * columns), sum(sections) + 0.8
+    figure = NotebookFigure(figsize=size, layout="constrained")
     parts = figure.add_gridspec(len(sections), 1, height_ratios=sections)
     if learned:
         draw_learned(parts[-1], learned)

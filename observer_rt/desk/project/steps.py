@@ -115,7 +115,7 @@ def evaluate(project: Project, model: Path, say: Say) -> Path:
     if project.is_done("evaluate", state, table):
         say(f"evaluate: {table} is up to date")
         return table
-    result = Injector.load(model, project.bench).evaluate(list(recordings))
+    result = Injector.load(model, project.bench).evaluate(list(recordings), twice=True)
     write_text(table, result.injections.to_csv(index=False))
     write_text(project.results / BUDGET, result.budget.to_csv(index=False))
     save_figure(result.plot(), project.results / EVALUATION_FIGURE, _DPI)

@@ -91,7 +91,7 @@ def test_what_shows_where_it_was_fitted_only_is_not_named() -> None:
     """Every second operating point is held out: a nozzle worn at the others only does not pay there."""
     worn = recordings((sized("orifice_area", v_H=0.03),), points=POINTS)
     new = recordings(points=POINTS)
-    mixed = [worn[0], new[1], worn[2], new[3]]
+    mixed = [worn[0], new[1], new[2], worn[3]]  # like the squares of a chessboard
     discovery = name_effects(MODEL, measurements(mixed), SearchOptions(workers=2))
     assert "orifice_area" not in [one.id for one in discovery.effects]
 

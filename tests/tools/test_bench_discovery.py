@@ -151,8 +151,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, module: Any, parts: Parts) -> Non
     ("effect", "number"),
     [
         *(("orifice_area", 0), ("lift_offset", 1), ("channel_skew", 1), ("fuel_density", 0)),
-        *(("seat_outflow", 0), ("line_pressure_sensor_lag", 3), ("chamber_pressure_rise", 0)),
-        *(("line_volume", 0), ("pressure_dependent_bulk_modulus", 0)),
+        *(("seat_outflow", 0), ("line_pressure_sensor_lag", 3)),
     ],
 )
 def test_the_true_effect_in_force_closes_the_gap(

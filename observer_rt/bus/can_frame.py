@@ -11,10 +11,8 @@ CLASSIC_MTU = 16  # bytes of struct can_frame, whatever the frame carries
 FD_MTU = 72  # and of struct canfd_frame
 HEADER_BYTES = 8  # of both, before the data
 EXTENDED_FLAG, REMOTE_FLAG, ERROR_FLAG = 0x8000_0000, 0x4000_0000, 0x2000_0000  # in their identifier
-BIT_RATE_SWITCH, ERROR_STATE = (
-    0x01,
-    0x02,
-)  # flags of struct canfd_frame: data sent faster, sender error passive
+# Flags of struct canfd_frame: data sent faster, sender error passive.
+BIT_RATE_SWITCH, ERROR_STATE = 0x01, 0x02
 ARPHRD_CAN = 280  # kind of interface
 
 # Added to the id of a frame.

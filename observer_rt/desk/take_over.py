@@ -76,9 +76,8 @@ def undo(path: Path, injector: str = "") -> StepOutcome:
     with _alone(path):
         fitted, done = load_bench(path).of(injector or None).injector, steps(path)
         own = [step for step in done if step.injector == injector]
-        while (
-            own and own[-1].after != fitted.config.model.file
-        ):  # a step that was interrupted, or undone by hand
+        # A step that was interrupted, or undone by hand.
+        while own and own[-1].after != fitted.config.model.file:
             own.pop()
         if not own:
             problem = f"names {fitted.parameters_path.name}, and no model was taken over to get there"

@@ -34,6 +34,7 @@ SHAPE = 20.0  # highest value beside the mean step from sample to sample, beyond
 SAME = 0.2  # relative, within which a ratio of pressures is a ratio of units
 FURTHER = 0.03  # of the mean, by which a rail pressure does not go beyond the line's at both ends
 RESTS_OPEN = 0.7  # share of the highest lift, above which a needle is open most of the time
+# What the values are to be multiplied by, if they are in a unit although MPa was stated.
 _PRESSURE_FACTORS = (
     (1e-6, "Pa"),
     (1e-3, "kPa"),
@@ -42,7 +43,7 @@ _PRESSURE_FACTORS = (
     (10.0, "MPa, read as bar"),
     (1e3, "MPa, read as kPa"),
     (1e6, "MPa, read as Pa"),
-)  # what the values are to be multiplied by, if they are in a unit although MPa was stated
+)
 _LIFT_FACTORS = ((1e-3, "um"), (1e-6, "nm"), (1e3, "mm, read as um, or m, read as mm"))
 
 
@@ -261,9 +262,8 @@ def doubts(
         )
         yield SignalDoubt(problem + named, remedy)
     lift = survey.signals.get("needle_lift")
-    is_measured = (
-        lift is not None and lift.highest > OPEN and lift.lowest != 0.0
-    )  # not computed without noise
+    # Not computed without noise.
+    is_measured = lift is not None and lift.highest > OPEN and lift.lowest != 0.0
     for name in ("rail_pressure", "line_pressure"):
         signal = survey.signals.get(name)
         if signal is not None and is_measured and signal.count and signal.swing == 0.0:

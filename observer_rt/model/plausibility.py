@@ -36,9 +36,8 @@ _PLAUSIBLE = (  # lowest, highest, unit as it is printed
     ("chamber.pressure", 0.0, 40e6, " Pa"),
 )
 _USUAL = {STIFFNESS: 1.6e9, SEAT: 0.7, NOZZLE: 0.75}
-_USUAL_SPREAD = math.log(
-    1.3
-)  # stiffness and coefficients apart by more, in opposite senses: a wrong inertance
+# Stiffness and coefficients apart by more, in opposite senses: a wrong inertance.
+_USUAL_SPREAD = math.log(1.3)
 
 
 @dataclass(frozen=True)

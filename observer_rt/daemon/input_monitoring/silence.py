@@ -65,9 +65,8 @@ class SilenceWatch:
             if source not in self._silent
             and arrivals.silence(source, now) > max(REPORTED_AFTER, source.patience)
         ]
-        if (
-            self._back_at and now - self._back_at > REPORTED_AFTER * SECOND
-        ):  # what is still away is so by itself
+        # What is still away is so by itself.
+        if self._back_at and now - self._back_at > REPORTED_AFTER * SECOND:
             new += [source for source in arrivals.sources if source in self._together]
             self._together.clear()
             self._back_at = 0

@@ -303,9 +303,8 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
     axes.plot(time, curve.estimated / MM3_PER_MS, color=colour or ESTIMATED, lw=1.4, label="observer")
     nominal = curve.nominal / MM3_PER_MS
     axes.plot(time, nominal, color=colour or NOMINAL, ls="--", lw=thin, label="nominal model")
-    if (
-        curve.sigma is not None and colour is None
-    ):  # an interval that tells nothing is not to flatten the curves
+    # An interval that tells nothing is not to flatten the curves.
+    if curve.sigma is not None and colour is None:
         drawn = np.concatenate([line.get_ydata() for line in axes.lines])
         drawn = drawn[np.isfinite(drawn)]
         if drawn.size:

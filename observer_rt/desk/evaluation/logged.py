@@ -94,9 +94,8 @@ class LoggedSignals(SignalStream):
         for rows in self._rows(core, stamps, watch):
             rows_read += len(rows)
             indices = rows["index"].astype(np.int64)
-            for index in np.split(
-                indices, np.flatnonzero(np.diff(indices) <= 0) + 1
-            ):  # where they do not rise
+            # Where they do not rise.
+            for index in np.split(indices, np.flatnonzero(np.diff(indices) <= 0) + 1):
                 if not index.size:
                     continue
                 before = min(stretches[-1].last_index if stretches else int(index[0]), int(index[0]))

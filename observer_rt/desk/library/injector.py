@@ -144,9 +144,8 @@ class Injector:
 
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
-            most = (
-                MOST_SAMPLES if masses is None else sys.maxsize
-            )  # whole: masses go by the injection's number
+            # Whole: masses go by the injection's number.
+            most = MOST_SAMPLES if masses is None else sys.maxsize
             measured = self._measured(sources, notes, most)
             refuse_rates_missing([one.recording for one in measured])
             refuse_clipped(measured)

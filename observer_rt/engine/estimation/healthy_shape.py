@@ -18,10 +18,8 @@ KNOTS = 1e-6 * np.concatenate(
     [np.arange(-40.0, 400.0, 20.0), np.arange(400.0, 1200.0, 40.0), np.arange(1200.0, 4001.0, 100.0)]
 )
 """Times [s] after an opening, or a closing, between which the course is straight; 0 before and after."""
-CENTRE, SPAN = (
-    100 * MEGAPASCAL,
-    40 * MEGAPASCAL,
-)  # of the rail pressure, with which the courses change linearly
+# Of the rail pressure, with which the courses change linearly.
+CENTRE, SPAN = 100 * MEGAPASCAL, 40 * MEGAPASCAL
 SPREAD = 0.6  # standard deviation of a knot before anything was measured, in sigma of an innovation
 _DIGITS = 5  # of MPa: 10 Pa
 

@@ -148,9 +148,8 @@ class Framer:
         block = block_samples(self._bus)
         self.next_index = -(-(before + samples) // block) * block
         for number in range(len(self._counters)):
-            if (
-                message_timing(self._bus, number)["numbering"] != Numbering.INDEX
-            ):  # their counters go on with time
+            # Their counters go on with time.
+            if message_timing(self._bus, number)["numbering"] != Numbering.INDEX:
                 passed = (self.next_index - before) // grid_samples(self._bus, number)
                 self._counters[number] += passed
 

@@ -199,11 +199,12 @@ class LatenessCounter:
             return ReplayLateness(math.nan, math.nan, math.nan, math.nan)
         delays = np.array(sorted(self._delays.items()))
         up_to = np.cumsum(delays[:, 1])
+        # A delay that was rounded up is not above the largest.
         median, p99 = (
             min(float(delays[np.searchsorted(up_to, math.ceil(share * frames)), 0]), self._maximum)
             * _NANOSECOND
             for share in (0.5, 0.99)
-        )  # a delay that was rounded up is not above the largest
+        )
         return ReplayLateness(median, p99, self._maximum * _NANOSECOND, self._late / frames)
 
 

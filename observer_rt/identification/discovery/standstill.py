@@ -20,9 +20,8 @@ from observer_rt.model.effective import Coefficients, EffectiveModel
 from observer_rt.model.effects import VOCABULARY
 
 SETTLED = 15e-3  # s after a closing, from which the line is at rest but for some ringing
-_FILE = Entry(
-    lambda number, findings: None if number is None else findings.files[number], str | None
-)  # name of a recording
+# Name of a recording.
+_FILE = Entry(lambda number, findings: None if number is None else findings.files[number], str | None)
 _FEWEST_BLOCKS = 4
 OFFSET_TOLERATED, SLOPE_TOLERATED = 0.02 * MEGAPASCAL, 2 * MEGAPASCAL  # Pa, Pa/s
 

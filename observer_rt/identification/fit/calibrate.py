@@ -57,10 +57,8 @@ from observer_rt.model.baseline import Baseline, HealthyRemainder, NoiseFigures,
 from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
 
-MARGIN, WORST_MARGIN = (
-    1.15,
-    1.5,
-)  # times the best chi2, of the mean and of a phase, up to which one is as good
+# Times the best chi2, of the mean and of a phase, up to which one is as good.
+MARGIN, WORST_MARGIN = 1.15, 1.5
 NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
 TOLERATED = 0.005  # of the swing of the line pressure: a smaller residual moves no mass that matters
@@ -251,9 +249,8 @@ class CalibrationResult:
         if self.level is FlowLevel.FILE:
             return None
         determined = zip(self.fitted.calibration.free, self.fitted.certainty.sigmas, strict=True)
-        by_fit = sum(
-            2.0 * float(sigma) for one, sigma in determined if one is INERTANCE
-        )  # an area, of a diameter
+        # An area, of a diameter.
+        by_fit = sum(2.0 * float(sigma) for one, sigma in determined if one is INERTANCE)
         weighed = [fold.weighed for fold in self.fitted.calibration.folds if fold.weighed is not None]
         by_rate = math.hypot(GAIN_ERROR, 0.01 * self.file.accuracy.fuel_density_percent)
         return math.hypot(by_fit, own_accuracy(weighed) if weighed else by_rate)

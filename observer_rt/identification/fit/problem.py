@@ -279,9 +279,8 @@ class Calibration:
     def _groups(self, number: int, judged_model: JudgedModel) -> list[tuple[NDArray[np.float64], float]]:
         fold = self.folds[number]
         samples = max(1, round(RESOLVED / fold.measurement.interval))
-        blocks = judged_model.z[: judged_model.z.size - judged_model.z.size % samples].reshape(
-            -1, samples
-        )  # what is left over is left out
+        # What is left over is left out.
+        blocks = judged_model.z[: judged_model.z.size - judged_model.z.size % samples].reshape(-1, samples)
         pressure = np.asarray(blocks.sum(axis=1) / math.sqrt(samples), np.float64)
         return [
             (pressure, judged_model.log_sigma),

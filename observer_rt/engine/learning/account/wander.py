@@ -15,9 +15,8 @@ from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.learned_range import REACH, EventPoint
 
 Vector = NDArray[np.float64]
-SIZES = np.append(
-    0.0, c.WANDER_LEAST * 2.0 ** (0.5 * np.arange(c.WANDER_STEPS))
-)  # standard deviations, of a mass
+# Standard deviations, of a mass.
+SIZES = np.append(0.0, c.WANDER_LEAST * 2.0 ** (0.5 * np.arange(c.WANDER_STEPS)))
 _SHARES = np.append(1.0 - c.WANDER_PRIOR, c.WANDER_PRIOR / SIZES[1:] / np.sum(1.0 / SIZES[1:]))
 _LEAST_VARIANCE = 1e-8  # of a ratio of masses
 _STEPS, _CLOSE = 30, 1e-12  # of Newton's method: at most, and relative change from which on it is settled

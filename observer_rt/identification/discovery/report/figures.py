@@ -117,9 +117,8 @@ def _draw_bars(axes: Axes, labels: Sequence[str], gaps: Sequence[Gap], amended: 
     axes.set_ylim(bottom=0.0)
     axes.grid(axis="x", visible=False)
     axes.set_xticks(places, labels)
-    spare = 0.6 + max(
-        0.0, (_FEWEST_PLACES - places.size) / 2.0
-    )  # so that a single bar does not fill the figure
+    # So that a single bar does not fill the figure.
+    spare = 0.6 + max(0.0, (_FEWEST_PLACES - places.size) / 2.0)
     axes.set_xlim(-spare, places.size - 1.0 + spare)
 
 

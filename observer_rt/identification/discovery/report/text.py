@@ -40,9 +40,8 @@ def as_text(findings: Findings) -> str:
         lines.append(f"  to have it in the amended model: {option}, and --force")
     if findings.remainder is not None:
         lines.append(f"  {part_words(findings)}")
-    if (
-        findings.verdict is Verdict.NONE and findings.smallest_visible
-    ):  # wear may be there up to these all the same
+    # Wear may be there up to these all the same.
+    if findings.verdict is Verdict.NONE and findings.smallest_visible:
         wear = (one for one in findings.smallest_visible if VOCABULARY[one.id].wear)
         names = (f"{one.id} below {visible_words(one)}" for one in wear)
         lines.append(f"  not seen: {', '.join(names)}; all in the report")

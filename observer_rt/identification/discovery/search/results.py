@@ -171,9 +171,8 @@ class Candidate:
         for effect, size, half in zip(
             self.hypothesis.effects, self.hypothesis.split(self.theta), halves, strict=True
         ):
-            term = (
-                term_of(effect, float(size[0])) if size.size == 1 else None
-            )  # a coefficient is its only one
+            # A coefficient is its only one.
+            term = term_of(effect, float(size[0])) if size.size == 1 else None
             if term is not None:
                 low, high = term.coefficient - half, term.coefficient + half
                 fitted_terms.append(

@@ -29,14 +29,10 @@ WORTH_FITTING = 10.0  # gain by score from which on a further name is refitted
 PROMISED = 0.5  # of a gain that is needed: a score is linear, and not exact
 LED = 0.5  # of what the best explains, that a candidate must explain to be gone on from
 TIE = 16.0  # of -2 log L, within which fits explain as much
-RELATIVE_GAIN, FITTED_GAIN = (
-    1e-3,
-    0.02,
-)  # of what is explained, that an effect must add; beside a fitted model
-LEAST_SHARE, KEPT_SHARE = (
-    0.05,
-    0.02,
-)  # of what is left unexplained, that a further law must gain; that it keeps
+# Of what is explained, that an effect must add; beside a fitted model.
+RELATIVE_GAIN, FITTED_GAIN = 1e-3, 0.02
+# Of what is left unexplained, that a further law must gain; that it keeps.
+LEAST_SHARE, KEPT_SHARE = 0.05, 0.02
 
 
 def representatives() -> tuple[Effect, ...]:

@@ -254,7 +254,7 @@ def test_an_end_in_the_midst_of_writing_leaves_the_old_file_whole(
 ) -> None:
     out = Path("out.csv")
     out.write_bytes(SAMPLES)
-    process = module("simulate", "--injections", 400, "--noise", "off", "--output", out, "--force")
+    process = module("simulate", "--injections", 150, "--noise", "off", "--output", out, "--force")
     while not any(part.stat().st_size for part in folder.glob(".out.*.part.csv")):
         assert process.poll() is None, process.communicate()
         time.sleep(0.002)

@@ -14,9 +14,8 @@ from observer_rt.engine.stream.state import Observer, Reason
 
 # s and the time by which the pilot valve is ahead of the lift, after which its flow is known.
 KNOWN_AFTER = 0.25e-3
-COMMAND_AFTER = (
-    1e-3  # s, after which a command, which may come later than its samples, is known at the latest
-)
+# s, after which a command, which may come later than its samples, is known at the latest.
+COMMAND_AFTER = 1e-3
 
 
 def begin_with(observer: Observer, knowledge: Knowledge, schedule: GainSchedule) -> None:

@@ -84,6 +84,11 @@ def symmetric(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(0.5 * (matrix + matrix.T), np.float64)
 
 
+def conditioned(rows: NDArray[np.float64], row: int, column: int) -> NDArray[np.float64]:
+    """Rows (k, m) of a covariance once the parameter of a column is known exactly, whose own is among them."""
+    return np.asarray(rows - np.outer(rows[:, column], rows[row]) / rows[row, column])
+
+
 @dataclass(frozen=True)
 class Gate:
     """Columns of the gated parameters, and the lowest value each may take; held: columns that no event tells of."""
@@ -161,7 +166,7 @@ class GatedBelief:
         if out:
             rows = covariance[[*self.gate.held, *out]]
             for i, column in enumerate(self.gate.held):
-                rows = rows - np.outer(rows[:, column], rows[i]) / rows[i, column]
+                rows = conditioned(rows, i, column)
             rows = rows[len(self.gate.held) :]
             result[:, out] = -np.linalg.solve(rows[:, out], rows).T
             result[out] = 0.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, symmetric
+from observer_rt.engine.estimation.gating import Belief, conditioned, symmetric
 
 _EXACTLY = 1e-14  # variance of what is held
 
@@ -58,8 +58,7 @@ def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldB
     away = value - float(belief.mean[column])
     parts = []
     for matrix in (belief.covariance, belief.error_covariance):
-        along = matrix[:, column]
-        part = symmetric(matrix - np.outer(along, along) / along[column])
+        part = symmetric(conditioned(matrix, column, column))
         part[column, :] = part[:, column] = 0.0
         part[column, column] = _EXACTLY
         parts.append(part)

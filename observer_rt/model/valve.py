@@ -24,9 +24,8 @@ class Valve(NamedTuple):
     end: float = END  # s before it begins to fall
     hold: float = 0.0  # h: share by which the flow is larger while the needle is at its stop
     exponent: float = 0.0  # n
-    commanded: float = (
-        0.0  # 1: start and end are counted from the edges of the command, whatever the rail pressure
-    )
+    # 1: start and end are counted from the edges of the command, whatever the rail pressure.
+    commanded: float = 0.0
 
     def by_commands(self) -> "Valve":
         """The valve of an injector whose commands are known."""

@@ -62,9 +62,8 @@ MARGIN, WORST_MARGIN = 1.15, 1.5
 NOISE = 0.03  # of a mean chi2 that is 1 for noise alone; what is below is chance
 GATE = 2.5  # chi2 of a phase, above which a model is not adequate
 TOLERATED = 0.005  # of the swing of the line pressure: a smaller residual moves no mass that matters
-LEAST_MASS_SHARE = (
-    1.2e-3  # of a mass: impedance of the cells at the closed end, corners of the lift and the like
-)
+# Of a mass: impedance of the cells at the closed end, corners of the lift and the like.
+LEAST_MASS_SHARE = 1.2e-3
 ORIGIN = "observer-rt fit"
 BASELINE = "baseline"
 _DIGITS = 7

@@ -26,9 +26,8 @@ from observer_rt.model.terms.in_force import SeenRange
 from observer_rt.model.terms.term import Term
 
 MOST_ENTERING = 2  # terms and effects that a model may be given: more explain anything
-INTERVAL_MARGIN = (
-    1.08  # for what a steady gain does not know: errors on independent plants are that much larger
-)
+# For what a steady gain does not know: errors on independent plants are that much larger.
+INTERVAL_MARGIN = 1.08
 PRICE = 10.0  # of -2 log L for each number fitted, log(n): which of two near-ties leads
 UNNAMED, FURTHER = 50.0, 50.0
 """Prior odds, as -2 log L: of an explanation by a law without a name, and of every effect after the first."""

@@ -96,17 +96,18 @@ class SnapshotKeeper:
             what, _, remedy = news.text.partition(REMEDY)
             self._notice = None if news.is_over else Fault(what, now, remedy)
 
-    def snapshot(self, since: int = 0) -> Snapshot:
-        """State now, and all injections kept after the `since`-th."""
+    def snapshot(self, since: int = 0, with_laws: bool = False) -> Snapshot:
+        """State now, and all injections kept after the `since`-th; with_laws: and the curves of what was learned."""
         with self._lock:
             self._take_in()
             injections = [shown for _, shown in self._kept if shown.count > since]
-            return Snapshot(self._status(), tuple(injections))
+            return Snapshot(self._status(with_laws), tuple(injections))
 
     def answer(self, request: Mapping[str, Any]) -> Iterator[bytes]:
         """Answer a request for injections that are new to a client.
 
-        A client states the `run` and the injection `since` which it wants news, and how long it waits: `wait` [s].
+        A client states the `run` and the injection `since` which it wants news, and how long it waits: `wait` [s];
+        and whether it wants the curves of what was learned, too: `laws`.
         """
         since, wait = int(request.get("since", 0)), min(float(request.get("wait", 0.0)), LONGEST_WAIT)
         if request.get("run") != self._run:
@@ -114,7 +115,7 @@ class SnapshotKeeper:
         end = time.monotonic() + wait
         while not self._news and self._count <= since and time.monotonic() < end:
             time.sleep(_POLL_INTERVAL)
-        return self.snapshot(since).pieces()
+        return self.snapshot(since, bool(request.get("laws"))).pieces()
 
     def _take_in(self) -> None:
         """Make the entries of new injections, and drop the curves of all but the last WITH_CURVES."""
@@ -170,7 +171,7 @@ class SnapshotKeeper:
         }
         return {name: values.astype(np.float32) for name, values in curves.items()}
 
-    def _status(self) -> Status:
+    def _status(self, with_laws: bool) -> Status:
         daemon = self._daemon
         if daemon is None:
             notices = () if self._notice is None else (self._notice,)
@@ -189,7 +190,7 @@ class SnapshotKeeper:
             inputs=inputs_of(daemon, now),
             lateness=lateness(daemon.core.timing),
             lines=tuple(self._lines.of(daemon, now)),
-            learned=self._laws(daemon.core.knowledge),
+            learned=self._laws(daemon.core.knowledge) if with_laws else (),
         )
 
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:

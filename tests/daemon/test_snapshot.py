@@ -43,7 +43,7 @@ def asked(path: Path, run: int = 0, since: int = 0, wait: float = 0.0) -> Snapsh
     daemon = connected(file)
     assert daemon is not None
     with daemon, daemon.makefile("rwb") as stream:
-        stream.write(line_of({"request": SNAPSHOT, "run": run, "since": since, "wait": wait}))
+        stream.write(line_of({"request": SNAPSHOT, "run": run, "since": since, "wait": wait, "laws": True}))
         stream.flush()
         return read_snapshot(stream)
 

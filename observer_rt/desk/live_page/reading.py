@@ -26,6 +26,7 @@ from observer_rt.foundation.errors import REMEDY, ObserverError
 
 SILENT_AFTER = 1.0  # s without a look of the daemon at itself, after which nothing of it is of now
 WAIT = 0.3  # s that a daemon waits for news before it answers
+LAWS_EVERY = 1.0  # s: curves of what was learned are long, and nobody follows them injection by injection
 _PAUSE = 0.02  # s between two questions, so that many injections a second make few
 _AGAIN_AFTER = 0.3  # s, from one look for a daemon to the next
 FULL = 1.0  # share of the time that frames take, from which on none more has room
@@ -70,6 +71,7 @@ class DaemonReader:
         self._failure = ""
         self._daemon: socket | None = None
         self._status: Status | None = None
+        self._learned: tuple[Mapping[str, Any], ...] = ()
         self._of = self._since = 0  # what was read: of which run, up to which injection
         self._injections: deque[ShownInjection] = deque(maxlen=KEPT)
         self.count = 0
@@ -105,7 +107,7 @@ class DaemonReader:
             return InjectorSnapshot(
                 *(self.name, status.state, status.words, status.level, status.faults),
                 lost=status.lost,
-                learned=status.learned,
+                learned=self._learned,
             )
         since = self._begin if status is None else status.moment
         if status is None and not self._is_old(since):
@@ -140,11 +142,12 @@ class DaemonReader:
 
     def _follow(self, daemon: socket) -> None:
         """Ask for news again and again. Raises `ObserverError` and OSError once there is no answer."""
-        self._daemon = daemon
+        self._daemon, due = daemon, 0.0
         with daemon, daemon.makefile("rwb") as stream:
             while not self._stop.is_set():
-                asked = {"request": SNAPSHOT, "run": self._of, "since": self._since, "wait": WAIT}
-                stream.write(line_of(asked))
+                wants_laws = (now := time.monotonic()) >= due
+                asked = {"run": self._of, "since": self._since, "wait": WAIT, "laws": wants_laws}
+                stream.write(line_of({"request": SNAPSHOT, **asked}))
                 stream.flush()
                 snapshot = read_snapshot(stream)
                 if snapshot.status.run != self._of:
@@ -153,6 +156,8 @@ class DaemonReader:
                     self._since = injection.count
                     self._injections.append(replace(injection, count=self.count + 1))
                     self.count += 1
+                if wants_laws:
+                    due, self._learned = now + LAWS_EVERY, snapshot.status.learned
                 self._status = snapshot.status
                 self._stop.wait(_PAUSE)
 

@@ -352,6 +352,7 @@ function draw(atOnce = false) {
   element("details").classList.toggle("dead", injectors[chosen].told.silent);
   const isDrawn = drawGroup("details", DETAILS, DETAILS_EVERY, atOnce);
   if (!isDrawn || atOnce) drawGroup("history", HISTORY, HISTORY_EVERY, atOnce);
+  drawnOf.laws = null; // its curves come apart from the injections
   if (!element("laws").hidden) drawGroup("laws", LAWS, HISTORY_EVERY, atOnce);
   showControls();
 }

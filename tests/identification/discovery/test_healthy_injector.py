@@ -1,7 +1,5 @@
 """Recordings compared with the healthy injector: its own effects are not missing, and only new ones are named."""
 
-from dataclasses import replace
-
 import pytest
 
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
@@ -37,8 +35,10 @@ def test_what_the_healthy_injector_has_is_not_named(options: SearchOptions) -> N
     assert result.effects == ()
 
 
-def test_what_is_new_is_named_by_its_difference(options: SearchOptions) -> None:
-    result = _discover(sized("orifice_area", v_H=0.10), options=options)
+def test_what_is_new_is_named_by_its_difference() -> None:
+    baseline, _ = healthy_baseline(MODEL, measurements(recordings((OWN,))), workers=2)
+    worn = measurements(recordings((sized("orifice_area", v_H=0.10),), seed=2))
+    result = name_effects(MODEL, worn, SearchOptions(workers=2, baseline=baseline))
     (named,) = result.effects
     assert named.id == "orifice_area"
     low, high = named.parameters["v_H"].ci95
@@ -100,6 +100,6 @@ def test_recordings_of_one_point_hold_nothing_out() -> None:
     discovery = name_effects(
         MODEL,
         measurements(recordings((sized("orifice_area", v_H=0.05),), points=POINTS[:1])),
-        replace(SearchOptions(workers=2)),
+        SearchOptions(workers=2),
     )
     assert "orifice_area" in [one.id for one in discovery.effects]

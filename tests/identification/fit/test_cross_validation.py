@@ -92,10 +92,6 @@ def test_what_is_not_clipped_is_taken(signal: str, change: Change) -> None:
     refuse_clipped(measurements([changed(signal, change)]))
 
 
-def test_healthy_recordings_are_taken() -> None:
-    refuse_clipped(measurements([one.recording for one in simulations()]))
-
-
 def test_one_operating_point_is_warned_of() -> None:
     words = warnings(measurements([RECORDING]))
     assert any("one operating point only" in one for one in words)

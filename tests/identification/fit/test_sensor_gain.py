@@ -1,6 +1,7 @@
 """One gain of the line-pressure sensor over the rail's for all recordings, taken out before a fit."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,8 @@ def test_recordings_and_masses_become_those_of_the_rail_sensor() -> None:
     assert changed.mean == pytest.approx((41e-6 / 1.006, 1e-7 / 1.006))
 
 
-def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path) -> None:
+def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("observer_rt.desk.fitted_model.calibrate", partial(calibrate, structures=LUMP))
     fitted = fitted_model(NOMINAL, measured_with(GAIN), {}, {}, lambda _: None, SENSORS)
     assert fitted.done.inadequate == ()
     assert fitted.baseline.line_pressure_sensor_gain == pytest.approx(GAIN, abs=1.8e-3)  # two sigma

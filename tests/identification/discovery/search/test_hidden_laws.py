@@ -56,6 +56,7 @@ def plugged(bench: Bench) -> Bench:
     return replace(bench, events=events, noise=0.1)
 
 
+@pytest.mark.slow
 def test_a_law_is_found_that_is_large_against_the_noise() -> None:
     (term,) = found_in(plugged)
     assert term.equation is TermEquation.NOZZLE_FLOW
@@ -76,23 +77,26 @@ def with_laws(**laws: float) -> Change:
 @pytest.mark.parametrize(
     ("change", "equations", "law", "coefficient"),
     [
-        (
+        pytest.param(
             with_sensor(lambda p: p + 0.07 * np.maximum(90e6 - p, 0.0)),
             {TermEquation.LINE_PRESSURE_SENSOR},
             "c * max(1.8 - line_pressure / 50, 0)",
             3.5,
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             with_laws(damper=4e10, flow_memory=0.6e-3),
             {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE},
             "c * lagged(line_flow / 60, 0.6)",
             2.4,
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             with_laws(yielding=1e-13, pressure_memory=0.4e-3),
             {TermEquation.LINE_PRESSURE},
             "c * ((line_pressure - 100) / 50 - lagged((line_pressure - 100) / 50, 0.4))",
             5.0,
+            marks=pytest.mark.slow,
         ),
         (  # of a needle that is open for longer than is seen: the other sign does nothing while it is shut
             with_laws(lift_behind=0.14, lift_memory=0.2e-3),
@@ -119,6 +123,7 @@ def spelled(law: str) -> tuple[str, list[float]]:
     return re.sub(NUMBER, "_", law), [float(one) for one in re.findall(NUMBER, law)]
 
 
+@pytest.mark.slow
 def test_what_no_form_explains_is_one_table() -> None:
     (term,) = found_in(with_sensor(lambda p: p + 0.8e6 * np.sin(2.0 * np.pi * p / 60e6)))
     assert term.equation is TermEquation.LINE_PRESSURE_SENSOR

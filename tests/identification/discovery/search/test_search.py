@@ -39,6 +39,7 @@ def test_what_leaves_the_line_while_the_needle_is_open_is_one_law_and_no_two_nam
     assert result.confidence == pytest.approx(sum(one.probability for one in result.proposals))
 
 
+@pytest.mark.slow
 def test_a_law_may_enter_that_is_unsound_only_where_no_recording_was() -> None:
     result = _discovered(TermEquation.STIFFNESS, "-0.08*((line_pressure - 100)/50)^2")
     first = result.proposals[0]
@@ -51,6 +52,7 @@ def test_a_law_may_enter_that_is_unsound_only_where_no_recording_was() -> None:
     assert 140.0 < high < 200.0
 
 
+@pytest.mark.slow
 def test_a_seat_that_is_narrow_at_some_lift_may_be_a_lift_that_reads_too_much_there() -> None:
     """Line pressure tells the two hardly apart: both stand in the answer, each with its mass."""
     result = _discovered(TermEquation.SEAT_FLOW, "-0.35*exp(-((needle_lift/max_lift - 0.466)/0.13)^2)")

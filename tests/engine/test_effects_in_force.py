@@ -50,7 +50,6 @@ HIDDEN = {
     "late": (Faults(channel_skew=27e-6), sized("channel_skew", d=27e-6)),
 }
 SERVO = sized("control_flow", c=4e-6, d_on=44e-6, d_off=-16e-6)  # of the plant's valve
-CASES = pytest.mark.parametrize(("faults", "effect"), HIDDEN.values(), ids=HIDDEN)
 EVENTS = 6
 
 
@@ -67,18 +66,13 @@ def test_a_servo_injector_is_right_from_the_first_injection() -> None:
     assert all(report.valid for report in run.reports[3:])
 
 
-@CASES
-def test_right_from_the_first_injection(faults: Faults, effect: SizedEffect) -> None:
+@pytest.mark.parametrize(("faults", "effect"), HIDDEN.values(), ids=HIDDEN)
+def test_right_from_the_first_injection_and_not_learned_again(faults: Faults, effect: SizedEffect) -> None:
+    """Terms are relative to the model in force."""
     run = run_plant(faults, EVENTS, stated=effect)
     assert abs(run.errors[0]) < 0.004
     assert np.abs(run.errors).max() < 0.01
     assert all(report.valid for report in run.reports[2:])
-
-
-@CASES
-def test_what_is_learned_stays_near_zero(faults: Faults, effect: SizedEffect) -> None:
-    """Terms are relative to the model in force: what it has is not learned again."""
-    run = run_plant(faults, EVENTS, stated=effect)
     for name in GATED:
         assert run.indicator(name).value == 0.0
     assert abs(run.indicator(NOZZLE).value) < 0.02

@@ -13,16 +13,30 @@ import observer_rt.identification.discovery.discover
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.errors import RunError
-from observer_rt.identification.discovery.search.fits import FitMemory
+from observer_rt.identification.discovery.search.fits import Fit
+from observer_rt.identification.discovery.search.store import FitStore
 from tests.desk.cli.conftest import Command
 from tests.device import simulated
 
 
-def test_a_worn_nozzle_is_named_and_the_amended_model_explains_it(
-    command: Command, worn: Path, tmp_path: Path
+def test_a_search_goes_on_where_it_was_names_a_worn_nozzle_and_the_amended_model_explains_it(
+    command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result = tmp_path / "found"
+
+    def interrupted(store: FitStore, ids: tuple[str, ...], fit: Fit) -> None:
+        keep(store, ids, fit)
+        raise KeyboardInterrupt
+
+    keep = FitStore.__setitem__
+    with monkeypatch.context() as patched:
+        patched.setattr(FitStore, "__setitem__", interrupted)
+        done = command("discover", "--out", result, worn)
+    assert done.code == 130
+    assert "same command" in done.err
+    (kept,) = re.findall(r"(\d+) fitted candidates are kept", done.err)
     done = command.done("discover", "--out", result, worn)
+    assert f"going on with {kept} " in done.err
     assert done.out.startswith("named: orifice_area")
     assert "MPa" in done.out
     assert "mg" in done.out
@@ -104,23 +118,6 @@ def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
     findings = json.loads(done.out)
     assert "orifice_area" in findings["healthy_warning"]
     assert findings["confidence"] <= 0.8
-
-
-def test_an_interrupted_search_goes_on_where_it_was(
-    command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(_: object, memory: FitMemory, *__: object) -> None:
-        memory["orifice_area",] = np.array([0.3]), -1.0, 1.0
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patched:
-        patched.setattr(observer_rt.identification.discovery.discover, "answer", interrupted)
-        done = command("discover", "--out", tmp_path / "found", worn)
-    assert done.code == 130
-    assert "1 fitted candidates are kept" in done.err
-    assert "same command" in done.err
-    done = command.done("discover", "--out", tmp_path / "found", worn)
-    assert "going on with 1" in done.err
 
 
 @pytest.mark.parametrize(

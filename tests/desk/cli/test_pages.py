@@ -223,6 +223,7 @@ def test_from_unknown_to_the_daemon(
     assert [row for row in rows if row not in table] == []
 
 
+@pytest.mark.slow
 def test_the_plan_of_the_page(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     page = Page("docs/discovery.md")

@@ -33,9 +33,12 @@ def test_of_white_noise_nothing_is_said(seed: int) -> None:
     assert noise_found(white(resting_rows(), seed) + 7.0, resting_rows()) is None
 
 
-@pytest.mark.parametrize("rate", [100e3, 20e3])
 @pytest.mark.parametrize(
-    ("hertz", "amplitude"), [(50.0, 0.2), (50.0, 0.5), (150.0, 0.2), (620.0, 0.1), (3000.0, 0.2)]
+    ("rate", "hertz", "amplitude"),
+    [
+        *((100e3, *tone) for tone in ((50.0, 0.2), (50.0, 0.5), (150.0, 0.2), (620.0, 0.1), (3000.0, 0.2))),
+        *((20e3, *tone) for tone in ((50.0, 0.2), (3000.0, 0.2))),
+    ],
 )
 def test_hum_has_its_frequency_and_amplitude(rate: float, hertz: float, amplitude: float) -> None:
     index = resting_rows()

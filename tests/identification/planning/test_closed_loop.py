@@ -73,6 +73,7 @@ def behind(discovery: Discovery, effect: str) -> float:
     return statistic[(effect,)] - statistic[(OFFSET,)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "faults"),
     [(GAIN, Faults(rail_pressure_sensor_gain=0.01)), (OFFSET, Faults(rail_pressure_sensor_offset=1e6))],

@@ -1,55 +1,101 @@
-"""Best subset of scalars, of all there are."""
+"""Inverse of a covariance, and the best subset of scalars, of all there are."""
 
-from libc.math cimport INFINITY
+from libc.math cimport isnan, sqrt
 from libc.stdint cimport int64_t
 
-from numpy import empty, zeros
+from numpy import array, empty, zeros
+from numpy.linalg import LinAlgError
 
-from observer_rt.core.learning.matrices cimport factorise, solve_back, solve_forward
+from observer_rt.core.learning.matrices cimport invert, whole
+
+
+def inverse_of(const double[:, :] matrix) -> tuple[NDArray[np.float64], float]:
+    """Inverse of a covariance or information (m, m), and half the logarithm of its determinant.
+
+    Raises numpy.linalg.LinAlgError when it is not positive definite, or not finite.
+    """
+    cdef int64_t m = matrix.shape[0]
+    cdef double[:, ::1] scratch = zeros((whole(m), whole(m)))
+    cdef double[::1] row = empty(whole(m))
+    cdef double half_log
+    scratch[:m, :m] = matrix
+    half_log = invert(scratch, row, m)
+    if isnan(half_log):
+        raise LinAlgError("matrix is not positive definite")
+    return array(scratch[:m, :m]), half_log
 
 
 def search_subsets(
-    const double[:, ::1] information,
-    const double[::1] vector,
+    const double[::1] mean,
+    const double[:, :] covariance,
+    const int64_t[::1] columns,
     const double[::1] lowest,
     const double[::1] prices,
-    double[::1] best,
+    double[::1] theta,
 ) -> int:
-    """The best subset of the columns (m,) as a bit mask, its parameters into `best` (m,); < 0: singular.
+    """The best subset of the gated columns (g,) as a bit mask, and the estimate with it, theta (m,).
 
-    What a subset explains is the sum of squares of the vector as its Cholesky factor leaves it.
+    What a subset explains is the sum of squares of what its Cholesky factor leaves of the information's vector. One
+    subset follows another as numbers do, the factor has the last column first: so each adds a single row to it. Raises
+    numpy.linalg.LinAlgError when singular.
     """
-    cdef int64_t m = vector.shape[0], size, subset, best_subset = 0, i, j
-    cdef double[:, ::1] factor = empty((m, m))
-    cdef double[::1] solution = empty(m), column = empty(m)
-    cdef int64_t[::1] columns = zeros(m, "i8")
-    cdef double best_value = -INFINITY, value
+    cdef int64_t g = columns.shape[0], m = mean.shape[0], size = 0, best_subset = 0, subset, column, i, j
+    cdef double[:, ::1] information = zeros((whole(g), whole(g))), factor = empty((g, g))
+    cdef double[::1] row = empty(whole(g)), vector = zeros(g), best = zeros(g), explained = empty(g)
+    cdef double[::1] solution = empty(g), worth = zeros(g + 1)
+    cdef int64_t[::1] used = zeros(g, "i8")
+    cdef double best_worth = 0.0, square, pull
     cdef bint admissible
-    if not (information.shape[0] == information.shape[1] == lowest.shape[0] == prices.shape[0] == best.shape[0] == m):
-        raise ValueError("information, vector, limits and prices do not fit each other")
-    with nogil:
-        for subset in range(<int64_t> 1 << m):
-            size, value = 0, 0.0
-            for i in range(m):
-                if subset >> i & 1:
-                    columns[size], solution[size] = i, vector[i]
-                    value -= prices[i]
-                    for j in range(size + 1):
-                        factor[size, j] = information[i, columns[j]]
-                    size += 1
-            if not factorise(factor, column, size):
-                best_subset = -1
-                break
-            value += 2.0 * solve_forward(factor, solution, size)
-            if not value > best_value:
-                continue
-            solve_back(factor, solution, size)
-            admissible = True
+    if not covariance.shape[0] == covariance.shape[1] == theta.shape[0] == m or lowest.shape[0] != g or prices.shape[0] != g:
+        raise ValueError("mean, covariance, limits and prices do not fit each other")
+    for i in range(g):
+        for j in range(g):
+            information[i, j] = covariance[columns[i], columns[j]]
+    if isnan(invert(information, row, g)):  # all others are estimated with them
+        raise LinAlgError("covariance is not positive definite")
+    for i in range(g):
+        for j in range(g):
+            vector[i] += information[i, j] * mean[columns[j]]
+    for subset in range(1, <int64_t> 1 << g):
+        column = 0
+        while not subset >> column & 1:
+            column += 1
+        size -= column
+        used[size], explained[size], square = column, vector[column], information[column, column]
+        for i in range(size):
+            factor[size, i] = information[column, used[i]]
+            for j in range(i):
+                factor[size, i] -= factor[size, j] * factor[i, j]
+            factor[size, i] /= factor[i, i]
+            square -= factor[size, i] * factor[size, i]
+            explained[size] -= factor[size, i] * explained[i]
+        if not square > 0.0:
+            raise LinAlgError("covariance is not positive definite")
+        factor[size, size] = sqrt(square)
+        explained[size] /= factor[size, size]
+        size += 1
+        worth[size] = worth[size - 1] + explained[size - 1] * explained[size - 1] - prices[column]
+        if not worth[size] > best_worth:
+            continue
+        admissible = True
+        for i in range(size - 1, -1, -1):
+            solution[i] = explained[i]
+            for j in range(i + 1, size):
+                solution[i] -= factor[j, i] * solution[j]
+            solution[i] /= factor[i, i]
+            admissible = admissible and solution[i] >= lowest[used[i]]
+        if admissible:
+            best_worth, best_subset = worth[size], subset
+            best[:] = 0.0
             for i in range(size):
-                admissible = admissible and solution[i] >= lowest[columns[i]]
-            if admissible:
-                best_value, best_subset = value, subset
-                best[:] = 0.0
-                for i in range(size):
-                    best[columns[i]] = solution[i]
+                best[used[i]] = solution[i]
+    theta[:] = mean
+    for i in range(g):
+        pull = 0.0
+        for j in range(g):
+            pull += information[i, j] * (best[j] - mean[columns[j]])
+        for j in range(m):
+            theta[j] += pull * covariance[columns[i], j]
+    for i in range(g):
+        theta[columns[i]] = best[i]
     return best_subset

@@ -1,7 +1,14 @@
-# Multiplies and factorises small matrices, in a fixed order of their sums.
+# Multiplies and inverts small matrices, in a fixed order of their sums.
 
-from libc.math cimport sqrt
+from libc.math cimport INFINITY, NAN, log
 from libc.stdint cimport int64_t
+
+from observer_rt.core.model.records cimport WIDTH, Columns
+
+
+cdef inline int64_t whole(int64_t columns) noexcept nogil:
+    """Columns of the least whole number of vectors."""
+    return (columns + WIDTH - 1) // WIDTH * WIDTH
 
 
 cdef inline void propagate(
@@ -39,43 +46,50 @@ cdef inline void multiply(double[:, ::1] left, double[:, ::1] right, double[:, :
                     result[i, j] += factor * right[k, j]
 
 
-cdef inline bint factorise(double[:, ::1] matrix, double[::1] column, int64_t m) noexcept nogil:
-    """Cholesky's factor in place of the first m rows and columns, in their lower half; what is above is left.
-
-    column (m,): scratch. False: the matrix is not positive definite.
-    """
-    cdef int64_t i, j, k
-    cdef double factor
+cdef inline void add_moved(
+    double factor, const double[:, ::1] matrix, const double[::1] values, double[::1] result
+) noexcept nogil:
+    """Add a factor times a symmetric matrix @ values (m,) to the result (m,); rows of the matrix may be longer."""
+    cdef int64_t m = values.shape[0], i, j
+    cdef double scaled
     for j in range(m):
-        if not matrix[j, j] > 0.0:
-            return False
-        matrix[j, j] = sqrt(matrix[j, j])
-        for i in range(j + 1, m):
-            matrix[i, j] /= matrix[j, j]
-            column[i] = matrix[i, j]
-        for i in range(j + 1, m):
-            factor = matrix[i, j]
-            for k in range(j + 1, i + 1):
-                matrix[i, k] -= factor * column[k]
-    return True
+        scaled = factor * values[j]
+        for i in range(m):
+            result[i] += scaled * matrix[j, i]
 
 
-cdef inline double solve_forward(const double[:, ::1] root, double[::1] values, int64_t m) noexcept nogil:
-    """Half the sum of squares of what solves root x = values (m,), and takes their place."""
-    cdef double total = 0.0
-    cdef int64_t i, j
+cdef inline double invert(double[:, ::1] matrix, double[::1] row, int64_t m) noexcept nogil:
+    """Inverse of a symmetric, positive definite matrix (m, m) in its place, whose rows are whole vectors, as `row` is.
+
+    By sweeps of its upper half (Goodnight 1979, Am. Stat. 33, 149). Returns half the logarithm of its determinant,
+    NaN: it is not positive definite, or not finite.
+    """
+    cdef int64_t parts = matrix.shape[1] // WIDTH, i, j, k
+    cdef Columns* values = <Columns*> &matrix[0, 0]
+    cdef const Columns* of_row = <const Columns*> &row[0]
+    cdef double pivot, share, factor, half_log = 0.0
+    row[m:] = 0.0
+    for k in range(m):
+        pivot = matrix[k, k]
+        if not 0.0 < pivot < INFINITY:
+            return NAN
+        half_log += 0.5 * log(pivot)
+        share = 1.0 / pivot
+        for j in range(k):
+            row[j] = matrix[j, k]
+        for j in range(k, m):
+            row[j] = matrix[k, j]
+        for i in range(m):
+            factor = share * row[i]
+            if i != k:
+                for j in range(i // WIDTH, parts):
+                    values[i * parts + j] = values[i * parts + j] - factor * of_row[j]
+            if i < k:
+                matrix[i, k] = factor
+            else:
+                matrix[k, i] = factor
+        matrix[k, k] = -share
     for i in range(m):
-        for j in range(i):
-            values[i] -= root[i, j] * values[j]
-        values[i] /= root[i, i]
-        total += 0.5 * values[i] * values[i]
-    return total
-
-
-cdef inline void solve_back(const double[:, ::1] root, double[::1] values, int64_t m) noexcept nogil:
-    """The same of root' x = values."""
-    cdef int64_t i, j
-    for i in range(m - 1, -1, -1):
-        values[i] /= root[i, i]
-        for j in range(i):
-            values[j] -= root[i, j] * values[i]
+        for j in range(i, m):
+            matrix[i, j] = matrix[j, i] = -matrix[i, j]
+    return half_log

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.gating import search_subsets
+from observer_rt.core.learning.gating import inverse_of, search_subsets
 
 ENTER = 16.0  # gain of chi2 (4 sigma) that activates a scalar
 STAY = 6.25  # and (2.5 sigma) that keeps it active
@@ -44,10 +44,15 @@ class Belief:
         """The belief when each parameter did move, by about `change` (m,) (one sigma)."""
         return Belief(self.mean, _moved(self.covariance, change), _moved(self.error_covariance, change))
 
-    @cached_property
+    @property
     def information(self) -> NDArray[np.float64]:
-        """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when singular."""
-        return np.asarray(np.linalg.inv(self.covariance), np.float64)
+        """Inverse covariance (m, m). Raises numpy.linalg.LinAlgError when not positive definite."""
+        return self.inverse[0]
+
+    @cached_property
+    def inverse(self) -> tuple[NDArray[np.float64], float]:
+        """`inverse_of` the covariance."""
+        return inverse_of(self.covariance)
 
     def updated(self, information: NDArray[np.float64], vector: NDArray[np.float64]) -> "Belief":
         """The belief after measurements with Gauss-Newton `information` (m, m) and vector (m,) = information @ theta.
@@ -56,16 +61,12 @@ class Belief:
         covariance `information`. Raises numpy.linalg.LinAlgError when the sum of both informations is singular, not
         positive definite or holds NaN.
         """
-        before = self.information
-        total = before + information
-        if not np.isfinite(np.linalg.cholesky(total)).all():  # LAPACK lets NaN pass
-            raise np.linalg.LinAlgError("information is not finite")
-        covariance = symmetric(np.asarray(np.linalg.inv(total), np.float64))
-        kept = covariance @ before
-        error = kept @ self.error_covariance @ kept.T + covariance @ information @ covariance
-        after = Belief(covariance @ (before @ self.mean + vector), covariance, symmetric(error))
-        vars(after)["information"] = total
-        return after
+        covariance, _ = inverse_of(self.information + information)
+        gain = covariance @ information
+        kept = np.eye(self.mean.size) - gain
+        error = kept @ self.error_covariance @ kept.T + gain @ covariance
+        mean = self.mean + covariance @ (vector - information @ self.mean)
+        return Belief(mean, covariance, symmetric(error))
 
 
 def prior_belief(mean: NDArray[np.float64], covariance: NDArray[np.float64]) -> Belief:
@@ -112,15 +113,9 @@ def best_subset(
     mean (m,) and covariance (m, m) are those of the joint belief; columns left out are 0.
     All subsets of the gated columns are tried. Raises numpy.linalg.LinAlgError when singular.
     """
-    gated, best = list(gate.columns), np.zeros(len(gate.columns))
-    prices, along = np.array([STAY if i in active else ENTER for i in gated]), covariance[gated]
-    # their information, all others estimated with them
-    left = np.asarray(np.linalg.inv(along[:, gated]), np.float64)
-    subset = search_subsets(left, left @ mean[gated], np.array(gate.lowest), prices, best)
-    if subset < 0:
-        raise np.linalg.LinAlgError("covariance is not positive definite")
-    theta = mean + (left @ (best - mean[gated])) @ along
-    theta[gated] = best
+    columns, lowest, theta = np.array(gate.columns), np.array(gate.lowest), np.empty_like(mean)
+    prices = np.array([STAY if column in active else ENTER for column in gate.columns])
+    subset = search_subsets(mean, covariance, columns, lowest, prices, theta)
     return theta, frozenset(column for i, column in enumerate(gate.columns) if subset >> i & 1)
 
 

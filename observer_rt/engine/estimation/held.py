@@ -29,12 +29,8 @@ class HeldBelief:
     variance: float = 0.0
     log: float = 0.0
 
-    def updated(self, information: NDArray[np.float64], vector: NDArray[np.float64]) -> Belief:
-        """The belief after an event, by its `information` (m, m) and vector (m,), as `Belief.updated`."""
-        return self.considered(self.prior.updated(information, vector), information)
-
     def considered(self, after: Belief, information: NDArray[np.float64]) -> Belief:
-        """The same, where `after` is what an event makes of the prior."""
+        """The belief after an event, by its `information` (m, m), where `after` is what it makes of the prior."""
         if self.column is None:
             return after
         toward = self.prior.information @ _but(self.by, self.column) - information[:, self.column]

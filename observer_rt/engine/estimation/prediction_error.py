@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.gating import inverse_of
 from observer_rt.core.learning.whitening import NO_HIGH_PASS, robust_cost, weigh, whiten
 from observer_rt.engine.estimation.predictor import (
     NO_RATE,
@@ -92,13 +93,12 @@ class Linearisation:
         gain, which is held, is left out.
         """
         tested = np.arange(covariance.shape[0]) != _GAIN
-        root = np.linalg.cholesky(covariance[tested][:, tested])
+        before, _ = inverse_of(covariance[tested][:, tested])
         information, gradient = self.information[tested][:, tested], self.gradient[tested]
-        # in units of the belief: its covariance becomes the identity
-        scaled, pull, identity = root.T @ information @ root, root.T @ gradient, np.eye(root.shape[0])
-        weights = np.linalg.inv(scaled + INFORMED * identity)
-        chi2 = float(pull @ weights @ np.linalg.solve(identity + scaled, pull))
-        return float(chi2 / max(root.shape[0] - INFORMED * np.trace(weights), 1.0))
+        weights, _ = inverse_of(information + INFORMED * before)
+        after, _ = inverse_of(information + before)
+        chi2 = float((gradient @ weights) @ before @ (after @ gradient))
+        return float(chi2 / max(gradient.size - INFORMED * np.vdot(weights, before), 1.0))
 
 
 class EventCost:

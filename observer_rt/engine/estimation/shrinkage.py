@@ -10,6 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, symmetric
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS
 from observer_rt.model.network import HIDDEN, OF_NOZZLE
@@ -42,7 +43,7 @@ def shrink(belief: Belief) -> Belief:
     weights = np.exp(densities.sum(axis=1) - densities.sum(axis=1).max())
     squares = weights @ _SQUARES / weights.sum()
     variance[_ALL, _ALL] += (noise := squares / (1.0 - squares))
-    gain = np.linalg.solve(variance, across).T
+    gain = (inverse_of(variance)[0] @ across).T
     by_error = gain @ (belief.error_covariance[WEIGHTS] / _PRIOR[:, None])
     error = belief.error_covariance - by_error - by_error.T
     error += (by_error[:, WEIGHTS] / _PRIOR + gain * noise) @ gain.T

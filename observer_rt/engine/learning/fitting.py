@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, Gate, best_subset
 from observer_rt.engine.estimation.prediction_error import EventCost, Linearisation
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
@@ -86,7 +87,7 @@ class EventFitter:
         here, active = start, self.active
         here_total = total(here.theta, here.value)
         for _ in range(iterations):
-            covariance = np.asarray(np.linalg.inv(prior_information + here.information), np.float64)
+            covariance, _ = inverse_of(prior_information + here.information)
             joint = covariance @ (prior_vector + here.vector)
             best, active = best_subset(joint, covariance, self.limits.gate, active)
             target = self._within_reach(here.theta, best)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
-from observer_rt.engine.estimation.held import held_at, nothing_held
+from observer_rt.engine.estimation.held import held_at
 
 HELD, DRAWS = 2, 40_000
 
@@ -27,20 +27,13 @@ def test_the_error_after_an_event_is_what_is_said_of_it() -> None:
     errors = []
     for truth, value in zip(truths, values, strict=True):
         measured = slopes @ truth + random.normal(size=2)
-        after = held_at(before, HELD, value, variance).updated(slopes.T @ slopes, slopes.T @ measured)
+        held, information = held_at(before, HELD, value, variance), slopes.T @ slopes
+        after = held.considered(held.prior.updated(information, slopes.T @ measured), information)
         errors.append(after.mean - truth)
         assert after.mean[HELD] == pytest.approx(value, abs=1e-6)
     np.testing.assert_allclose(
         np.cov(np.array(errors).T), after.covariance, atol=0.03 * np.max(after.covariance)
     )
-
-
-def test_what_is_not_held_is_learned_as_ever() -> None:
-    before, information = belief(), np.diag([2.0, 1.0, 3.0])
-    vector = np.array([0.4, 0.1, -0.2])
-    first, second = nothing_held(before).updated(information, vector), before.updated(information, vector)
-    np.testing.assert_array_equal(first.mean, second.mean)
-    np.testing.assert_array_equal(first.covariance, second.covariance)
 
 
 def test_holding_costs_what_the_value_is_unlikely_by() -> None:

@@ -4,6 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
@@ -23,9 +25,9 @@ def scaled(squares: tuple[float, ...]) -> NDArray[np.float64]:
     return variances
 
 
-def measured(nozzle: float, seat: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def measured(nozzle: float, seat: float, seed: int = 3) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Measurements (n, m) with noise of 1, of weights that are these shares of the prior, and their values (n,)."""
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(seed)
     rows = rng.normal(size=(MEASUREMENTS, PRIOR.size)) / PRIOR
     rows[:, WEIGHTS[::5]] = 0.0  # some are not excited
     theta = np.sqrt(scaled((nozzle**2, seat**2))) * rng.normal(size=PRIOR.size)
@@ -59,12 +61,27 @@ def test_the_scale_of_each_flow_is_what_its_marginal_likelihood_says(nozzle: flo
     assert unseen[-1] == pytest.approx(np.sqrt(of_seat), rel=0.01)
 
 
-def test_before_anything_was_seen_both_scales_are_as_likely() -> None:
-    belief = prior_belief(np.zeros(PRIOR.size), np.diag(PRIOR**2))
-    shares = np.diag(shrink(belief).covariance) / PRIOR**2
-    np.testing.assert_allclose(shares[WEIGHTS], 0.5 * (1.0 + SMALL**2), rtol=1e-3)
-    others = np.delete(np.arange(PRIOR.size), WEIGHTS)
-    np.testing.assert_allclose(shares[others], 1.0)
+@settings(max_examples=30)
+@given(st.integers(0, 10_000), st.floats(0.02, 2.0), st.floats(0.02, 2.0))
+def test_it_is_as_if_weights_were_measured_to_be_0(seed: int, nozzle: float, seat: float) -> None:
+    """With as much noise as makes a smaller prior of the whole one, whose scales are as likely as that is."""
+    belief = learned(PRIOR**2, *measured(nozzle, seat, seed)).drifted(0.1 * PRIOR)  # whose error is another
+    squares = np.array([*itertools.product((SMALL**2, 0.999), repeat=2)])[:, FLOWS]
+    rows, prior, covariance = np.eye(PRIOR.size)[WEIGHTS], PRIOR[WEIGHTS] ** 2, belief.covariance
+    spreads = [rows @ covariance @ rows.T + np.diag(prior * each / (1.0 - each)) for each in squares]
+    seen = rows @ belief.mean
+    logs = [-0.5 * (np.linalg.slogdet(each)[1] + seen @ np.linalg.solve(each, seen)) for each in spreads]
+    weights = np.exp(logs - 0.5 * np.log1p(-squares).sum(axis=1) - np.max(logs))
+    mixed = weights @ squares / weights.sum()
+    noise = np.diag(prior * mixed / (1.0 - mixed))
+    gain = covariance @ rows.T @ np.linalg.inv(rows @ covariance @ rows.T + noise)
+    kept, small = np.eye(PRIOR.size) - gain @ rows, shrink(belief)
+    np.testing.assert_allclose(small.mean, kept @ belief.mean, rtol=1e-9, atol=1e-9 * PRIOR.min())
+    error = kept @ belief.error_covariance @ kept.T + gain @ noise @ gain.T
+    for result, expected in ((small.covariance, kept @ covariance), (small.error_covariance, error)):
+        np.testing.assert_allclose(
+            result / np.outer(PRIOR, PRIOR), expected / np.outer(PRIOR, PRIOR), atol=1e-9
+        )
 
 
 def test_other_parameters_move_with_the_weights_that_explained_them() -> None:

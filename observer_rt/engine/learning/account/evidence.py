@@ -30,11 +30,7 @@ def evidences(cost: Linearisation, priors: Sequence[Belief], limits: Limits) -> 
     What that promises beyond the limits, or further off than slopes hold, is fiction: no more than `BEYOND` of it
     counts. Raises numpy.linalg.LinAlgError when singular.
     """
-    means = np.array([prior.mean for prior in priors])
-    covariances = np.array([prior.covariance for prior in priors])
-    thetas, results = np.empty_like(means), np.empty((len(priors), 3))
-    if not integrate_cost(cost, limits, means, covariances, thetas, results):
-        raise np.linalg.LinAlgError("not positive definite")
+    thetas, results = integrate_cost(cost, limits, priors)
     widths, least, allowed = results.T
     logs = -np.maximum(least, allowed - BEYOND) - widths
     return [Evidence(log, theta) for log, theta in zip(logs.tolist(), thetas, strict=True)]

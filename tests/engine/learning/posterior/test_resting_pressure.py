@@ -32,7 +32,7 @@ def taught(belief: Belief, *events: RestingPressure) -> Belief:
         complete[np.ix_([OFFSET, GAIN], [OFFSET, GAIN])] = information
         vector = np.zeros(SCALARS.width)
         vector[[OFFSET, GAIN]] = -event.slopes.T @ event.means / 1e-8
-        belief = held.updated(complete, vector)
+        belief = held.considered(held.prior.updated(complete, vector), complete)
     return belief
 
 

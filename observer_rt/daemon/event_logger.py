@@ -5,10 +5,10 @@ import math
 from observer_rt.daemon.log import ServiceLog
 from observer_rt.daemon.notify import Notifier
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
-from observer_rt.engine.reports.evidence import OF_MODEL
 from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
 from observer_rt.engine.reports.news import MeasuredMass, Mismatch, News, Notice
 from observer_rt.engine.stream.state import Reason
+from observer_rt.engine.stream.validity import OF_MODEL
 from observer_rt.engine.words import Topic, named
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
 from observer_rt.model.effective import Coefficients

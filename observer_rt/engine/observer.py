@@ -44,9 +44,9 @@ from observer_rt.engine.stream.state import (
     Constants,
     Observer,
     Timing,
+    no_verdicts,
     sample_dtype,
 )
-from observer_rt.engine.stream.verdict import no_verdicts
 from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.accuracy import EXACT, StatedAccuracy

@@ -8,7 +8,6 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import term_domain
 from observer_rt.config.injector_file import InjectorFile, tables_in_force
 from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.foundation.errors import UserError
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.dimensions import coefficient_unit
@@ -16,6 +15,7 @@ from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from observer_rt.model.terms.variable import VARIABLES
+from tests.config.test_effects import injector_file, refusal
 
 PLUGGED = """
 [[terms]]
@@ -30,12 +30,6 @@ coefficient = { value = 0.4, unit = "mm3/ms/MPa^0.5", low = 0.3, high = 0.5 }
 origin = "discover"
 date = 2026-01-31
 """
-
-
-def injector_file(folder: Path, terms: str) -> Path:
-    path = folder / "injector.toml"
-    path.write_text(NOMINAL_INJECTOR.read_text() + terms)
-    return path
 
 
 def test_terms_are_part_of_the_model(tmp_path: Path) -> None:
@@ -80,12 +74,9 @@ def test_a_coefficient_in_another_unit_of_its_kind(tmp_path: Path) -> None:
 )
 def test_mistakes_name_the_key(tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
     assert LEAK.count(old) == 1
-    path = injector_file(tmp_path, PLUGGED + LEAK.replace(old, new))
-    with pytest.raises(UserError) as refused:
-        load_injector(path)
-    assert refused.value.location == f"{path}: terms.1.{key}"
-    assert refused.value.remedy
-    assert said in f"{refused.value.problem} {refused.value.remedy}"
+    error = refusal(tmp_path, PLUGGED + LEAK.replace(old, new))
+    assert error.location.endswith(f": terms.1.{key}")
+    assert said in f"{error.problem} {error.remedy}"
 
 
 def test_terms_are_written_as_they_are_read(tmp_path: Path) -> None:

@@ -83,6 +83,7 @@ def test_a_stub_states_all_that_python_sees(source: Path) -> None:
     assert set(stated) == {name for name in names if not name.startswith("_")}
 
 
+@pytest.mark.slow
 def test_importing_builds_what_was_edited_and_nothing_else(package: Path) -> None:
     built = (package / "observer_rt" / "core" / "trial.abi3.so").stat().st_mtime_ns
     before = twice(package, 4.0)
@@ -90,6 +91,7 @@ def test_importing_builds_what_was_edited_and_nothing_else(package: Path) -> Non
     assert edited(package) == twice(package, 1.0) != before / 4.0
 
 
+@pytest.mark.slow
 def test_an_edit_is_built_where_the_meson_of_the_first_build_is_gone(package: Path) -> None:
     """As that of the environment in which pip has built."""
     meson = shutil.which("meson", path=str(Path(sys.executable).parent))
@@ -101,6 +103,7 @@ def test_an_edit_is_built_where_the_meson_of_the_first_build_is_gone(package: Pa
     assert edited(package) == twice(package, 1.0)
 
 
+@pytest.mark.slow
 def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Path) -> None:
     """As after an update of a checkout that was installed without what developers need."""
     edited(package)
@@ -114,6 +117,7 @@ def test_where_nothing_builds_an_edit_the_command_that_does_is_named(package: Pa
     assert f"pip install -e '{package}'" in ran
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", ["cdef int f(int[::1] x):\n    return x[-1]\n", "def f(:\n"])
 def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Path, wrong: str) -> None:
     module = package / "observer_rt" / "core" / "trial.pyx"
@@ -130,6 +134,7 @@ def test_what_does_not_compile_without_warning_is_said_with_its_line(package: Pa
     assert "Traceback" not in ran.stderr
 
 
+@pytest.mark.slow
 def test_without_headers_the_command_that_brings_them_is_named(package: Path) -> None:
     program = (
         "import sys, sysconfig; sys.path.insert(0, 'tools/lib'); import build_core\n"
@@ -142,6 +147,7 @@ def test_without_headers_the_command_that_brings_them_is_named(package: Path) ->
     assert "sudo apt-get install python3-dev" in ran.stderr
 
 
+@pytest.mark.slow
 def test_a_module_whose_source_is_gone_goes(package: Path) -> None:
     (package / "observer_rt" / "core" / "other.pyx").write_text("value = 1\n")
     (package / "observer_rt" / "core" / "trial.pyx").unlink()

@@ -14,25 +14,11 @@ from observer_rt.core.stream.stream import RING
 from observer_rt.engine.observer import remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import LIFT, LINE, RAIL, Constants, Observer, Reason
+from observer_rt.engine.stream.validity import OF_MODEL
 
 LEAD = 4e-3  # s of shut needle kept before an event, in which a model that is run along it settles
 TAIL = 14e-3  # s of ringing kept after it
 WIDE = 0.01  # of the mass: a wider interval makes an event doubtful
-OF_MODEL = frozenset(
-    {
-        Reason.MODEL_INADEQUATE,
-        Reason.PRESSURE_OFFSET,
-        Reason.SENSOR_LAG,
-        Reason.NOT_LEARNED,
-        Reason.SUDDEN_CHANGE,
-        Reason.AMBIGUOUS_SCALE,
-        Reason.TIME_BASE,  # or the line pressure seems recorded late
-        Reason.REVISED,
-        Reason.CONTRADICTED,
-        Reason.LIFT_SENSOR_LAG,
-    }
-)
-"""Reasons that say that the measurement contradicts the model, or what was learned."""
 _OF_KNOWLEDGE = frozenset({Reason.TOO_FEW_EVENTS, Reason.UNTESTED, Reason.OUTSIDE_LEARNED_RANGE})
 """Reasons that say nothing against the inputs."""
 

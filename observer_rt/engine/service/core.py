@@ -28,13 +28,18 @@ from observer_rt.engine.reports.event_record import EventRecord
 from observer_rt.engine.reports.injection_report import report_of
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
 from observer_rt.engine.service.constants import bench_constants, configured_noise
-from observer_rt.engine.service.input_memory import make_input_memory
 from observer_rt.engine.service.judging import InlineExecutor, Judging
 from observer_rt.engine.service.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted, values_of
 from observer_rt.engine.service.optional_inputs import OptionalInputs
-from observer_rt.engine.service.pipeline import CompiledPipeline, Pipeline, make_receiver, make_supervised
-from observer_rt.engine.service.publisher import make_publisher
+from observer_rt.engine.service.pipeline import (
+    CompiledPipeline,
+    Pipeline,
+    make_input_memory,
+    make_publisher,
+    make_receiver,
+    make_supervised,
+)
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, state_of_service

@@ -18,8 +18,7 @@ from observer_rt.engine.observer import event_innovations, event_standstill, eve
 from observer_rt.engine.reports.event_record import EventRecord, Fuel
 from observer_rt.engine.service.pipeline import CompiledPipeline
 from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
-from observer_rt.engine.stream.state import Reason
-from observer_rt.engine.stream.verdict import VerdictKind
+from observer_rt.engine.stream.state import Reason, VerdictKind
 
 
 @dataclass(eq=False)

@@ -13,7 +13,7 @@ from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, 
 from observer_rt.core.frames.frames import encode_signals, protect_frame
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.service.publisher import Publisher
+from observer_rt.engine.service.pipeline import Publisher
 
 AnyValues = TypeVar("AnyValues", SummaryValues, StatusValues)
 

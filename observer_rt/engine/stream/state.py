@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stepper import Stepper
-from observer_rt.core.stream.stream import RECORDS, Stream
-from observer_rt.engine.stream.verdict import Verdicts
+from observer_rt.core.stream.stream import RECORDS, SLOTS, Stream
+from observer_rt.engine.estimation.gain import GainSchedule
 from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.foundation.records import dtype_of
 from observer_rt.model.accuracy import StatedAccuracy
@@ -20,6 +20,7 @@ EVENT = dtype_of(RECORDS["Event"])
 CHANNEL = dtype_of(RECORDS["Channel"])
 INJECTION = dtype_of(RECORDS["Injection"])
 MEMORY = dtype_of(RECORDS["ObserverMemory"])
+_VERDICT = dtype_of(RECORDS["Verdict"])
 SAMPLE = dtype_of(RECORDS["Sample"])
 """A sample of the ring."""
 
@@ -73,6 +74,37 @@ def sample_dtype(states: int) -> np.dtype[np.void]:
     """A sample with x~ and x^ of a model of so many states, as Python is given it."""
     pair = [("x_tilde", np.float64, (states,)), ("x_hat", np.float64, (states,))]
     return np.dtype([*((name, SAMPLE[name]) for name in SAMPLE.names or ()), *pair], align=True)
+
+
+class VerdictKind(IntEnum):
+    """Verdict that the stream found when an event was due."""
+
+    NOTHING = 0  # it was not judged
+    # By the innovations of the live x~; with what was learned from an earlier one, if that is new.
+    EXAMINED = 1
+    LEARNED = 2  # with what was learned from it
+
+
+class Verdicts(NamedTuple):
+    """Verdicts on closed events: posted by whoever judges, taken by the stream when an event is due.
+
+    Neither waits for the other, and no lock is between them: a finding counts for the event whose number it bears,
+    and its number is written last. There are two times SLOTS: the verdict on the n-th event is in slot n % SLOTS,
+    what an earlier event taught SLOTS further.
+    """
+
+    slots: NDArray[np.void]
+    gains: NDArray[np.float64]  # (2 SLOTS, n, states) gain schedules
+    theta: NDArray[np.float64]  # (2 SLOTS, m)
+
+
+def no_verdicts(parameters: int, schedule: GainSchedule) -> Verdicts:
+    """Slots for an observer that carries so many parameters and such a schedule."""
+    return Verdicts(
+        np.zeros(2 * SLOTS, _VERDICT),
+        np.zeros((2 * SLOTS, *schedule.gains.shape)),
+        np.zeros((2 * SLOTS, parameters)),
+    )
 
 
 class Timing(NamedTuple):

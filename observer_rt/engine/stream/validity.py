@@ -10,6 +10,21 @@ from observer_rt.engine.stream.state import Reason, State
 _NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
 _PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.REVISED, *_NOT_KNOWN_YET})
 """Reasons that pass by themselves, which a second sender does not."""
+OF_MODEL = frozenset(
+    {
+        Reason.MODEL_INADEQUATE,
+        Reason.PRESSURE_OFFSET,
+        Reason.SENSOR_LAG,
+        Reason.NOT_LEARNED,
+        Reason.SUDDEN_CHANGE,
+        Reason.AMBIGUOUS_SCALE,
+        Reason.TIME_BASE,  # or the line pressure seems recorded late
+        Reason.REVISED,
+        Reason.CONTRADICTED,
+        Reason.LIFT_SENSOR_LAG,
+    }
+)
+"""Reasons that say that the measurement contradicts the model, or what was learned."""
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.service.messages import OutputFrame
-from observer_rt.engine.stream.state import Reason, State
-from observer_rt.engine.stream.verdict import VerdictKind
+from observer_rt.engine.stream.state import Reason, State, VerdictKind
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from tests.daemon.end_to_end import RATE, SUMMARY, decoded, payloads, published_rates, results_of

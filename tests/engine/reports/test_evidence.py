@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.engine.reports.evidence import OF_MODEL, EventEvidence, EvidenceKind, kind_of
+from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind, kind_of
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import Reason
+from observer_rt.engine.stream.validity import OF_MODEL
 from tests.daemon.samples import some_report
 
 

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
-from operator import attrgetter
 
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.identification.discovery.search.results import Candidate, Discovery, Verdict
@@ -25,13 +24,13 @@ def next_measurement(
     simulate: SimulateInjections,
     progress: Callable[[float], None],
 ) -> MeasurementPlan | None:
-    """Plans what to measure next after a discovery in recordings; None where a single explanation is left.
+    """Plans what to measure next after a discovery in recordings; None where the answer is not ambiguous.
 
     healthy: what the model leaves of the healthy injector; progress is given the share done.
     """
-    rivals = rivals_of(discovery, nominal)
-    if len(rivals) < 2:
+    if discovery.verdict is not Verdict.AMBIGUOUS:
         return None
+    rivals = rivals_of(discovery, nominal)
     measured = [with_healthy_offset(one, healthy) for one in measured]
     known_recordings = known_of(measured, joint_likelihood(measured, nominal, healthy.shape), rivals)
     planner = Planner(rivals, nominal, known_recordings, simulate, confidence_before)
@@ -39,18 +38,10 @@ def next_measurement(
 
 
 def rivals_of(discovery: Discovery, nominal: EffectiveModel) -> list[Rival]:
-    """Explanations that are left, the leading one first: those tied, else the answer and the next best."""
-    left = [(proposal_words(one), one.candidate) for one in discovery.proposals]
-    tied = (discovery.named.ids, *discovery.rivals) if discovery.verdict is not Verdict.UNKNOWN else ()
-    left = [*(_in_words(one) for ids in tied for one in discovery.ranking if one.ids == ids), *left]
-    if len(left) == 1:
-        leader = left[0][1]
-        others = [
-            one
-            for one in sorted(discovery.ranking, key=attrgetter("price"))
-            if one.plausible and one.ids != leader.ids and not set(leader.ids) < set(one.ids)
-        ]
-        left += [_in_words(one) for one in others[:1]]
+    """Explanations that an ambiguous answer leaves, the leading one first."""
+    tied = (discovery.named.ids, *discovery.rivals)
+    left = [(_words(one), one) for ids in tied for one in discovery.ranking if one.ids == ids]
+    left += [(proposal_words(one), one.candidate) for one in discovery.proposals]
     return [
         Rival(
             words,
@@ -63,5 +54,5 @@ def rivals_of(discovery: Discovery, nominal: EffectiveModel) -> list[Rival]:
     ]
 
 
-def _in_words(candidate: Candidate) -> tuple[str, Candidate]:
-    return (candidate_words(candidate) if candidate.ids else "the model as it is"), candidate
+def _words(candidate: Candidate) -> str:
+    return candidate_words(candidate) if candidate.ids else "the model as it is"

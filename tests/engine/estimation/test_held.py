@@ -6,7 +6,7 @@ import pytest
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.held import held_at
 
-HELD, DRAWS = 2, 40_000
+HELD, DRAWS = 2, 15_000
 
 
 def belief() -> Belief:

@@ -33,8 +33,7 @@ NEARLY_ALL = LiftLag(28e-6, without=2000.0, left=180.0, samples=240)
 NO_MORE_THAN_NOISE = LiftLag(16e-6, without=-490.0, left=-640.0, samples=1200)
 
 
-@pytest.mark.parametrize("wear", [0.0, 0.25])
-@pytest.mark.parametrize("lag", [15e-6, 40e-6])
+@pytest.mark.parametrize(("lag", "wear"), [(15e-6, 0.25), (40e-6, 0.0)])
 def test_a_slow_lift_sensor_is_named(lag: float, wear: float) -> None:
     result = reasons(sized("needle_lift_sensor_lag", tau=lag), sized("orifice_area", v_H=wear))
     assert (

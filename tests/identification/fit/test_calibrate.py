@@ -196,7 +196,8 @@ def test_an_independent_plant_is_fitted_in_its_own_structure(drained_by_seat: in
 
 def test_a_line_that_no_structure_has_is_inadequate_and_said_where() -> None:
     """Lumps fitted to a line in which pressure travels."""
-    done = _fit(measurements(of_independent_plant(Injector(line_cells=12, line_damping=1.0))), NOMINAL)
+    part = Injector(line_cells=12, line_damping=1.0)
+    done = _fit(measurements(of_independent_plant(part, POINTS[::5])), NOMINAL)
     assert done.inadequate
     assert "To try" in verdict_words(done)
 

@@ -30,7 +30,7 @@ def fitted(laws: Laws) -> CalibrationResult:
     return calibrate(off_by_ten_percent(), measured_recordings, {}, lambda _: None, LUMPS)
 
 
-@pytest.mark.parametrize("flow", [1.5, 8.0])
+@pytest.mark.parametrize("flow", [1.5, pytest.param(8.0, marks=pytest.mark.slow)])
 def test_its_control_flow_is_found(flow: float) -> None:
     laws = Laws(control_flow=flow * MM3_PER_MS)
     done = fitted(laws)

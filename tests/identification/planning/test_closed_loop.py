@@ -10,7 +10,7 @@ from observer_rt.desk.simulation import schedule
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.discovery.rivals import next_measurement, rivals_of
+from observer_rt.identification.discovery.rivals import next_measurement
 from observer_rt.identification.discovery.search.outcome import SURE
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
@@ -112,13 +112,9 @@ def test_nothing_promises_what_no_measurement_of_these_signals_tells() -> None:
     assert all(one.confidence < 0.75 for one in plan.measurements)
 
 
-def test_the_winner_of_a_clear_answer_is_set_against_the_next() -> None:
-    recordings = [measured(FIRST, Faults(orifice_area=0.1), seed=4)]
-    (measurement,) = [name_effects(MODEL, measurements(recordings), SearchOptions(workers=2))]
-    assert measurement.verdict is Verdict.NAMED
-    leader, following = rivals_of(measurement, MODEL)
-    assert leader.words.startswith("orifice area")
-    assert leader.behind == 0.0 < following.behind
+def test_after_a_clear_answer_nothing_is_planned() -> None:
+    result, plan = discovered([measured(FIRST, Faults(orifice_area=0.1), seed=4)])
+    assert (result.verdict, plan) == (Verdict.NAMED, None)
 
 
 def test_points_lie_about_what_was_recorded() -> None:

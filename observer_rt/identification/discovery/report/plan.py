@@ -21,7 +21,7 @@ HEADINGS = (
 def plan_words(plan: MeasurementPlan | None) -> str:
     """The open question, and whether a measurement would decide it."""
     if plan is None:
-        return "nothing to plan: there are no two explanations to decide between"
+        return "nothing to plan: the answer is not ambiguous"
     left = "; or ".join(plan.rivals)
     if not plan.measurements:
         return f"to decide between {left}: no operating point could be simulated"

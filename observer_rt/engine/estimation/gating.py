@@ -163,6 +163,6 @@ class GatedBelief:
             for i, column in enumerate(self.gate.held):
                 rows = conditioned(rows, i, column)
             rows = rows[len(self.gate.held) :]
-            result[:, out] = -np.linalg.solve(rows[:, out], rows).T
+            result[:, out] = -(inverse_of(rows[:, out])[0] @ rows).T
             result[out] = 0.0
         return result

@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gating import Belief, conditioned, symmetric
 
 _EXACTLY = 1e-14  # variance of what is held
+_NOWHERE = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
 class HeldBelief:
     """A belief before an event, given the value of a column; column None: nothing is held.
 
-    by: change (m,) of theta with the held value; variance: of that; log: nats by which the value is less likely than
-    the belief alone makes the event.
+    by: change (m,) of theta with the held value, (0,) without any; variance: of that; log: nats by which the value is
+    less likely than the belief alone makes the event.
     """
 
     prior: Belief
@@ -44,7 +45,7 @@ class HeldBelief:
 
 def nothing_held(belief: Belief) -> HeldBelief:
     """A belief that is learned with as it is."""
-    return HeldBelief(belief, None, np.zeros_like(belief.mean))
+    return HeldBelief(belief, None, _NOWHERE)
 
 
 def held_at(belief: Belief, column: int, value: float, variance: float) -> HeldBelief:

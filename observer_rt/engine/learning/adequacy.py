@@ -98,8 +98,10 @@ def of_standstill(statistics: PhaseStatistics) -> PhaseStatistics:
 
 def tempering(statistics: PhaseStatistics) -> float:
     """Factor on the variance of an event's innovations: above 1 when they are coloured, or louder than believed."""
-    is_significant = statistics.deviates.max(axis=1, keepdims=True) > TEMPER_SIGNIFICANT
-    beyond = (statistics.quotients > _TEMPERS_ABOVE) & is_significant
+    beyond = statistics.quotients > _TEMPERS_ABOVE
+    if not beyond.any():
+        return 1.0
+    beyond &= statistics.deviates.max(axis=1, keepdims=True) > TEMPER_SIGNIFICANT
     return float(statistics.quotients.max(initial=1.0, where=beyond))
 
 

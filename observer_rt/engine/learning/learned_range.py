@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.core.learning.gating import inverse_of
 from observer_rt.core.stream.stream import RAIL_BIN, RAIL_BINS
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter
@@ -59,7 +60,7 @@ def extrapolation_sigma(point: EventPoint, learned_at: Sequence[EventPoint]) -> 
     points = np.array([*learned_at, point]) / REACH
     covariance = np.exp(-0.5 * np.sum((points[:, None, :] - points[None, :, :]) ** 2, axis=2))
     among, across = covariance[:-1, :-1], covariance[:-1, -1]
-    explained = across @ np.linalg.solve(among + EVENT_SHARE * np.eye(len(learned_at)), across)
+    explained = across @ inverse_of(among + EVENT_SHARE * np.eye(len(learned_at)))[0] @ across
     return math.sqrt(max(1.0 - float(explained), 0.0))
 
 
@@ -101,7 +102,7 @@ def known_flow(
     injected, full = float(event.run.rate.sum()), by_nozzle[-1]
     if not (injected > 0.0 and full[_NOZZLE] > 0.0):
         return NOWHERE
-    here = event.run.slopes.sum(axis=0) / injected
+    here = np.ones(event.run.rate.size) @ event.run.slopes / injected
     filled = min(max(here[_NOZZLE] / full[_NOZZLE], 0.0), FULL)
 
     def sigma(fullness: float, change: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:

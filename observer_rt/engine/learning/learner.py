@@ -77,7 +77,7 @@ def learn(state: LearningState, event: ClosedEvent, reader: EventReader) -> Outc
     if objection is not None:
         return _failed(state, event, objection, reader)
     offset = offset_between(state.standstill, standstill)
-    if standstill.samples >= STANDSTILL_ENOUGH:
+    if standstill.samples >= STANDSTILL_ENOUGH and any(each.is_prior for each in state.account.beliefs):
         state = state.map(lambda learned: _with_first_offset(learned, standstill.offset))
     state = replace(state, standstill=standstill)
     try:

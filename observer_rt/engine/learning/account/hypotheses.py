@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta
 from observer_rt.engine.learning.account import constants as c
@@ -18,6 +19,7 @@ P = Parameter
 _BACK_PRESSURE = range(P.BACK_PRESSURE, P.BACK_PRESSURE + 2)
 WEAR = (int(P.NOZZLE_BIAS), int(P.SEAT_BIAS), *WEIGHTS.tolist(), *_BACK_PRESSURE)
 SENSOR = (int(P.LINE_PRESSURE_OFFSET), int(P.SENSOR_LAG), int(P.LINE_PRESSURE_GAIN))
+_ALIKE = np.array([*WEAR, *SENSOR])
 LINE = tuple(column for column, _ in SCALARS.laws)
 VALVE = tuple(SCALARS.valve.columns.tolist())
 
@@ -119,14 +121,14 @@ class Possibility:
 
 def is_alike(first: Belief, second: Belief) -> bool:
     """Whether two beliefs say the same of injector and sensor, as surely."""
-    variances, columns = np.array([np.diag(first.covariance), np.diag(second.covariance)]), [*WEAR, *SENSOR]
-    ratio = (variances[0] / variances[1])[list(FLOWS)]
-    is_as_sure = np.all(np.maximum(ratio, 1.0 / ratio) < c.ALIKE_VARIANCE)
-    is_near = np.abs(first.mean - second.mean) <= c.ALIKE * np.sqrt(variances.min(axis=0))
-    return bool(is_as_sure and np.all(is_near[columns]))
+    ratios = [first.covariance[column, column] / second.covariance[column, column] for column in FLOWS]
+    if not all(1.0 / c.ALIKE_VARIANCE < ratio < c.ALIKE_VARIANCE for ratio in ratios):
+        return False
+    least = np.minimum(first.covariance.diagonal(), second.covariance.diagonal())
+    return bool(np.all(((first.mean - second.mean) ** 2 <= c.ALIKE**2 * least)[_ALIKE]))
 
 
 def is_compatible(first: Belief, second: Belief) -> bool:
     """Whether two beliefs may be about the same injector and sensor, one of them surer than the other."""
     away = first.mean - second.mean
-    return float(away @ np.linalg.solve(first.covariance + second.covariance, away)) < c.COMPATIBLE
+    return float(away @ inverse_of(first.covariance + second.covariance)[0] @ away) < c.COMPATIBLE

@@ -45,7 +45,7 @@ class Wander:
     def widened(self, variance: float) -> float:
         """Standard deviation of a normal distribution whose 95 % interval is that of a mass with such a variance."""
         spreads = np.sqrt(2.0 * (variance + SIZES**2)).tolist()
-        parts, half = list(zip(self.weights.tolist(), spreads, strict=True)), math.sqrt(variance)
+        parts, half = list(zip(self.weights.tolist(), spreads, strict=True)), c.INTERVAL * math.sqrt(variance)
         for _ in range(_STEPS):  # from below, where what lies beyond is convex
             beyond = sum(weight * math.erfc(half / spread) for weight, spread in parts) - (1.0 - 0.95)
             slope = sum(weight / spread * math.exp(-((half / spread) ** 2)) for weight, spread in parts)

@@ -115,14 +115,14 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
 
     Masked samples end them, because gaps would add a colour of their own.
     """
-    resting = window.resting & ~mask_of(window)
-    resting[:first] = False
-    changes = np.flatnonzero(np.diff(resting, prepend=False, append=False))
-    return [
-        slice(int(begin), int(end))
-        for begin, end in zip(changes[::2], changes[1::2], strict=True)
-        if end - begin >= shortest
-    ]
+    resting = np.zeros(
+        window.resting.size + 2, np.bool_
+    )  # none before the first sample, none behind the last
+    resting[1 + first : -1] = window.resting[first:]
+    resting[1:-1][mask_of(window)] = False
+    changes = np.flatnonzero(resting[1:] != resting[:-1]).tolist()
+    spans = zip(changes[::2], changes[1::2], strict=True)
+    return [slice(begin, end) for begin, end in spans if end - begin >= shortest]
 
 
 @lru_cache

@@ -246,7 +246,7 @@ class Weighing:
     ) -> None:
         """Fit a kind by itself, where it may matter and its closed form does not serve; behind: nats to the best."""
         first = reading.first
-        far = float(np.max(np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step))
+        far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
         falls = first.value - first.expected(explanation.theta)
         is_new = hypothesis.learned.is_prior
         if not (far > c.NEAR or falls > c.FALLS or is_new):

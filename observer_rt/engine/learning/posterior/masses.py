@@ -74,7 +74,8 @@ def mass_of(window: Window, setting: Setting, theta: Theta, again: Resimulation)
     """Mass of an event that was run again with theta (m,)."""
     part = _part(window)
     volume = float(np.trapezoid(again.run.rate[part])) * setting.interval
-    slopes = again.run.slopes[part].sum(axis=0)  # where nothing flows at either end, as by trapezoids
+    # where nothing flows at either end, as by trapezoids
+    slopes = np.ones(window.output.size - part.start) @ again.run.slopes[part]
     slopes *= setting.interval / max(volume, LEAST)
     by_inputs = float(again.by_inputs.volume[-1]) / max(volume, LEAST) ** 2
     flows_until = int(np.flatnonzero(again.run.rate)[-1]) + FURTHER if volume > 0.0 else window.output.size

@@ -100,7 +100,7 @@ REASONS: Mapping[Reason, Words] = {
         "when samples were taken is in doubt",
         "use one time base or an index; is a channel late? docs/time.md",
     ),
-    Reason.REVISED: Words("learning from it changed its mass by more than 2 %", "take the next ones"),
+    Reason.REVISED: Words("learning from it changed its mass by too much", "take the next ones"),
     Reason.INPUT_STALE: Words(
         "one of the inputs stays away", "the log names its message: sensor, device, cable"
     ),

@@ -98,10 +98,10 @@ class Shares(NamedTuple):
         """What belief, inputs and model do not explain."""
         return math.sqrt(max(self.total**2 - self.from_belief**2, 0.0))
 
-
-def within_of(shares: Shares) -> float:
-    """Share within which hypotheses agree on a mass."""
-    return c.INTERVAL * shares.from_belief + c.OWN_SHARE
+    @property
+    def agreement(self) -> float:
+        """Share within which hypotheses agree on a mass."""
+        return c.INTERVAL * self.from_belief + c.OWN_SHARE
 
 
 def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, systematic: float) -> Shares:

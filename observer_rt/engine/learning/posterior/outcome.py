@@ -18,7 +18,7 @@ from observer_rt.engine.learning.posterior.believing import settled_after
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.look_alikes import look_alikes_in, named
-from observer_rt.engine.learning.posterior.masses import EventMass, mass_of, shares_of, within_of
+from observer_rt.engine.learning.posterior.masses import EventMass, mass_of, shares_of
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
 from observer_rt.engine.learning.posterior.verdict import posterior_of, verdict_of
 
@@ -50,7 +50,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         )
     in_force = theta if lead.velocity is None else _ahead(theta, explanation, lead.velocity, reader)
     by_coil = look_alikes.state.energizing.current.unsure
-    covariance = covariance + _apart(explained, mass, within_of(shares)) + by_coil
+    covariance = covariance + _apart(explained, mass, shares.agreement) + by_coil
     again = replace(
         again,
         covariance=covariance,

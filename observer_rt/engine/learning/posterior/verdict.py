@@ -10,16 +10,14 @@ import numpy as np
 
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.account import constants as c
-from observer_rt.engine.learning.account.hypotheses import BELIEVED, SENSOR_CHANGED, SETTLED, STAYS, Kind
+from observer_rt.engine.learning.account.hypotheses import BELIEVED, SENSOR_CHANGED, STAYS
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.posterior.believing import Continued
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
-from observer_rt.engine.learning.posterior.masses import EventMass, Shares, within_of
+from observer_rt.engine.learning.posterior.masses import EventMass, Shares
 from observer_rt.engine.stream.state import Reason
 
-Posterior = tuple[tuple[str, float], ...]
-"""Names of what an event may be, and their probabilities, the largest first."""
 SHOWN = 0.005  # probability, below which nothing is said
 
 
@@ -31,8 +29,8 @@ class EventVerdict(NamedTuple):
     change: Reason
 
 
-def posterior_of(continued: Sequence[Continued]) -> Posterior:
-    """Probabilities by kind."""
+def posterior_of(continued: Sequence[Continued]) -> tuple[tuple[str, float], ...]:
+    """Names of what an event may be, and their probabilities, the largest first."""
     summed: dict[str, float] = {}
     for explanation, _ in continued:
         summed[explanation.kind.name] = summed.get(explanation.kind.name, 0.0) + explanation.weight
@@ -52,17 +50,17 @@ def verdict_of(
 
     contradictions: what no theta can hold.
     """
-    lead, within = explained.carried[0], within_of(shares)
-    published = mass.moved_far(in_force)
+    lead = explained.carried[0]
+    is_right = abs(mass.moved_far(in_force)) + c.SURELY * shares.total <= c.WRONG
     agree = own = 0.0
     against: dict[Reason, float] = {}
     for explanation, hypothesis in explained.explanations:
         moved = mass.moved(hypothesis.learned.theta)
-        agrees = explanation.is_good and abs(moved) <= within
+        agrees = explanation.is_good and abs(moved) <= shares.agreement
         goes_on = 0.0 if explanation.is_good else 1.0 - STAYS[explanation.kind.mode]
         agree += explanation.weight * (agrees or goes_on)
-        own += explanation.weight * (explanation.is_good and abs(moved - published) <= max(within, c.KNOWN))
-        is_leading = explanation is lead[0] and explanation.kind not in BELIEVED
+        own += explanation.weight * (agrees and is_right)
+        is_leading = explanation is lead[0] and explanation.kind.reason is not None
         if not agrees or is_leading:
             reason = _reason_of(explanation, hypothesis.learned.theta, wide)
             against[reason] = against.get(reason, 0.0) + explanation.weight
@@ -72,23 +70,19 @@ def verdict_of(
         forward += (Objection(most),)
     is_change = lead[0].is_good and lead[0].kind not in BELIEVED
     change = _reason_of(lead[0], lead[1].learned.theta, wide) if is_change else Reason.NONE
-    return EventVerdict(forward, forward or _own_objections(own, against, lead[0].kind, shares), change)
+    return EventVerdict(forward, forward or _own_objections(own, against, shares), change)
 
 
-def _own_objections(
-    own: float, against: Mapping[Reason, float], kind: Kind, shares: Shares
-) -> tuple[Objection, ...]:
-    """Objections to a published mass with which hypotheses agree to `own`, led by one of a kind."""
-    if own < c.AGREED:
-        reason, weight = max(against.items(), key=lambda each: each[1], default=(Reason.NONE, 0.0))
-        if 2.0 * weight <= 1.0 - own:
-            reason = Reason.SUDDEN_CHANGE if kind is SETTLED else Reason.REVISED
+def _own_objections(own: float, against: Mapping[Reason, float], shares: Shares) -> tuple[Objection, ...]:
+    """Objections to a published mass that hypotheses of a weight `own` find right."""
+    if own >= c.AGREED:
+        return ()
+    reason, weight = max(against.items(), key=lambda each: each[1], default=(Reason.NONE, 0.0))
+    if 2.0 * weight > 1.0 - own:
         return (Objection(reason),)
-    if c.INTERVAL * shares.from_belief > c.KNOWN:
+    if c.SURELY * shares.from_belief > c.WRONG:
         return (Objection(Reason.OUTSIDE_LEARNED_RANGE),)
-    if c.INTERVAL * shares.total > c.KNOWN:
-        return (Objection(Reason.MODEL_INADEQUATE),)
-    return ()
+    return (Objection(Reason.MODEL_INADEQUATE if c.SURELY * shares.total > c.WRONG else Reason.REVISED),)
 
 
 def _reason_of(explanation: Explanation, theta: Theta, wide: Theta) -> Reason:

@@ -1,13 +1,12 @@
 """The velocity of wear, against a Kalman filter of theta and velocity together."""
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief, prior_belief
+from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account.constants import SPEED, TURNS
-from observer_rt.engine.learning.account.velocity import Velocity, moving
+from observer_rt.engine.learning.account.velocity import moving
 
 WIDTH = SCALARS.width
 FLOWS = [int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)]
@@ -45,15 +44,3 @@ def test_it_is_that_of_the_filter_of_both() -> None:
         np.testing.assert_allclose(belief.mean[FLOWS], mean[:2], atol=1e-9)
         np.testing.assert_allclose(velocity.mean, mean[2:], atol=1e-9)
         np.testing.assert_allclose(velocity.covariance, covariance[2:, 2:], atol=1e-12)
-
-
-def test_a_ramp_is_followed_without_lag() -> None:
-    belief: Belief = prior_belief(np.zeros(WIDTH), 1e-6 * np.eye(WIDTH))
-    velocity: Velocity | None = None
-    for number in range(1, 30):
-        moved = moving(belief, DRIFT, velocity)
-        belief = moved.belief.updated(*event_at(np.full(2, 0.003 * number)))
-        velocity = moved.after(belief)
-    assert velocity is not None
-    assert velocity.mean == pytest.approx([0.003, 0.003], rel=0.05)
-    assert belief.mean[FLOWS] == pytest.approx(np.full(2, 0.003 * 29), abs=3e-4)

@@ -34,7 +34,7 @@ TABLE = _kind("a table of samples", rb"\A(\xef\xbb\xbf)?time_s,")
 FINDINGS = _kind("the findings of `discover`", rb'\A\{\s*"schema":\s*\d')
 FITS = _kind("the fits of `discover`", rb'\A\{"format":')
 PLAN = _kind("the plan of `discover`", rb"\Astep,rail_pressure_MPa,")
-REPRODUCED = _kind("a table or report of `reproduce`", rb"\A(v_H,x3_mse_|\| v_H \||# The paper's Figs)")
+REPRODUCED = _kind("a table of `reproduce`", rb"\Av_H,x3_mse_")
 _BY_SUFFIX = {
     ".csv": TABLE,
     ".parquet": _kind("a Parquet file", rb"\APAR1"),

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from numba import njit
 
 from tests.plants.arrays import Array
-from tests.plants.parameters import Injector
+from tests.plants.parameters import Faults, Injector
 
 REFERENCE = 100e6  # Pa
 FULL_FLOW = 60e-6  # m3/s
@@ -76,6 +76,17 @@ class Laws(NamedTuple):
 
 
 NO_LAWS = Laws()
+NINE_LAWS = {  # of nozzle and seat, that no model has
+    "area grows with the rail pressure": (Laws(rail_growth=0.3), Faults()),
+    "a hole shuts at a large drop": (Laws(shut_by_drop=0.3), Faults()),
+    "coking within an injection": (Laws(coking=0.3), Faults()),
+    "a seat throttled at its stop": (Laws(stop_loss=0.5), Faults()),
+    "a seat laminar at small lift": (NO_LAWS, Faults(seat_lift_loss=0.4)),
+    "a chamber that fills": (Laws(filling=5e9), Faults()),
+    "a seat with a dip": (Laws(middle_loss=0.3), Faults()),
+    "holes covered at small lift": (NO_LAWS, Faults(nozzle_lift_loss=0.3)),
+    "a nozzle by Reynolds number": (Laws(viscous_loss=0.05), Faults()),
+}
 
 
 class Moment(NamedTuple):

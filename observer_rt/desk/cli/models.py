@@ -160,7 +160,7 @@ class DiscoverOptions(ModelOptions):
 def discover(options: DiscoverOptions) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.discover_inputs import inputs_of_evidence, inputs_of_recordings
-    from observer_rt.desk.evaluation.healthy_events import observer_remainder
+    from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
     from observer_rt.desk.simulation.simulate import two_injections
     from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.findings import FINDINGS
@@ -195,6 +195,7 @@ def discover(options: DiscoverOptions) -> None:
         chosen,
         options.accept_term or 0,
         observer_remainder,
+        learned_laws,
     )
     discovery.refuse_incomparable(task, str(inputs.model))
     make_folder("--out", out)

@@ -115,11 +115,11 @@ class ReproduceOptions:
 
     out: Annotated[
         Path,
-        Option("Folder for figures, table and report.", "DIR"),
+        Option("Folder for figures and table.", "DIR"),
         Writes(
-            "figures, tables, report",
+            "figures, table",
             Standing.NAMES,
-            ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv", "table.md", "report.md"),
+            ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv"),
         ),
     ]
     sample_rate: shared.SampleRate = 100e3
@@ -127,26 +127,23 @@ class ReproduceOptions:
 
 
 def reproduce(options: ReproduceOptions) -> None:
-    """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table and a report."""
-    from observer_rt.desk.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5, report
+    """Reproduce the paper's Figs. 3-5, its scheme and ours side by side, with a table."""
+    from observer_rt.desk.paper.figures import draw_figure_3, draw_figure_4, draw_figure_5
     from observer_rt.desk.paper.study import NOZZLE_WEAR, run_study
-    from observer_rt.desk.paper.table import csv_table, markdown, screen_table
+    from observer_rt.desk.paper.table import csv_table, screen_table
 
     out = options.out
     make_folder("--out", out)
     figures = [out / f"figure_{number}.png" for number in (3, 4, 5)]
-    table, table_in_words, report_in_words = (out / name for name in ("table.csv", "table.md", "report.md"))
+    table = out / "table.csv"
     for path in figures:
         check_output("--out", path, options.force, suffixes=FIGURE_SUFFIXES)
-    for path in (table, table_in_words, report_in_words):
-        check_output("--out", path, options.force, REPRODUCED)
+    check_output("--out", table, options.force, REPRODUCED)
     with progress_bar(messages, "reproducing", 1.0) as progress:
         study = run_study(load_bench(), options.sample_rate, progress)
     draw_figure_3(figures[0], study)
     draw_figure_4(figures[1], study.case(NOZZLE_WEAR))
     draw_figure_5(figures[2], study)
     write_text(table, csv_table(study))
-    write_text(table_in_words, markdown(study))
-    write_text(report_in_words, report(study))
     results().print(screen_table(study))
-    say(messages, f"figures 3 to 5, table and report in {out}")
+    say(messages, f"figures 3 to 5 and table in {out}")

@@ -9,7 +9,6 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -20,13 +19,17 @@ from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.account.hypotheses import BEFORE
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
+from observer_rt.files.learned_picture import FLOWS, HEIGHT, draw_learned
 from observer_rt.foundation.figures import NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 RECORDINGS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
 ANNOTATED = 24  # injections whose masses are bars with numbers; more are lines
-WEAR = {NOZZLE: ("nozzle flow, v_H", "#d62728", "-"), SEAT: ("seat flow, v_S", "#9467bd", ":")}
+WEAR = {
+    NOZZLE: ("nozzle flow, v_H", FLOWS[NOZZLE][1], "-"),
+    SEAT: ("seat flow, v_S", FLOWS[SEAT][1], ":"),
+}
 """Learned quantities of an injector: name, colour and line where one recording is drawn."""
 PERCENT = 100.0
 DPI = 130
@@ -34,8 +37,6 @@ LEAST_SHOWN = 0.1  # % of a mass: what differs less is drawn as equal
 CERTAIN = 0.95  # probability: where every event is so surely as before, no posterior is drawn
 EXPECTED = "#d9d9d9"  # colour of events as before; other hypotheses have the colours of recordings
 COLUMNS = 4  # of curves side by side
-LEARNED_HEIGHT, LEARNED_COLUMNS = 4.6, 3  # inches, of the laws learned, and of their curves side by side
-LEAST_RANGE = 2.0  # %, of laws learned that is drawn at least: smaller changes look as small as they are
 _LETTERS, _HANDLE = 12, 8  # that an inch of a legend holds; that a handle is wide
 
 
@@ -185,28 +186,6 @@ def draw_posterior(axes: Axes, rows: Sequence[MassRow]) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False, ncols=6)
 
 
-def draw_learned(part: SubplotSpec, curves: Sequence[LearnedCurve]) -> None:
-    """Draw in part of a figure the curves of both flows, each with its 95 % interval, all on one scale."""
-    rows = -(-len(curves) // LEARNED_COLUMNS)
-    panels = part.subgridspec(rows, LEARNED_COLUMNS).subplots(sharey=True, squeeze=False)
-    for axes, curve in zip(panels.flat, curves, strict=False):
-        change, half = PERCENT * curve.change, PERCENT * curve.half_width
-        flow, colour, _ = WEAR[curve.flow]
-        axes.axhline(0, color=REFERENCE, lw=0.8)
-        axes.fill_between(curve.inputs, change - half, change + half, color=colour, alpha=0.18, lw=0)
-        axes.plot(curve.inputs, change, color=colour, lw=1.4)
-        variable, _, unit = curve.variable.rpartition("_")
-        axes.set_xlabel(f"{variable.replace('_', ' ')} [{unit}], {flow.split()[0]}", fontsize=8)
-        axes.grid(alpha=0.3)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("learned change\nof the flow [%]")
-    for axes in panels.flat[len(curves) :]:
-        axes.remove()
-    values = [PERCENT * value for curve in curves for value in (*curve.change, 0.0)]
-    margin = max(0.15 * (max(values) - min(values)), LEAST_RANGE)
-    panels[0, 0].set_ylim(min(values) - margin, max(values) + margin)
-
-
 def plot_injections(path: Path, recordings: Sequence[Picture], reference: str) -> None:
     """Write the figure of `injections_figure`, format by suffix."""
     save_figure(injections_figure(recordings, reference), path, DPI)
@@ -234,7 +213,7 @@ def injections_figure(recordings: Sequence[Picture], reference: str) -> Figure:
     heights = [height for height, _ in panels]
     rows, columns = -(-len(numbers) // COLUMNS), max(1, min(COLUMNS, len(numbers)))
     learned = recordings[0].learned if len(recordings) == 1 else ()
-    sections = [3.4 + 2.2 * has_line] * rows + [sum(heights)] + [LEARNED_HEIGHT] * bool(learned)
+    sections = [3.4 + 2.2 * has_line] * rows + [sum(heights)] + [HEIGHT] * bool(learned)
     size = max(8.8, 4.1 * columns), sum(sections) + 0.8
     figure = NotebookFigure(figsize=size, layout="constrained")
     parts = figure.add_gridspec(len(sections), 1, height_ratios=sections)

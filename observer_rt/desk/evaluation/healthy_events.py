@@ -1,4 +1,4 @@
-"""Measures what the observer's x~ leaves of a healthy injector, with the observer itself on healthy recordings.
+"""Runs the observer itself on recordings, for discovery: what its x~ leaves of a healthy injector, laws it learns.
 
 What `fit` finds by its own predictor does not serve: that smooths the rail pressure, reads the lift otherwise, and so
 has other innovations.
@@ -22,6 +22,7 @@ from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, stretch_of
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.learning.overdispersion import TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.posterior.reader import setting_of
@@ -99,6 +100,15 @@ def observer_remainder(
         if events:
             collected.append(events)
     return _remainder(collected) if collected else None
+
+
+def learned_laws(injector: InjectorParameters, recordings: Sequence[Recording]) -> tuple[LearnedCurve, ...]:
+    """Laws of nozzle and seat that the network learns from recordings, those at the first one's sample rate.
+
+    Raises `UserError` as `evaluate`.
+    """
+    alike = [one for one in recordings if one.sample_rate == recordings[0].sample_rate]
+    return evaluate(_bench_of(injector, alike[0]), alike).evaluations[-1].learned
 
 
 def _bench_of(injector: InjectorParameters, recording: Recording) -> Bench:

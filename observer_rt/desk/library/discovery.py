@@ -14,7 +14,7 @@ import pandas as pd
 from observer_rt.config.bench import Bench
 from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.desk.evaluation.healthy_events import observer_remainder
+from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
 from observer_rt.desk.library.notes import CallNotes, screen
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.console import progress_bar
@@ -171,6 +171,7 @@ def discovered(
         effects_named("choose", wanted.choose),
         wanted.accept_term,
         observer_remainder,
+        learned_laws,
     )
     refuse_incomparable(task, file.name)
     with progress_bar(screen, "looking for what is missing", 1.0) as progress:

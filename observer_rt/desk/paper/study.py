@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import Bench
-from observer_rt.core.model.laws import normalised_area, root
+from observer_rt.core.model.laws import normalised_area
 from observer_rt.core.model.model import fault_with_rate
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.paper.scheme import (
@@ -150,19 +150,17 @@ def _wear_case(bench: Bench, sample_rate: float, gain: float, wear: float) -> We
     span = injection.span
     scheme = _Scheme(bench, single, injection, gain)
     x, u = true_states(single.truth, c)[span], inputs(single.truth, c)[span]
-    paper = scheme.estimate(scheme.trained(1))
     return WearCase(
         nozzle_wear=wear,
         time=single.truth.time[span] - FIRST_EVENT,
         truth=EstimatorCurves(x[:, 2], true_fault(x, u, c, wear), single.truth.injection_rate[span]),
         estimates={
             Estimator.MODEL: scheme.estimate(scheme.trained(0)),
-            Estimator.PAPER: paper,
+            Estimator.PAPER: scheme.estimate(scheme.trained(1)),
             Estimator.PAPER_TRAINED_ON: scheme.estimate(scheme.trained(TRAININGS)),
             Estimator.OURS: _ours(bench, single, single, injection),
             Estimator.OURS_TRAINED_ON: _ours(bench, several, single, injection),
         },
-        law_rate=np.array([c.nozzle.flow * root(value, c.nozzle.transition) for value in paper.x_3]),
     )
 
 

@@ -1,4 +1,4 @@
-"""Ours beside the paper's scheme: quantities, scores, and the table on screen, as CSV, Markdown."""
+"""Ours beside the paper's scheme: quantities, scores, and the table on screen, as CSV."""
 
 import math
 from dataclasses import dataclass
@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from rich.table import Table
-from rich.text import Text
 
 from observer_rt.desk.simulation.plant import Truth
+from observer_rt.foundation.console import plain_table
 from observer_rt.model.effective import Coefficients
 
 
@@ -37,14 +37,13 @@ class EstimatorCurves:
 class WearCase:
     """One injection of a nozzle worn by v_H: the truth and every estimate of it over the injection's window.
 
-    time [s] from the start of energizing; `law_rate` [m3/s]: the orifice law at the x3 of `Estimator.PAPER`.
+    time [s] from the start of energizing.
     """
 
     nozzle_wear: float
     time: NDArray[np.float64]
     truth: EstimatorCurves
     estimates: dict[Estimator, EstimatorCurves]
-    law_rate: NDArray[np.float64]
 
     def mse(self, estimator: Estimator) -> float:
         """Mean squared error of x3 (28)."""
@@ -56,16 +55,12 @@ class WearCase:
 
     def mass_error(self, estimator: Estimator) -> float:
         """Relative error of the injected mass."""
-        return self.relative_mass(self.estimates[estimator].rate)
-
-    def relative_mass(self, rate: NDArray[np.float64]) -> float:
-        """Mass of a rate [m3/s] (n,) over the true one, less 1."""
-        return float(np.trapezoid(rate) / np.trapezoid(self.truth.rate)) - 1.0
+        return float(np.trapezoid(self.estimates[estimator].rate) / np.trapezoid(self.truth.rate)) - 1.0
 
 
 @dataclass(frozen=True)
 class Study:
-    """Everything the figures, the table and the report are made of."""
+    """Everything the figures, and the table are made of."""
 
     sample_rate: float
     gain: float
@@ -107,11 +102,10 @@ def screen_table(study: Study) -> Table:
         "x3-MSE of the model over that of each observer, and errors of the injected mass [%], by nozzle wear; "
         "the number is that of trainings"
     )
-    table, printed = Table(title=title, title_justify="left", box=None, padding=(0, 1)), _printed(study)
-    for heading in printed:
-        table.add_column(Text(heading.replace(": ", "\n").replace(", ", "\n")), justify="right")
-    for row in printed.itertuples(index=False):
-        table.add_row(*row)
+    printed = _printed(study)
+    headings = [heading.replace(": ", "\n").replace(", ", "\n") for heading in printed]
+    table = plain_table(headings, printed.itertuples(index=False), right=range(len(headings)), gap=1)
+    table.title, table.title_justify = title, "left"
     return table
 
 
@@ -127,14 +121,6 @@ def csv_table(study: Study) -> str:
         for case in study.cases
     ]
     return str(pd.DataFrame(rows).to_csv(index=False, float_format="%.6g", lineterminator="\r\n"))
-
-
-def markdown(study: Study) -> str:
-    """The table as Markdown."""
-    printed = _printed(study)
-    lines = ["| " + " | ".join(printed) + " |", "|" + "---:|" * len(printed.columns)]
-    lines += ["| " + " | ".join(row) + " |" for row in printed.itertuples(index=False)]
-    return "\n".join(lines) + "\n"
 
 
 def _key(estimator: Estimator) -> str:

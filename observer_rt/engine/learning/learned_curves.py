@@ -35,6 +35,12 @@ class LearnedCurve:
     half_width: NDArray[np.float64]
 
     @property
+    def bend(self) -> float:
+        """Largest departure from a level curve, in half widths of the interval: up to 1 it may be level."""
+        level = np.average(self.change, weights=self.half_width**-2.0)
+        return float(np.max(np.abs(self.change - level) / self.half_width))
+
+    @property
     def columns(self) -> dict[str, Any]:
         """The curve for JSON, and for tables."""
         return {

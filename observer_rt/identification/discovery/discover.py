@@ -11,6 +11,7 @@ from pathlib import Path
 
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation import file_kinds
 from observer_rt.foundation.errors import UserError
@@ -37,15 +38,10 @@ from observer_rt.identification.discovery.injections import injection_gaps, mass
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.rivals import next_measurement
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
+from observer_rt.identification.discovery.search.first_guess import first_guess
 from observer_rt.identification.discovery.search.fits import FitMemory
 from observer_rt.identification.discovery.search.in_part import variance_by_phase
-from observer_rt.identification.discovery.search.results import (
-    Candidate,
-    Cell,
-    Discovery,
-    Part,
-    Verdict,
-)
+from observer_rt.identification.discovery.search.results import Candidate, Cell, Discovery, Part, Verdict
 from observer_rt.identification.discovery.search.store import FitStore, problem_key
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
@@ -113,7 +109,7 @@ class DiscoveryTask:
     healthy: recordings the model is judged against; hashes: SHA-256 of the recordings by name; chosen: effects the
     user prefers among those that explain the recordings as well as each other, empty: none; accepted: number of the
     proposal whose terms the amended model is to have, 0: none; observed: what measures the remainder of one that
-    leaves something.
+    leaves something; learned: what learns laws from the recordings, with which the search begins.
     """
 
     parameters: InjectorParameters
@@ -123,6 +119,7 @@ class DiscoveryTask:
     chosen: tuple[str, ...] = ()
     accepted: int = 0
     observed: ObserverRemainder | None = None
+    learned: Callable[[InjectorParameters, Sequence[Recording]], tuple[LearnedCurve, ...]] | None = None
 
 
 def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
@@ -152,7 +149,10 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
     def named(share: float) -> None:
         progress(begin + (_NAMED - begin) * share)
 
-    discovery = name_effects(nominal, measured, SearchOptions(workers, memory, named, baseline, task.chosen))
+    recordings = [one.recording for one in task.measured]
+    learned = task.learned(task.parameters, recordings) if task.learned else ()
+    options = SearchOptions(workers, memory, named, baseline, task.chosen, first_guess(learned))
+    discovery = name_effects(nominal, measured, options)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0
     shown = replace(discovery, accepted=accepted_term).shown
@@ -206,6 +206,7 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
         held_out=tuple(names[i] for i in gaps.held_out),
         healthy=tuple(one.recording.path.name for one in task.healthy if one.recording.path is not None),
         baseline=None if baseline.shape is None else baseline,
+        learned=learned,
     )
 
 

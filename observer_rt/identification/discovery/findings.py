@@ -10,6 +10,7 @@ from pydantic import Field, PlainSerializer, TypeAdapter, computed_field
 
 from observer_rt.engine.learning.adequacy import looks_like_inertance
 from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.documents import Entry, Inside, key
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
@@ -26,6 +27,7 @@ from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.discovery.words.entries import (
     CellOfMap,
     GapEntry,
+    LearnedEntry,
     RankedCandidate,
     Unknown,
     cell_of_map,
@@ -189,7 +191,8 @@ class Findings(Discovery):
     whole, and how injections were chosen from them; points: their operating points, each counted as a recording;
     fitted_on, held_out: of these; seconds: it took; baseline: what the model leaves of the healthy injector, None
     where nothing is known of it; healthy: names of healthy recordings; plan: what to measure next, None where that
-    was not asked or nothing is left to decide; folder: that all this is written to.
+    was not asked or nothing is left to decide; learned: laws of nozzle and seat, as the network learned them from the
+    recordings; folder: that all this is written to.
     """
 
     schema: Literal[1] = 1
@@ -225,6 +228,7 @@ class Findings(Discovery):
     injections: tuple[InjectionGap, ...] = ()
     masses: tuple[MassChange, ...] = ()
     plan: MeasurementPlan | None = None
+    learned: tuple[Annotated[LearnedCurve, Entry(lambda curve, _: curve.columns, LearnedEntry)], ...] = ()
     folder: Inside[str] = ""
 
     @property

@@ -14,11 +14,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
 from observer_rt.identification.discovery.search.results import Candidate, Cell, Discovery
-from observer_rt.identification.likelihood.likelihood import (
-    GAIN_ERROR,
-    JointLikelihood,
-    Signal,
-)
+from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, JointLikelihood, Signal
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
 from observer_rt.identification.likelihood.open_loop import (
     SimulatedInjection,
@@ -205,9 +201,7 @@ def _mass_gap(
         gain_error = GAIN_ERROR * float(np.mean(truth))
     moves = [masses(refitted, ones) - of_after for ones in noisy]
     gap = Gap(
-        rms([masses(nominal, before) - truth]),
-        rms([of_after - truth]),
-        math.hypot(rms(moves), gain_error),
+        rms([masses(nominal, before) - truth]), rms([of_after - truth]), math.hypot(rms(moves), gain_error)
     )
     return gap, float(np.mean(truth))
 

@@ -1,6 +1,5 @@
 """The minimiser against scipy's BFGS, and what it does where the textbook's assumptions end."""
 
-import math
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -38,24 +37,8 @@ def minimum_of(
     return minimise(function, np.array(start), first * np.eye(len(start)), iterations)
 
 
-FUNCTIONS = {
-    "banana in five": (Function(rosen, rosen_der), [0.8, 1.3, 0.6, 1.1, 0.9]),
-    "valley": (
-        Function(
-            lambda t: math.log(math.cosh(3 * t[0])) + (t[1] - t[0] ** 2) ** 2,
-            lambda t: np.array(
-                [3 * math.tanh(3 * t[0]) - 4 * t[0] * (t[1] - t[0] ** 2), 2 * (t[1] - t[0] ** 2)]
-            ),
-        ),
-        [1.5, -1.0],
-    ),
-}
-
-
-@pytest.mark.filterwarnings("ignore:overflow")  # at the end of a valley, where the curvature is none
-@pytest.mark.parametrize("name", FUNCTIONS)
-def test_same_minimum_as_scipy(name: str) -> None:
-    function, start = FUNCTIONS[name]
+def test_same_minimum_as_scipy() -> None:
+    function, start = Function(rosen, rosen_der), [0.8, 1.3, 0.6, 1.1, 0.9]
     minimum = minimum_of(function, start)
     reference = minimize(function.value, start, jac=function.gradient, method="BFGS", options={"gtol": 1e-9})
     np.testing.assert_allclose(minimum.theta, reference.x, atol=2e-5)

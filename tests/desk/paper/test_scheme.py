@@ -79,11 +79,6 @@ def test_error_is_given_to_line_and_sac_in_the_ratio_of_the_paper() -> None:
     np.testing.assert_allclose(design_vector(C), [1, 0, 12], rtol=1e-3)
 
 
-def test_observer_without_phi_is_the_model(healthy: Injection) -> None:
-    assert squared_error(healthy, no_fault()) < 1e-6
-    assert abs(mass_error(healthy, no_fault())) < 1e-3
-
-
 @pytest.mark.slow
 def test_training_is_thirty_epochs_downhill(worn: Injection) -> None:
     start, setting = scaled_identity(BETA), worn.setting()

@@ -41,11 +41,7 @@ def curves_after(
     ("laws", "variable", "truth"),
     [
         (Laws(rail_growth=0.3), "rail_pressure_MPa", lambda p: 0.3 * (p * MEGAPASCAL / REFERENCE - 1.0)),
-        (
-            Laws(coking=0.3),
-            "time_since_opening_ms",
-            lambda t: -0.3 * (1.0 - np.exp(-t * MILLISECOND / COKING_TIME)),
-        ),
+        (Laws(coking=0.3), "time_since_opening_ms", lambda t: 0.3 * np.expm1(-t * MILLISECOND / COKING_TIME)),
     ],
 )
 def test_a_law_of_the_nozzle_is_within_its_interval(laws: Laws, variable: str, truth: Curve) -> None:

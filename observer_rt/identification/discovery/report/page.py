@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from observer_rt.files.learned_picture import learned_figure
 from observer_rt.foundation import units
 from observer_rt.foundation.files import templates_of
 from observer_rt.foundation.units import MILLIGRAM
@@ -10,6 +11,7 @@ from observer_rt.identification.discovery import gaps, numbers
 from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.report import figures, gap_map, plan, tables, text
+from observer_rt.identification.discovery.search.first_guess import guess_words
 from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.words import law_words, sentences
 from observer_rt.identification.discovery.words.sentences import candidate_words, proposal_words, where_words
@@ -19,6 +21,7 @@ _PAGES = templates_of(__package__)
 for _module in (units, numbers, gaps, sentences, text, tables, figures, gap_map, law_words, plan):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
+_PAGES.globals |= {"learned_figure": learned_figure, "guess_words": guess_words}
 _PAGES.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from observer_rt.identification.discovery.search.adequacy import Adequacy
 from observer_rt.identification.discovery.search.curves import CURVES, free_curves, made_to_measure
+from observer_rt.identification.discovery.search.first_guess import Guess, is_guessed
 from observer_rt.identification.discovery.search.fits import SAME, Fitter
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, equation_of
 from observer_rt.identification.discovery.search.law_evidence import axis_of
@@ -45,8 +46,8 @@ _ALIKE = (
 class Laws:
     """Fits with a law more; names of one size may stand beside laws as these do."""
 
-    def __init__(self, fits: Fitter, names: Sequence[Effect], adequate: Adequacy) -> None:
-        self._fits, self._is_adequate = fits, adequate
+    def __init__(self, fits: Fitter, names: Sequence[Effect], adequate: Adequacy, guess: Guess) -> None:
+        self._fits, self._is_adequate, self._guess = fits, adequate, guess
         self._names = [one for one in names if len(one.parameters) == 1]
         self._nothing = fits.nothing()
         self._scored: dict[tuple[str, ...], Scores] = {}  # the last
@@ -160,10 +161,12 @@ class Laws:
         return promising + self._freed(promising)
 
     def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:
-        """Rows of the best singles, but for those that another of their equation stands for."""
+        """Rows of the best singles, a guessed one first, but for those that another of their equation stands for."""
         leaders: list[tuple[int, ...]] = []
-        for row in np.argsort(-scores.validated).tolist():
-            if len(leaders) == REFITTED or scores.validated[row] <= 0.0:
+        ranked = [row for row in np.argsort(-scores.validated).tolist() if scores.validated[row] > 0.0]
+        guessed = [row for row in ranked if is_guessed(scores.effects[row], self._guess)]
+        for row in (*guessed[:1], *ranked):
+            if len(leaders) == REFITTED:
                 break
             if not any(
                 equation_of(scores.effects[row]) == equation_of(scores.effects[other])

@@ -13,6 +13,7 @@ import numpy as np
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.identification.discovery.search.adequacy import Adequacy
+from observer_rt.identification.discovery.search.first_guess import Guess
 from observer_rt.identification.discovery.search.fits import MOST_NAMED, NEAR, Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
@@ -52,11 +53,13 @@ def indistinguishable(effect: Effect) -> tuple[str, ...]:
 class Search:
     """Goes on from the best few, an effect or two of one equation at a time, as long as that pays."""
 
-    def __init__(self, fitter: Fitter, names: Sequence[Effect], baseline: Healthy = NOT_FITTED) -> None:
+    def __init__(
+        self, fitter: Fitter, names: Sequence[Effect], baseline: Healthy = NOT_FITTED, guess: Guess = None
+    ) -> None:
         self._fitter, self._names, self._baseline = fitter, tuple(names), baseline
         self._least_gain = least_gain(baseline.appears)
         self._is_adequate = Adequacy(fitter, baseline)
-        self._laws = Laws(fitter, self._names, self._is_adequate)
+        self._laws = Laws(fitter, self._names, self._is_adequate, guess)
         self._nothing = fitter.nothing()
         self._tried = [self._nothing]
         self.held_out = HeldOutPoints(fitter.likelihood, fitter.nominal)

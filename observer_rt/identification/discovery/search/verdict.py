@@ -12,6 +12,7 @@ from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.search.adequacy import cells_of, worst
+from observer_rt.identification.discovery.search.first_guess import Guess
 from observer_rt.identification.discovery.search.fits import FitMemory, Fitter, best_of_each
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
@@ -112,7 +113,8 @@ def _measurement(first: Effect, second: Effect, rate_measured: bool) -> str:
 @dataclass(frozen=True)
 class SearchOptions:
     """Options of a search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings;
-    chosen: effects that are to lead where they are among those that explain the recordings as well as the best.
+    chosen: effects that are to lead where they are among those that explain the recordings as well as the best;
+    guess: curve whose law is refitted first.
     """
 
     workers: int = 1
@@ -120,6 +122,7 @@ class SearchOptions:
     progress: Progress | None = None
     baseline: Healthy = NOT_FITTED
     chosen: tuple[str, ...] = ()
+    guess: Guess = None
 
 
 def name_effects(
@@ -145,7 +148,7 @@ def name_effects(
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
     fitter = Fitter(likelihood, nominal, options.workers, options.memory, count, options.baseline.appears)
     fitter.measure(effects)
-    search = Search(fitter, effects, options.baseline)
+    search = Search(fitter, effects, options.baseline, options.guess)
     outcome = search.run()
     if options.chosen:
         outcome = _led_by(outcome, options.chosen)

@@ -27,6 +27,8 @@ from observer_rt.model.effect import Equation
 from observer_rt.model.terms.term import Term
 
 GapEntry = dict[str, dict[str, Number | bool] | None]
+LearnedEntry = dict[str, str | list[float]]
+"""`LearnedCurve.columns`."""
 
 
 class RankedCandidate(DocumentPart):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.stream.state import Reason
 from tests.observed_plants import ObservedRun, bench_at, observed
-from tests.plants.laws import NO_LAWS, Laws
+from tests.plants.laws import NINE_LAWS, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import FIRST_EVENT, LINE, PERIOD, Bench, Event, Needle, Shot, Surroundings, seen_as
 
@@ -100,20 +100,7 @@ def test_doubt_of_masses_is_forgotten_with_what_came_after() -> None:
     assert all(run.valid[BEGINS + 8 :])
 
 
-LAWS = {
-    "area grows with the rail pressure": (Laws(rail_growth=0.3), HEALTHY),
-    "a hole shuts at a large drop": (Laws(shut_by_drop=0.3), HEALTHY),
-    "coking within an injection": (Laws(coking=0.3), HEALTHY),
-    "a seat throttled at its stop": (Laws(stop_loss=0.5), HEALTHY),
-    "a seat laminar at small lift": (NO_LAWS, Faults(seat_lift_loss=0.4)),
-    "a chamber that fills": (Laws(filling=5e9), HEALTHY),
-    "a seat with a dip": (Laws(middle_loss=0.3), HEALTHY),
-    "holes covered at small lift": (NO_LAWS, Faults(nozzle_lift_loss=0.3)),
-    "a nozzle by Reynolds number": (Laws(viscous_loss=0.05), HEALTHY),
-}
-
-
-@pytest.mark.parametrize(("laws", "faults"), LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize(("laws", "faults"), NINE_LAWS.values(), ids=NINE_LAWS)
 def test_a_law_of_nozzle_or_seat_is_learned(laws: Laws, faults: Faults) -> None:
     run = seen(lambda _: faults, 24, laws=laws)
     assert all(run.valid[WARM:])

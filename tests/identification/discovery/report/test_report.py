@@ -5,9 +5,11 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from typing import Any
 
+import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.identification.discovery.findings import ModelSource
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.search.results import Decisive, LargestMisfit, Verdict
@@ -65,6 +67,16 @@ def test_the_page_stands_alone_with_size_confidence_and_amended_model_first(worn
     for name in (*worn.task.hashes, "113 of 988"):
         assert name in page.text  # <0>.csv: shown, not taken for a tag
     assert page.loaded == []
+
+
+def test_what_the_network_learned_is_the_first_figure(worn: Worn) -> None:
+    drop = np.linspace(10.0, 100.0, 5)
+    curve = LearnedCurve("orifice_area", "pressure_drop_MPa", drop, 1e-3 * drop, np.full(5, 0.01))
+    findings = replace(worn.findings, learned=(curve,))
+    first = report(findings).partition("</figure>")[0]
+    assert "pressure drop [MPa], nozzle" in first
+    assert "sac_pressure" in first
+    assert findings.as_json()["learned"] == [curve.columns]
 
 
 def test_names_of_files_are_text(worn: Worn) -> None:

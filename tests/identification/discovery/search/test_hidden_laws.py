@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.desk.evaluation.healthy_events import learned_laws
+from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.units import MILLISECOND
+from observer_rt.identification.discovery.search.first_guess import first_guess
 from observer_rt.identification.discovery.search.fits import Fitter
+from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
@@ -19,7 +25,7 @@ from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.hidden import NOMINAL
 from tests.observed_plants import recording_of
-from tests.plants.laws import Laws
+from tests.plants.laws import COKING_TIME, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import LINE, Bench, Event, Needle, Shot, Surroundings, record, seen_as
 
@@ -150,3 +156,34 @@ def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     for effect, size in zip(right.ids, right.sizes, strict=True):
         assert size == pytest.approx(hidden[effect], rel=0.03)
     assert all(effect.gain > discovery.detection.threshold for effect in discovery.effects)
+
+
+def test_the_law_that_the_network_learned_is_near_the_truth_and_tried_first() -> None:
+    made, tried = recorded(with_laws(coking=0.3)), list[Candidate]()
+    guess = first_guess(learned_laws(NOMINAL, made))
+    assert guess is not None
+    assert (guess.flow, guess.variable) == (NOZZLE, "time_since_opening_ms")
+    true = 0.3 * np.expm1(-guess.inputs * MILLISECOND / COKING_TIME)
+    assert np.abs(guess.change - true).max() < 0.1 * np.ptp(true)
+
+    def stop_at(candidate: Candidate) -> None:
+        tried.append(candidate)
+        raise InterruptedError
+
+    nominal = effective_model(NOMINAL)
+    fits = Fitter(joint_likelihood(measurements(made[::2]), nominal), nominal, fitted=stop_at)
+    with pytest.raises(InterruptedError):
+        Search(fits, (), guess=guess).run()
+    (term,) = tried[0].terms
+    assert term.equation is TermEquation.NOZZLE_FLOW
+    assert "time_since_opening" in str(term.law)
+
+
+def test_a_curve_that_may_be_level_is_no_guess() -> None:
+    inputs, half = np.linspace(10.0, 100.0, 5), np.full(5, 0.01)
+    level, slight, rising = (
+        LearnedCurve(SEAT, "seat_area_mm2", inputs, np.linspace(-rise, rise, 5), half)
+        for rise in (0.0, 0.009, 0.03)
+    )
+    assert first_guess((level, slight)) is None
+    assert first_guess((level, rising)) is rising

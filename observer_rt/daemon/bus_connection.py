@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 
 from observer_rt.bus.links.link import BusState, Link, LinkDownError, condition_messages
-from observer_rt.bus.links.receiver import Outage
+from observer_rt.bus.links.outage import Outage
 from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.words import Topic

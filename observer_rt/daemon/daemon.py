@@ -7,7 +7,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.receiver import BusDownError
+from observer_rt.bus.links.outage import BusDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.can_frame import frame_key
 from observer_rt.foundation.errors import RunError
 
+LONGEST_WAIT = 0.02  # s that a reading thread is deaf to its end
 AT_ONCE = 256  # frames of a block: they bring far fewer samples than the observer remembers
 
 

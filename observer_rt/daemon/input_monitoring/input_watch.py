@@ -1,18 +1,16 @@
 """All watches of a core together, live or over a log: its inputs and their units, other senders, its state."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.e2e import E2EState
-from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
-from observer_rt.daemon.input_monitoring.arrivals import SECOND, STALE, Arrivals, WatchedMessage, message_text
+from observer_rt.daemon.input_monitoring.arrivals import SECOND, Arrivals, WatchedMessage, message_text
 from observer_rt.daemon.input_monitoring.frame_watch import FrameWatch, RateWatch
 from observer_rt.daemon.input_monitoring.silence import Samples, SilenceWatch, ValueWatch
 from observer_rt.engine.reports.news import Notice
@@ -37,7 +35,6 @@ MOST_SAMPLES = 1024  # of a look, which the loop waits for
 LASTING = 1.0
 _ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
 _Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
-MOST_NOTES = 20
 
 
 class UnitWatch:
@@ -302,52 +299,3 @@ class StateWatch:
         if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
             text += f"; {self._arrivals.as_text(now)}"
         return [Notice(Topic.STATE, text, is_good(what))]
-
-
-class LogWatch:
-    """Is given every frame of a log after the core; the first stamp is the begin."""
-
-    def __init__(self, fitted: BenchInjector, bus: BusMap, core: Core) -> None:
-        self._watch = InputWatch(fitted, bus, core)
-        self._first: int | None = None
-        self._next = 0
-        self._now = 0
-        self._notes: list[str] = []
-
-    def is_due(self, stamp: int) -> bool:
-        """Whether it looks at the core when it is given the frame of a stamp [ns]."""
-        return self._first is None or stamp >= self._next
-
-    def note(self, bus: int, frame: Frame) -> None:
-        """Takes a frame of the log."""
-        if self._first is None:
-            self._first = self._next = frame.stamp_ns
-            self._watch.arrivals.begin(frame.stamp_ns)
-        self._now = frame.stamp_ns
-        self._watch.arrivals.note(bus, frame.frame_id, frame.is_extended, self._now)
-        if self.is_due(self._now):
-            self._next = self._now + PERIOD
-            at = (self._now - self._first) / SECOND
-            self._notes += [f"at {at:.1f} s: {notice.text}" for notice in self._watch.look(self._now)]
-
-    def absent(self) -> list[str]:
-        """The messages without which there are no samples and that never came."""
-        arrivals = self._watch.arrivals
-        return [
-            f"{source.text}: no frame in the log"
-            for source in arrivals.sources
-            if source.streams and not arrivals.count_of(source).frames
-        ]
-
-    def notes(self, path: Path) -> list[str]:
-        """Findings in words, the end of the log included."""
-        arrivals = self._watch.arrivals
-        ended = [
-            f"{source.text}: no frame in the last {arrivals.age(source, self._now):.1f} s"
-            for source in arrivals.sources
-            if source.streams and arrivals.age(source, self._now) > STALE
-        ]
-        findings = [*self._notes, *ended]
-        left = len(findings) - MOST_NOTES
-        more = [f"{left} more of the kind are left out"] if left > 0 else []
-        return [f"{path}: {text}" for text in (*findings[:MOST_NOTES], *more)]

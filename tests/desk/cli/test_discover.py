@@ -100,6 +100,7 @@ def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_pa
     assert "chosen" in effect.evidence
 
 
+@pytest.mark.slow
 def test_healthy_recordings_are_looked_at_first(
     command: Command, worn: Path, healthy: Path, tmp_path: Path
 ) -> None:

@@ -1,5 +1,7 @@
 """The map of disagreement."""
 
+import pytest
+
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.identification.discovery.gaps import disagreements
 from observer_rt.identification.discovery.search.results import Verdict
@@ -28,6 +30,7 @@ def test_nothing_significant_is_left_with_the_amended_model(worn: Worn) -> None:
     assert max(item.after.excess for item in worn.findings.where) < 5.0
 
 
+@pytest.mark.slow
 def test_each_of_two_effects_has_its_places() -> None:
     hidden = (sized("orifice_area", v_H=0.15), sized("line_pressure_sensor_offset", o=0.1e6))
     measured = measurements(recordings(hidden))

@@ -29,6 +29,7 @@ from tests.plants.laws import COKING_TIME, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import LINE, Bench, Event, Needle, Shot, Surroundings, record, seen_as
 
+pytestmark = pytest.mark.slow
 Floats = NDArray[np.float64]
 Change = Callable[[Bench], Bench]
 POINTS = tuple(product((60e6, 100e6, 140e6), (0.6e-3, 1.9e-3)))  # Pa, s
@@ -62,7 +63,6 @@ def plugged(bench: Bench) -> Bench:
     return replace(bench, events=events, noise=0.1)
 
 
-@pytest.mark.slow
 def test_a_law_is_found_that_is_large_against_the_noise() -> None:
     (term,) = found_in(plugged)
     assert term.equation is TermEquation.NOZZLE_FLOW
@@ -83,26 +83,23 @@ def with_laws(**laws: float) -> Change:
 @pytest.mark.parametrize(
     ("change", "equations", "law", "coefficient"),
     [
-        pytest.param(
+        (
             with_sensor(lambda p: p + 0.07 * np.maximum(90e6 - p, 0.0)),
             {TermEquation.LINE_PRESSURE_SENSOR},
             "c * max(1.8 - line_pressure / 50, 0)",
             3.5,
-            marks=pytest.mark.slow,
         ),
-        pytest.param(
+        (
             with_laws(damper=4e10, flow_memory=0.6e-3),
             {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE},
             "c * lagged(line_flow / 60, 0.6)",
             2.4,
-            marks=pytest.mark.slow,
         ),
-        pytest.param(
+        (
             with_laws(yielding=1e-13, pressure_memory=0.4e-3),
             {TermEquation.LINE_PRESSURE},
             "c * ((line_pressure - 100) / 50 - lagged((line_pressure - 100) / 50, 0.4))",
             5.0,
-            marks=pytest.mark.slow,
         ),
         (  # of a needle that is open for longer than is seen: the other sign does nothing while it is shut
             with_laws(lift_behind=0.14, lift_memory=0.2e-3),
@@ -129,7 +126,6 @@ def spelled(law: str) -> tuple[str, list[float]]:
     return re.sub(NUMBER, "_", law), [float(one) for one in re.findall(NUMBER, law)]
 
 
-@pytest.mark.slow
 def test_what_no_form_explains_is_one_table() -> None:
     (term,) = found_in(with_sensor(lambda p: p + 0.8e6 * np.sin(2.0 * np.pi * p / 60e6)))
     assert term.equation is TermEquation.LINE_PRESSURE_SENSOR
@@ -139,7 +135,6 @@ def test_what_no_form_explains_is_one_table() -> None:
     assert np.std(off) < 0.15
 
 
-@pytest.mark.slow
 def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     hidden = {"orifice_area": 0.25, "seat_area": -0.25, "line_friction": 2.5}
 

@@ -181,6 +181,7 @@ def test_a_search_interrupted_in_one_thread_goes_on_where_it_was_and_ends_as_one
     assert shares[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_against_a_healthy_baseline_only_what_is_new_counts() -> None:
     larger_sac = NOMINAL.model_copy(
         update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 1.06 * NOMINAL.nozzle.sac_volume})}

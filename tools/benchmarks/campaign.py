@@ -90,7 +90,8 @@ def run_cases(
         messages.print(f"{what}: {len(rows)} of {len(cases)} are there already, in {kept}")
     out.mkdir(parents=True, exist_ok=True)
     os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))  # the processes share the cores already
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), _prepare)
+    ignored = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), signal.signal, ignored)
     with kept.open("a") as file, progress_bar(messages, what, len(missing)) as progress, pool:
         try:
             futures = {pool.submit(_attempt, work, each): label for label, each in missing.items()}
@@ -236,7 +237,3 @@ def _attempt(work: Callable[..., Row], arguments: tuple[Any, ...]) -> Row:
         return work(*arguments)
     except Exception as error:  # whatever it is: the campaign tells of it, and goes on
         return {"failed": f"{type(error).__name__}: {error}"}
-
-
-def _prepare() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's

@@ -1,7 +1,4 @@
-"""Builds the compiled core, observer_rt/core, by meson and ninja, and puts its modules beside their sources.
-
-usage: build_core.py [module ...]     e.g. model/model; without one: all of them
-"""
+"""Builds the compiled core, observer_rt/core, by meson and ninja, and puts its modules beside their sources."""
 
 import fcntl
 import os
@@ -9,7 +6,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,8 +49,8 @@ def rebuild_if_edited() -> None:
         build_in_place()
 
 
-def build_in_place(modules: Sequence[str] = ()) -> None:
-    """Build all modules (or these), and put them beside their sources; several processes at once take turns.
+def build_in_place() -> None:
+    """Build all modules, and put them beside their sources; several processes at once take turns.
 
     Raises:
         CoreBuildError: without Cython, meson, ninja, a C compiler or Python's headers, or when compiling fails.
@@ -62,30 +58,28 @@ def build_in_place(modules: Sequence[str] = ()) -> None:
     BUILD.mkdir(exist_ok=True)
     with (BUILD / "core-lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not modules and _is_current(_sources_state()):  # another process was first
+        if _is_current(_sources_state()):  # another process was first
             return
-        for name, built in build(_kind(), modules).items():
+        modules = build(_kind())
+        for name, built in modules.items():
             _install(built, CORE / name)
-        if not modules:
-            for ending in (SUFFIX, STUB):
-                for orphan in set(CORE.rglob(f"*{ending}")) - {
-                    CORE / (name + ending) for name in _module_names()
-                }:
-                    orphan.unlink()
-            STATE.write_text(_sources_state())
+        for ending in (SUFFIX, STUB):
+            for orphan in set(CORE.rglob(f"*{ending}")) - {CORE / name for name in modules}:
+                orphan.unlink()
+        STATE.write_text(_sources_state())
 
 
-def build(kind: Kind, modules: Sequence[str] = ()) -> dict[str, Path]:
+def build(kind: Kind) -> dict[str, Path]:
     """The file that was built for each path in the core; errors as of `build_in_place`."""
-    names = modules or _module_names()
+    names = _module_names()
     folder = BUILD / kind.folder
     _configure(folder, kind)
     targets = {name + SUFFIX: name.replace("/", ".") + SUFFIX for name in names}
     _run(["ninja", "-C", str(folder), *targets.values()], kind)
-    for name in names:
-        if name != "views":
-            targets[name + STUB] = name.replace("/", ".") + STUB
-            _run([sys.executable, str(STUBS), f"{CORE / name}.pyx", str(folder / targets[name + STUB])], kind)
+    stubs = {name: name.replace("/", ".") + STUB for name in names if name != "views"}
+    paths = [str(path) for name, stub in stubs.items() for path in (f"{CORE / name}.pyx", folder / stub)]
+    _run([sys.executable, str(STUBS), *paths], kind)
+    targets |= {name + STUB: stub for name, stub in stubs.items()}
     return {name: folder / target for name, target in targets.items()}
 
 
@@ -240,6 +234,6 @@ def _run(command: list[str], kind: Kind) -> None:
 
 if __name__ == "__main__":
     try:
-        build_in_place(sys.argv[1:])
+        build_in_place()
     except CoreBuildError as error:
         sys.exit(str(error))

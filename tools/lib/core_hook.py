@@ -13,6 +13,7 @@ import build_core
 
 # What `zig cc -target` calls the machine of a wheel, where it is not this one; set by tools/wheel.
 TARGET_VARIABLE = "OBSERVER_RT_TARGET"
+BUILT_APART = "OBSERVER_RT_BUILT_APART"  # set by tools/lib/venv.sh, which builds beside pip
 
 
 class CoreHook(BuildHookInterface):  # type: ignore[type-arg]
@@ -20,7 +21,8 @@ class CoreHook(BuildHookInterface):  # type: ignore[type-arg]
 
     def dependencies(self) -> list[str]:
         """ziglang, whose `zig cc` is a C compiler, where the machine has none or another one is meant."""
-        return ["ziglang"] if _target() or build_core.compiler() == build_core.ZIG else []
+        here = BUILT_APART not in os.environ and build_core.compiler() == build_core.ZIG
+        return ["ziglang"] if _target() or here else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build beside the sources for an editable install, else into the wheel."""
@@ -29,7 +31,8 @@ class CoreHook(BuildHookInterface):  # type: ignore[type-arg]
         build_data["tag"] = f"cp311-abi3-{_platform(target)}"
         try:
             if version == "editable":
-                build_core.build_in_place()
+                if BUILT_APART not in os.environ:
+                    build_core.build_in_place()
             else:
                 built = build_core.build(build_core.Kind(f"core-{target or 'portable'}", target=target))
                 build_data["force_include"] |= {

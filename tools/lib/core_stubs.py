@@ -1,6 +1,6 @@
-"""Writes a stub, what Python may call of a module of the compiled core, from its .pyx and what that includes.
+"""Writes stubs, what Python may call of modules of the compiled core, from each .pyx and what it includes.
 
-usage: core_stubs.py SOURCE.pyx STUB.pyi
+usage: core_stubs.py [SOURCE.pyx STUB.pyi]...
 """
 
 import re
@@ -84,4 +84,5 @@ def _parameter(stated: str) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[2]).write_text(stub_of(Path(sys.argv[1])))
+    for module, stub in zip(sys.argv[1::2], sys.argv[2::2], strict=True):
+        Path(stub).write_text(stub_of(Path(module)))

@@ -68,8 +68,6 @@ make_venv() { # with the interpreter $1: an environment that has pip
         "$python" -m venv "$venv" >&2
     elif "$python" -m virtualenv --version >/dev/null 2>&1; then
         "$python" -m virtualenv -q "$venv" >&2
-    elif command -v uv >/dev/null; then
-        uv venv -q --seed --python "$python" "$venv" >&2
     elif "$python" -m pip --version >/dev/null 2>&1 && "$python" -c 'import venv' 2>/dev/null; then
         # pip installs itself into an environment without one; the system's own packages stay as they are.
         "$python" -m venv --without-pip "$venv" >&2
@@ -106,29 +104,43 @@ installed_state() { # what the stamp says when nothing needs to be done
 
 show_progress() { # of what pip prints, a line for each package and each phase
     awk '/^ *Collecting / { print "  " $2; fflush() }
-        /^ *Building editable .*started/ { print "  compiling the core"; fflush() }
         /^ *Installing collected packages/ { print "  unpacking what was fetched"; fflush() }'
 }
 
 show_seconds() { # a sign of life while pip says nothing
-    local start=$SECONDS
-    while sleep 15 >/dev/null 2>&1; do say "  ... $((SECONDS - start)) s"; done
+    while sleep 15 >/dev/null 2>&1; do say "  ... $SECONDS s"; done
+}
+
+start_compiling() { # log: the core, by what pyproject.toml builds it with, while pip fetches the rest
+    local builders
+    mapfile -t builders < <("$venv/bin/python" -c 'import sys, tomllib
+print(*tomllib.load(open(sys.argv[1], "rb"))["build-system"]["requires"], sep="\n")' "$repository/pyproject.toml")
+    [ -n "${CC-}" ] || command -v cc gcc clang >/dev/null || builders+=(ziglang)
+    "${installer[@]}" -q "${builders[@]}" >&2 || return 0 # pip says why when it needs them
+    installer=(env OBSERVER_RT_BUILT_APART=yes "${installer[@]}")
+    "$venv/bin/python" "$repository/tools/lib/build_core.py" 9<&- >>"$1" 2>&1 &
+    compiling=$!
 }
 
 install_package() { # extras ("" or "[dev]")
-    local log seconds code=0 installer=("$venv/bin/python" -m pip install --disable-pip-version-check --no-input)
+    local log seconds compiling='' code=0 installer=("$venv/bin/python" -m pip install --disable-pip-version-check --no-input)
     log=$(mktemp)
+    say "installing observer-rt$1 and what it needs into $venv, and compiling its core: half a minute plus the download"
+    show_seconds 9<&- & # the lock is not its
+    seconds=$!
     if [ "$resolution" = lowest ]; then # pip knows the newest versions only
         "${installer[@]}" -q uv
         installer=("$venv/bin/uv" pip install --python "$venv/bin/python" --resolution lowest-direct)
+    else # what is imported is compiled then
+        installer+=(--no-compile)
+        start_compiling "$log"
     fi
-    say "installing observer-rt$1 and what it needs into $venv:"
-    show_seconds 9<&- & # the lock is not its
-    seconds=$!
-    PYTHONUNBUFFERED=1 "${installer[@]}" -e "$repository$1" </dev/null 2>&1 | tee "$log" | show_progress >&2 || code=$?
+    PYTHONUNBUFFERED=1 "${installer[@]}" -e "$repository$1" </dev/null 2>&1 | tee -a "$log" | show_progress >&2 || code=$?
+    [ -z "$compiling" ] || wait "$compiling" || code=$?
     kill $seconds 2>/dev/null || true
     if [ $code = 0 ]; then
         rm -f "$log"
+        say "  installed, and the core compiled, after $SECONDS s"
     else
         tail -n 20 "$log" >&2
         rm -f "$log"
@@ -140,7 +152,7 @@ is_built() { # the core, of its sources as they are: importing it builds it wher
     (cd "$repository" && "$venv/bin/python" -c 'import observer_rt.core') >/dev/null 2>&1
 }
 
-ensure_venv() { # extras ("[desk]" or "[dev]"); several at once take turns
+ensure_venv() { # extras ("[pictures]" or "[dev]"); several at once take turns
     local extras=$1 stamp=$venv/.installed$1 python
     exec 9<"$repository"
     flock 9
@@ -153,7 +165,7 @@ ensure_venv() { # extras ("[desk]" or "[dev]"); several at once take turns
         ensure_headers
         install_package "$extras"
         installed_state >"$stamp"
-        installed_state >"$venv/.installed[desk]" # which every other choice includes
+        installed_state >"$venv/.installed[pictures]" # which every other choice includes
     fi
     exec 9<&-
     export PATH="$venv/bin:$PATH"

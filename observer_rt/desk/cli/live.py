@@ -33,7 +33,7 @@ class DemoOptions:
         float, Option("Nozzle wear v_H: relative change of the orifice flow.", minimum=-0.5, maximum=0.5)
     ] = 0.3
     injections: Annotated[int, Option("Number of injections.", minimum=3, maximum=100)] = 12
-    speed: Annotated[float, Option("Replay speed, 1 = real time.", minimum=0.01, maximum=1.0)] = 0.05
+    speed: Annotated[float, Option("Replay speed, 1 = real time.", minimum=0.01, maximum=1.0)] = 0.1
     seed: Annotated[int, Option("Seed of the measurement noise.", minimum=0)] = 1
     figure: Annotated[Path, Option("Where to write the picture (png, svg, pdf)."), Writes("picture")] = Path(
         "observer_rt_demo.png"

@@ -84,7 +84,8 @@ def drawn(task: Task, table: Mapping[str, Fault], is_rich: bool) -> Scenario:
     """
     key = task.class_name.replace(STATED, "")
     rng = np.random.default_rng([task.master_seed, zlib.crc32(key.encode()), task.number])
-    rows = sorted((_parsed(name, table) for name in task.class_name.split(AND)), key=_order)
+    parsed = (_parsed(name, table) for name in task.class_name.split(AND))
+    rows = sorted(parsed, key=lambda row: list(Where).index(row[0].where))
     needle, is_lasting = drawn_needle(rng), all(fault.lasting for fault, _, _ in rows)
     learning = bool(rng.random() < LEARNING_SHARE) or is_lasting
     wear = WEARS[int(rng.integers(len(WEARS)))] if learning else 0.0  # which nobody would learn
@@ -101,10 +102,6 @@ def drawn(task: Task, table: Mapping[str, Fault], is_rich: bool) -> Scenario:
 def _parsed(name: str, table: Mapping[str, Fault]) -> tuple[Fault, float, bool]:
     row, _, size = name.removesuffix(STATED).partition(AT)
     return table[row], float(size), name.endswith(STATED)
-
-
-def _order(row: tuple[Fault, float, bool]) -> int:
-    return list(Where).index(row[0].where)
 
 
 def _placed(fault: Fault, size: float, bench: Bench, rng: Generator) -> PlacedFault:

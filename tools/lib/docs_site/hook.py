@@ -60,11 +60,8 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     if page.file.src_uri == COMMANDS:
         markdown += command_help()
     markdown = re.sub(r"(?<=\]\()(notebooks/\w+)\.ipynb", r"\1.md", markdown)
-    return re.sub(r"(?<=\]\()\.\./([^)#\s]+)", lambda link: _in_site(link[1]), markdown)
-
-
-def _in_site(path: str) -> str:
-    return MOVED.get(path) or re.sub(r"^\.readme/", "pictures/", path)
+    markdown = re.sub(r"(?<=\]\()\.\./\.readme/", "pictures/", markdown)
+    return re.sub(r"(?<=\]\()\.\./([^)#\s]+)", lambda link: MOVED.get(link[1], link[1]), markdown)
 
 
 def bench_file() -> str:

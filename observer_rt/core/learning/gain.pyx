@@ -1,4 +1,4 @@
-"""The Riccati equation of the identification system's gain, from a start on."""
+"""The Riccati equation: gains and covariance of the identification system, sample by sample."""
 
 from libc.math cimport NAN, fabs, sqrt
 from libc.stdint cimport int64_t
@@ -7,7 +7,8 @@ from numpy import array, empty
 
 from observer_rt.core.learning.matrices cimport propagate
 
-cdef double ASYMMETRIC = 1e-3  # of a covariance's standard deviations, that rounding may make of it
+# Largest difference of two mirrored elements of a covariance, as a share of the product of their standard deviations.
+cdef double ASYMMETRIC = 1e-3
 
 
 cdef double _product(const double[:, ::1] matrix, const double[::1] vector, int64_t row) noexcept nogil:
@@ -29,11 +30,12 @@ def solve_riccati(
     double[:, ::1] gains,
     bint mends,
 ) -> float:
-    """Fill `gains` from a start `covariance` on; returns the last innovation variance.
+    """Fill `gains` (samples, corrected), starting from `covariance` (m, m); returns the last innovation variance.
 
-    Measured is `shown` of the state and `shown_before` of the one before, both (m,). States beyond the columns of
-    `gains` are not corrected. Rounding makes the covariance less symmetric, and more and more so where a mean is
-    measured with little noise: NaN is returned then, unless mends, which keeps it symmetric.
+    The measurement is the sum of `shown` times the state and `shown_before` times the state a sample before, both
+    (m,). States beyond the columns of `gains` are not corrected. Rounding errors make the covariance asymmetric, and
+    they grow where a mean is measured with little noise: the result is NaN then. `mends` makes the covariance
+    symmetric at every sample instead.
     """
     cdef int64_t m = covariance.shape[0], corrected = gains.shape[1], i, j, k
     cdef double[:, ::1] moved = empty((m, m)), scratch = empty((m, m)), now = array(covariance)

@@ -1,42 +1,42 @@
-"""Outliers of an event: leaps, spikes, stretches of a held signal, bursts of noise, ends of a range."""
+"""Finds outliers in an event: leaps, spikes, a held signal, bursts of noise, and values at the end of a range."""
 
 from libc.math cimport INFINITY, NAN, fabs, sqrt
 from libc.stdint cimport int64_t
 
 from numpy import empty, zeros
 
-# of a spike: samples over whose mean it is sought
-cdef int64_t MOST_SHARP = 3
+# Spikes.
+cdef int64_t MOST_SHARP = 3  # samples: width of the widest spike
 
-# of a stretch at which a signal was held
+# Stretches over which a signal was held.
 cdef int64_t SHORTEST = 8, LONGEST = 64  # samples
-cdef double BETTER = 40.0  # chi2 by which a constant must beat the model
+cdef double BETTER = 40.0  # chi2 by which a constant must fit better than the model
 cdef double JUMP = 5.0  # standard deviations by which the value jumps when it is let go
-cdef int64_t LONG = 24  # samples of one that need not jump when it is let go
-cdef double MUCH_BETTER = 300.0  # chi2 by which a constant must then beat the model
-cdef double MOST_OF_A_HELD_ONE = 6.0  # standard deviations for which a sample of it counts: one alone is a spike
-# chi2 of a constant over so many samples that is one, beyond their number: four standard deviations
+cdef int64_t LONG = 24  # samples from which on a stretch need not end with a jump
+cdef double MUCH_BETTER = 300.0  # chi2 by which a constant must then fit better
+cdef double MOST_OF_A_HELD_ONE = 6.0  # standard deviations that one sample may add: a single large one is a spike
+# Largest chi2 of a constant over LONG samples, less their number: four standard deviations.
 cdef double FLAT_STRETCH = 28.0
-cdef int64_t RECOVERY = 20  # samples after a stretch, until the innovations are themselves again
+cdef int64_t RECOVERY = 20  # samples after a stretch until the innovations are normal again
 
-# of a burst of noise
-cdef int64_t LENGTH = 48  # samples over which a loudness is told
+# Bursts of noise.
+cdef int64_t LENGTH = 48  # samples over which the loudness is averaged
 cdef double LOUD = 3.0  # times the variance at rest: that of white noise stays below 2 in 1e4 events
-cdef double MOST_OF_ONE = 9.0  # times that variance, that a sample counts for: a spike is no burst
-cdef double OF_DIFFERENCE = 70.0  # variance of the fourth difference of white noise of 1
+cdef double MOST_OF_ONE = 9.0  # times that variance, which one sample may add: a spike is no burst
+cdef double OF_DIFFERENCE = 70.0  # variance of the fourth difference of white noise of unit variance
 
-# of the end of a range
-cdef int64_t SMOOTHED = 5  # samples whose mean tells how far a signal goes
-cdef double AT_LEVEL = 1.5  # standard deviations of a sample below a level, from which on that mean is at it
-cdef int64_t REFINEMENTS = 3  # of a level, which begins too high
-cdef int64_t FEWEST = 6  # samples at a level that tell anything
-cdef double MOVING = 10.0  # standard deviations by which others must be away from it: a signal at rest ends nowhere
+# Ends of a range.
+cdef int64_t SMOOTHED = 5  # samples of the mean that is compared with a level
+cdef double AT_LEVEL = 1.5  # standard deviations of one sample that the mean may lie below its level
+cdef int64_t REFINEMENTS = 3  # of the level, whose first value is too high
+cdef int64_t FEWEST = 6  # samples at a level, below which nothing is concluded
+cdef double MOVING = 10.0  # standard deviations that the signal must span: at rest it reaches no end
 
 globals().update(BETTER=BETTER, LENGTH=LENGTH, AT_LEVEL=AT_LEVEL, FEWEST=FEWEST)
 
 
 def largest_of(const double[:] innovations, int64_t first) -> tuple[float, float]:
-    """Leap of innovations (n,), and mean over the widths of a spike times the square root of the samples."""
+    """Largest leap of innovations (n,), and largest mean of up to MOST_SHARP times the root of their number."""
     cdef int64_t n = innovations.shape[0], k, width
     cdef double leap = 0.0, mean = 0.0
     cdef double[::1] total = zeros(n + 1)
@@ -66,9 +66,10 @@ cdef inline double _chi2_of_constant(const Sums* sums, int64_t start, int64_t en
 def find_held(
     const double[:] y, const double[:] innovations, masked, double innovation, double noise, int64_t first
 ) -> NDArray[np.float64]:
-    """Stretches (k, 3): start, end, level, by what ends them: a leap of the innovations, or how long y was held.
+    """Stretches (k, 3) over which y was held: start, end, level. A leap of the innovations, or its length, shows one.
 
-    y, innovations, masked (n,); innovation, noise: standard deviations of both; those before `first` do not count.
+    y, innovations, masked (n,); innovation, noise: standard deviations of innovations and y. Samples before `first`
+    do not count.
     """
     cdef int64_t n = y.shape[0], count = 0, k, end, start, length, begin = first
     cdef const unsigned char[:] is_masked = masked.view("u1")
@@ -117,7 +118,7 @@ def find_held(
 
 
 def find_loud(const double[:] y, double noise, loud) -> int:
-    """Which samples (n,) of y have a loud mean square round them, marked in `loud`; how many."""
+    """Mark in `loud` (n,) the samples of y in whose neighbourhood the noise is loud; returns their number."""
     cdef int64_t n = y.shape[0], before = LENGTH // 2, count = 0, k, first, end
     cdef unsigned char[::1] is_loud = loud.view("u1")
     cdef double[::1] sums = zeros(n + 1)
@@ -141,9 +142,9 @@ def find_loud(const double[:] y, double noise, loud) -> int:
 def find_pile(
     const double[:] y, const double[:] innovations, masked, double noise, int64_t first
 ) -> tuple[int, float, float, float]:
-    """The samples at the highest level of y (n,), refined: how many, their mean, squares of y and innovations round it.
+    """Samples at the highest level of y (n,): number, level, sums of squares of y and innovations about the means.
 
-    Those of `masked` (n,) and those before `first` do not count; none where y rests.
+    Samples in `masked` (n,) and those before `first` do not count. A signal at rest has none.
     """
     cdef int64_t n = y.shape[0], samples = 0, k
     cdef const unsigned char[:] is_masked = masked.view("u1")
@@ -174,7 +175,7 @@ def find_pile(
 
 
 def smoothed(const double[:] y) -> NDArray[np.float64]:
-    """Means (n,) over some neighbours; at both ends, where some are missing, of fewer."""
+    """Means (n,) over SMOOTHED neighbours, over fewer at both ends."""
     means = empty(y.shape[0])
     _smooth(y, means)
     return means

@@ -3,20 +3,20 @@
 cdef enum:
     CROSSTALK_SAMPLES = 2000
 
-cdef double LEAST_SWING = 0.5e6  # Pa about its mean, from which on a sample counts: hum is less
-cdef double FADE = 2e-5  # a sample
-cdef double FOUND = 8.0
-cdef double LOST = 5.0  # standard deviations from which on it is taken out, and below which no more
-cdef double FADE_LATELY = 4e-3  # a sample, of shorter sums: it is gone where ..
-cdef double GONE = 6.0
-cdef double SHARE_LEFT = 0.5  # .. they differ by so many standard deviations, and no more than that of it is left
+cdef double LEAST_SWING = 0.5e6  # Pa about the mean, below which a sample is hum and does not count
+cdef double FADE = 2e-5  # share of the sums that is forgotten with every sample
+cdef double FOUND = 8.0  # standard deviations of the slope from which on it is subtracted
+cdef double LOST = 5.0  # standard deviations below which it no longer is
+cdef double FADE_LATELY = 4e-3  # the same share, of sums over the last samples only
+cdef double GONE = 6.0  # standard deviations between both slopes that show a change
+cdef double SHARE_LEFT = 0.5  # of the crosstalk: where the last samples show less, it has gone
 cdef double LEAST_NOISE = 0.1e-6  # m
 cdef double MOST_CROSSTALK = 0.5e-12  # m/Pa
-cdef double _WRONG_SWING = 50e6  # Pa: a jump of the rail, or no number
+cdef double _WRONG_SWING = 50e6  # Pa, beyond which the rail has jumped or the value is no number
 
 
 cdef inline double _swing(Observer* observer, double line_pressure) noexcept nogil:
-    """Line pressure about its running mean, which begins anew after a jump."""
+    """Deviation of the line pressure from its running mean, which starts again after a jump."""
     regression = &observer.memory.crosstalk
     swing = line_pressure - regression.line_mean
     if abs(swing) * observer.constants.pressure_scale <= _WRONG_SWING:
@@ -27,7 +27,7 @@ cdef inline double _swing(Observer* observer, double line_pressure) noexcept nog
 
 
 cdef void _find_crosstalk(Observer* observer) noexcept nogil:
-    """Whether the ringing line pressure shows in the lift of the shut needle: a regression."""
+    """Set the crosstalk to the slope of the shut needle's lift over the line pressure, 0 if it is not significant."""
     cdef bint is_there
     memory = observer.memory
     regression, resting = &memory.crosstalk, &memory.resting_lift
@@ -44,7 +44,7 @@ cdef void _find_crosstalk(Observer* observer) noexcept nogil:
 
 
 cdef bint _is_crosstalk_gone(Observer* observer) noexcept nogil:
-    """Whether the last samples contradict the crosstalk, which was that of a sensor at fault."""
+    """Whether the last samples contradict the crosstalk, as after a fault of the sensor has gone."""
     cdef bint is_another
     memory = observer.memory
     resting, regression = &memory.resting_lift, &memory.crosstalk
@@ -57,7 +57,7 @@ cdef bint _is_crosstalk_gone(Observer* observer) noexcept nogil:
 
 
 cdef void _forget_crosstalk(Observer* observer) noexcept nogil:
-    """It is looked for anew."""
+    """Clear crosstalk and sums, so that the regression starts again."""
     memory = observer.memory
     regression = &memory.crosstalk
     memory.resting_lift.crosstalk = 0.0

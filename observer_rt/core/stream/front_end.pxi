@@ -1,22 +1,22 @@
 # Front end from measured lift to seat area: dead band with hysteresis, look-back to the foot of the ramp.
 #
 # A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
-# extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
-# means, for they hold only a part of a ramp.
+# extended to where the needle leaves or meets its seat. Where samples are means over their interval, the first and the
+# last one of a ramp are extended likewise, because they contain only a part of it.
 
 cdef enum:
     LOOK_BACK = 3  # samples before the crossing of the dead band whose raw lift counts
     CONFIRM = 2  # consecutive samples that shut the needle
     FEWEST_OPENING = 2
-    LEAPS = 3  # quicker than a needle, within the look-ahead, by which a lift is none: a spike has two
+    LEAPS = 3  # within the look-ahead, quicker than a needle moves: so many are noise (a spike has two)
 
 cdef double DEAD_BAND_SIGMAS = 5.0
 cdef double DEAD_BAND_FLOOR = 2.0e-6  # m
 cdef double FOOT = 0.3  # of the dead band, above which these samples are the foot of a ramp
 cdef double SLOWEST_OPENING = 0.3  # m/s
-cdef double LOWEST = 15e-6  # m, below which a needle does not stop when it opens
-cdef double STEPPED = 30e-6  # m, below which one that does is likely none: its sensor has stepped
-cdef double OFF_SEAT = 40e-6  # m, by which a lift may leap from its seat: where its sensor's offset is not that of the seat
+cdef double LOWEST = 15e-6  # m, below which an opening needle does not stop
+cdef double STEPPED = 30e-6  # m, below which an opening that stops is probably a step of the sensor's zero
+cdef double OFF_SEAT = 40e-6  # m, that a lift may leap at its seat, because the sensor's offset is not that of the seat
 
 
 cdef double opening_band(double lift_noise) noexcept nogil:
@@ -57,7 +57,7 @@ cdef void open_from(Observer* observer, int64_t position) noexcept nogil:
 cdef int64_t _foot_ahead(Observer* observer, int64_t position, int64_t nearest) noexcept nogil:
     """Samples from `position` to the first recorded as open, from `nearest` to a toe beyond; -1 if there is none.
 
-    One more where that is a mean over a part of the ramp only.
+    The distance is one sample more if that sample is a mean over only a part of the ramp.
     """
     ahead = lookahead_at(observer, position)
     for distance in range(nearest, min(nearest + observer.constants.timing.toe, ahead) + 1):
@@ -101,8 +101,8 @@ cdef bint _opens_within(Observer* observer, int64_t position, int64_t samples) n
 cdef bint stays_low(Observer* observer, int64_t position, double highest) noexcept nogil:
     """Whether a needle long at rest that is recorded as open from `position` on does not rise on.
 
-    highest: [m], below which that is looked at. Then its zero has stepped: no needle stops just off its seat. (Asked
-    for at an opening only, for calls cost much.)
+    highest [m]: lifts above it are not examined. True means that the sensor's zero has stepped, because no needle
+    stops just off its seat. To be called at an opening only: the search is slow.
     """
     memory = observer.memory
     band = &memory.dead_band
@@ -127,7 +127,7 @@ cdef bint stays_low(Observer* observer, int64_t position, double highest) noexce
 
 
 cdef bint leaps_about(Observer* observer, int64_t position) noexcept nogil:
-    """Whether the lift that opens at `position` is no needle's: noise in another unit, a loose connection."""
+    """Whether the lift from `position` on leaps as no needle can: noise in a wrong unit, a loose connection."""
     memory, ring = observer.memory, observer.ring
     quickest = observer.constants.quickest + memory.dead_band.lift_on + OFF_SEAT
     cdef int64_t leaps = 0
@@ -145,7 +145,7 @@ cdef double _recorded_lift(Observer* observer, int64_t position) noexcept nogil:
 cdef double _slope_of_means(
     Observer* observer, int64_t outermost, int64_t inwards, double slope
 ) noexcept nogil:
-    """The same of the ramp whose outermost sample is `outermost`, the next one `inwards` (1 or -1) of it."""
+    """Slope of the ramp whose outermost sample is `outermost`; the next one is `inwards` (1 or -1) of it."""
     factor = observer.constants.inputs.lift_factor
     partial = factor * observer.ring[outermost & MASK].lift
     full = factor * observer.ring[(outermost + inwards) & MASK].lift
@@ -166,9 +166,9 @@ cdef double _rise(Observer* observer, int64_t foot, int64_t ahead) noexcept nogi
 
 
 cdef double _lift_before_foot(Observer* observer, int64_t foot, double rise) noexcept nogil:
-    """Lift [m] a sample before the first recorded one: above the shift of the lift it would have been recorded.
+    """Lift [m] one sample before the first recorded one; at most the shift of the lift, or it would be recorded.
 
-    Of means it was, and does not count.
+    Where samples are means, the sample before was recorded, and the limit does not apply.
     """
     if observer.constants.means:
         return _recorded_lift(observer, foot) - rise
@@ -186,7 +186,7 @@ cdef double _ramp_lift(Observer* observer, int64_t position, int64_t foot) noexc
 
 
 cdef bint is_recorded_shut(Observer* observer, int64_t position) noexcept nogil:
-    """Whether an open needle is recorded as shut from `position` on (not while the ramp is still to come)."""
+    """Whether an open needle is recorded as shut from `position` on; never before its ramp has begun."""
     if position < observer.memory.ramp.foot:
         return False
     if observer.constants.means and _ends_within(observer, position):
@@ -197,7 +197,7 @@ cdef bint is_recorded_shut(Observer* observer, int64_t position) noexcept nogil:
 cdef bint _no_lift_from(Observer* observer, int64_t position) noexcept nogil:
     """Whether the lift of an open needle is within the dead band from `position` on."""
     band = &observer.memory.dead_band
-    # a ramp whose toe is missing ends at once: what is below the dead band is noise
+    # The end of a ramp without its toe is abrupt, so a lift below the dead band is noise.
     threshold = band.lift_on if observer.constants.timing.toe > 0 else band.lift_off
     ahead = lookahead_at(observer, position)
     for distance in range(min(ahead + 1, CONFIRM)):
@@ -207,7 +207,7 @@ cdef bint _no_lift_from(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef bint _ends_within(Observer* observer, int64_t position) noexcept nogil:
-    """Whether a ramp ends within the mean that `position` is, and samples before it tell that ramp."""
+    """Whether a ramp ends within the mean at `position`, and samples before it show its slope."""
     return bool(
         position - 1 >= observer.memory.ramp.foot
         and lookahead_at(observer, position) > 0
@@ -286,8 +286,8 @@ cdef double shut_area(Observer* observer, int64_t position) noexcept nogil:
 cdef double area_between_lifts(Observer* observer, int64_t position) noexcept nogil:
     """Normalised seat area at the time of a sample, on the straight line between two areas where the lift was taken.
 
-    So the corners of the ramps stay where they were recorded; the lift itself, brought to the times of the samples,
-    would lose them.
+    The corners of the ramps stay where they were recorded. Interpolating the lift itself to the times of the samples
+    would round them off.
     """
     row = &observer.ring[position & MASK]
     if row.lift_after == 0.0 or position == observer.memory.positions.segment_start:

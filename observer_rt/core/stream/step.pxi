@@ -1,11 +1,11 @@
-# Observer step: the operations at every sample of the stream, in their order.
+# The step of the observer: all operations for one sample of the stream, in their order.
 
 cdef enum:
     _RESTLESS = MAX_EVENT + RING // 8  # samples without standstill; a needle that is open as long is stuck
 
 
 cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept nogil:
-    """Take in the recorded samples up to the number `end`; `doubt` (Doubt) says why they are not to be trusted."""
+    """Take the recorded samples up to the number `end`; `doubt` (Doubt) says why they cannot be trusted."""
     positions = &observer.memory.positions
     ahead = observer.constants.undoing.ahead
     while positions.recorded < end:
@@ -23,7 +23,7 @@ cdef void take_recorded(Observer* observer, int64_t end, int64_t doubt) noexcept
 
 
 cdef void _release(Observer* observer, int64_t end) noexcept nogil:
-    """Append the recorded samples up to the number `end`, with what is stated of their channels undone."""
+    """Append the recorded samples up to the number `end`, corrected for stated delays and lags."""
     cdef bint is_stated
     positions = &observer.memory.positions
     is_stated = observer.constants.undoing.stated
@@ -39,7 +39,7 @@ cdef void _release(Observer* observer, int64_t end) noexcept nogil:
 cdef inline void _append(
     Observer* observer, Recorded* sample, double rail_pressure, double needle_lift
 ) noexcept nogil:
-    """Into the ring, normalised."""
+    """Normalise a sample and append it to the ring."""
     c = &observer.constants
     inputs = &observer.constants.inputs
     positions = &observer.memory.positions
@@ -94,8 +94,8 @@ cdef bint advance_stream(Observer* observer) noexcept nogil:
 cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept nogil:
     """Look for outliers among the samples that must be known at `position`.
 
-    Not among all that are received: what is found depends on what was judged before, and by then more or fewer have
-    come as a frame carries more or fewer.
+    Samples beyond are not inspected yet, because the result depends on the judgements before, and how many samples
+    have come by then depends on how many a frame carries.
     """
     positions = &observer.memory.positions
     for k in range(positions.inspected, position + lookahead_at(observer, position) + 1):
@@ -107,13 +107,13 @@ cdef inline void _inspect_ahead(Observer* observer, int64_t position) noexcept n
 
 
 cdef bint _cut_short(Observer* observer, int64_t position) noexcept nogil:
-    """Whether a break follows within the look-ahead, so that it will never be longer."""
+    """Whether the look-ahead at `position` can no longer grow, because a break of the stream ends it."""
     following = position + lookahead_at(observer, position) + 1
     return following < observer.memory.positions.received
 
 
 cdef void _finish(Observer* observer) noexcept nogil:
-    """No sample will come: end the event under way and have every closed one judged."""
+    """The stream has ended: close the event under way, and have every closed event judged."""
     memory = observer.memory
     judgement, counts = &memory.judgement, &memory.counts
     break_event(observer, memory.positions.processed - 1)
@@ -124,7 +124,7 @@ cdef void _finish(Observer* observer) noexcept nogil:
 
 
 cdef bint _process(Observer* observer, int64_t position) noexcept nogil:
-    """One sample; False, with nothing done, when an event must be judged before it."""
+    """Process one sample; returns False, with nothing done, if an event must be judged first."""
     cdef bint opens
     memory = observer.memory
     needle, judgement = &memory.needle, &memory.judgement

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
+from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_messages import RateMessage
@@ -200,7 +201,7 @@ def _listening(config: LinkConfig, message: RateMessage, samples: int) -> Iterat
         listening.result()
 
 
-def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]):  # type: ignore[no-untyped-def]
+def _open(config: LinkConfig, receive: Sequence[tuple[int, bool]]) -> Link:
     return open_link(config.interface, config.channel, config.fd, receive)
 
 

@@ -1,4 +1,4 @@
-"""Recordings as a user names them: files of signals, and CAN logs, which go through the daemon's own path."""
+"""Opens the recordings that a user names: files of signals, and CAN logs, which the daemon's own code decodes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import Coefficients
 
-RATE_TOLERANCE = 0.02  # of the sample rate by stamps, beyond which a log is odd
+RATE_TOLERANCE = 0.02  # relative deviation of the sample rate by stamps from that of the bench file
 FEWEST_FOR_RATE = 100  # frames
 LARGEST_HOLE = 1 << 28  # samples between two that came
 _SHOWN = 5  # places where a log is split
@@ -37,9 +37,9 @@ _SHOWN = 5  # places where a log is split
 
 @dataclass(frozen=True)
 class LoggedStretch:
-    """Samples of a log whose index rises: [first_index, last_index], where the device was not restarted.
+    """Samples [first_index, last_index] of a log between two restarts of the device: the index rises throughout.
 
-    resumed: first indices after holes that are longer than an observer remembers.
+    resumed: first indices after holes that exceed the observer's memory.
     """
 
     first_index: int
@@ -48,12 +48,12 @@ class LoggedStretch:
 
     @property
     def samples(self) -> int:
-        """With those that did not come."""
+        """Number of samples, missing ones included."""
         return self.last_index - self.first_index + 1
 
 
 class LoggedSignals(SignalStream):
-    """A log, decoded by a bench file: what the observer was given of it, in parts. A restart splits it.
+    """A log decoded by a bench file: the samples that the observer received. A restart of the device splits it.
 
     Raises `UserError` for a log that is malformed or holds no input of the bench.
     """
@@ -69,7 +69,7 @@ class LoggedSignals(SignalStream):
         super().__init__(path)
         sampling = bench.injector.config.sampling
         self.meaning = sampling.meaning
-        # samples as they were sent: what they mean is for whoever reads them
+        # The samples as they were sent; the reader of this class accounts for their meaning.
         bench = bench.with_sections(
             sampling=sampling.model_copy(update={"meaning": Meaning.INSTANT}),
             signals=as_sent(bench.injector.config.signals),
@@ -82,7 +82,7 @@ class LoggedSignals(SignalStream):
         """Frames as they are in the log."""
         self.rate = bench.injector.config.sampling.rate_hz
         self.logged = self._look_through(path, progress)
-        """Apart where the sample index begins anew."""
+        """The log, split where the sample index starts again."""
         self.stretches = tuple(Stretch(0.0, each.samples) for each in self.logged)
 
     def _look_through(self, path: Path, progress: Callable[[float], None]) -> tuple[LoggedStretch, ...]:
@@ -94,7 +94,7 @@ class LoggedSignals(SignalStream):
         for rows in self._rows(core, stamps, watch):
             rows_read += len(rows)
             indices = rows["index"].astype(np.int64)
-            # Where they do not rise.
+            # The index does not rise where the device was restarted.
             for index in np.split(indices, np.flatnonzero(np.diff(indices) <= 0) + 1):
                 if not index.size:
                     continue
@@ -121,14 +121,14 @@ class LoggedSignals(SignalStream):
         )
         self.counters, self.standstill, self.timing = core.counters, core.standstill, core.timing
         self.slow_noise = core.slow_noise
-        """Part that is not white of the noise of the last samples at rest."""
+        """The coloured part of the noise of the last samples at rest."""
         return tuple(stretches)
 
     def chunks(self) -> Iterator[Chunk]:
-        """Decode it anew."""
+        """Decode the log again, in chunks."""
         number, first = 0, 0
         held = np.empty(0, np.dtype([]))
-        # an outlier, too, is what was sent
+        # Outliers stay: they were sent.
         sampling = self._bench.injector.config.sampling.model_copy(update={"bridge_ms": 0.0})
         core = Core(self._bench.with_sections(sampling=sampling).injector, self._bus, learning=False)
         for rows in self._rows(core, _Stamps()):
@@ -141,20 +141,20 @@ class LoggedSignals(SignalStream):
             if len(held) > SAMPLES_AT_ONCE:
                 end = int(held["index"][-2]) - self.logged[number].first_index
                 yield from self._placed(held, number, first, end)
-                first, held = end, held[-3:]  # the lift at a sample needs that before it
+                first, held = end, held[-3:]  # a lift is interpolated from its neighbours
         yield from self._placed(held, number, first, self.logged[number].samples)
 
     def _rows(
         self, core: Core, stamps: "_Stamps", watch: LogWatch | None = None
     ) -> Iterator[NDArray[np.void]]:
-        """Samples as the observer was given them, some at a time."""
+        """The samples that the observer received, in blocks."""
         seen = 0
         for frames in self._together(core, watch):
             core.handle_many(block_of(frames))
             for on, frame in frames:
                 if watch is not None:
                     watch.note(on, frame)
-                stamps.note(frame, core.processed > 0)  # before, clocks may have to be learned
+                stamps.note(frame, core.processed > 0)  # before that, the core may still learn the clocks
             if core.processed > seen:
                 yield core.rows(seen, core.processed)
                 seen = core.processed
@@ -162,7 +162,7 @@ class LoggedSignals(SignalStream):
         yield core.rows(seen, core.processed)
 
     def _together(self, core: Core, watch: LogWatch | None) -> Iterator[list[BusFrame]]:
-        """Frames that the core may take at once: one until it has samples, then up to the watch's next look."""
+        """Frames to be handled at once: single ones until there are samples, then all up to the watch's next look."""
         held = []
         for frames in self.frames:
             held.append(frames)
@@ -174,7 +174,7 @@ class LoggedSignals(SignalStream):
             yield held
 
     def _placed(self, rows: NDArray[np.void], number: int, first: int, end: int) -> Iterator[Chunk]:
-        """Samples [first, end) of a stretch, among them the rows; NaN where none came."""
+        """Samples [first, end) of a stretch in chunks: the rows at their places, NaN where none came."""
         index = rows["index"].astype(np.int64)
         lift = np.interp(index, index + rows["lift_after"], rows["needle_lift"])
         position = index - self.logged[number].first_index
@@ -193,7 +193,7 @@ class LoggedSignals(SignalStream):
             yield Chunk(time, rail, signal(lift), line, None, self.path, self.rate, number, start)
 
     def _survey(self, rows: NDArray[np.void]) -> None:
-        """Ranges of what came; the lift as it came."""
+        """Note the ranges of the samples that came; the lift before its interpolation."""
         came = rows[~rows["interpolated"]]
         for name in ("rail_pressure", "line_pressure"):
             self.survey.take(name, self._pressure(came, name))
@@ -236,9 +236,9 @@ def _restarts(path: Path, stretches: Sequence[LoggedStretch]) -> Iterator[str]:
 
 
 class _Stamps:
-    """First and last stamp of the frames: with the sample index they tell the sample rate.
+    """First and last stamp of the frames, which give the sample rate together with the sample index.
 
-    span: of all frames [ns], those before the first sample included.
+    span [ns]: from the first frame to the last, those before the first sample included.
     """
 
     def __init__(self) -> None:

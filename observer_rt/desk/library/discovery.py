@@ -144,21 +144,14 @@ class DiscoveryResult:
         return f"<pre>{escape(as_text(self.findings))}</pre>"
 
 
-@dataclass(frozen=True)
-class AmendmentChoice:
-    """Choices for the amended model, as options of `observer-rt discover`."""
-
-    choose: str = ""
-    accept_term: int = 0
-
-
 def discovered(
     bench: Bench,
     file: InjectorFile,
     measured: Sequence[Measurement],
     healthy: Sequence[Measurement],
     digests: dict[str, str],
-    wanted: AmendmentChoice,
+    choose: str,
+    accept_term: int,
     notes: CallNotes,
     load: "Callable[[Path], Injector]",
 ) -> DiscoveryResult:
@@ -168,8 +161,8 @@ def discovered(
         tuple(measured),
         tuple(healthy),
         digests,
-        effects_named("choose", wanted.choose),
-        wanted.accept_term,
+        effects_named("choose", choose),
+        accept_term,
         observer_remainder,
         learned_laws,
     )

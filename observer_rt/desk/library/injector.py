@@ -19,7 +19,7 @@ from observer_rt.daemon.persistence.state_file import restored_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.histories import look_over, refuse_missing_state, run_by_run
 from observer_rt.desk.evaluation.run import Progress
-from observer_rt.desk.library.discovery import AmendmentChoice, DiscoveryResult, discovered
+from observer_rt.desk.library.discovery import DiscoveryResult, discovered
 from observer_rt.desk.library.fit import FitResult
 from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
@@ -263,7 +263,8 @@ class Injector:
                 measured[: len(sources)],
                 measured[len(sources) :],
                 digests(sources),
-                AmendmentChoice(choose, accept_term),
+                choose,
+                accept_term,
                 notes,
                 self._with_file,
             )

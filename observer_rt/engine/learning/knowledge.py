@@ -1,4 +1,4 @@
-"""Knowledge of the observer: the belief about all parameters, those in force, and the result of an event."""
+"""What the observer has learned: the belief about all parameters, those in force, and the result of an event."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -31,8 +31,8 @@ class Adoption(StrEnum):
 class Knowledge:
     """Knowledge after an event, as one value that can be saved and restored.
 
-    state: with which learning goes on; in_force: theta (m,) the observer carries, 0 at start; phi_version: how often
-    another one was adopted; lift: what a shut needle's shows, from which the stream starts.
+    state: of the learning; in_force: theta (m,) that the observer uses, 0 at the start; phi_version: number of
+    adoptions; lift: zero and crosstalk of a shut needle's lift, with which the stream starts.
     """
 
     state: LearningState
@@ -42,22 +42,21 @@ class Knowledge:
 
 
 def no_knowledge(noise: NoiseLevels, pressure_scale: float) -> Knowledge:
-    """Knowledge of a new part: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
+    """Knowledge of a new injector: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
     return Knowledge(no_state(noise, pressure_scale), np.zeros(SCALARS.width))
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of learning from one event: what to carry from the adoption point on, and the event's report.
+    """Result of learning from one event: what the observer uses from now on, and what the event's report needs.
 
-    knowledge: its `in_force` is the new theta when adopted, else the old one. forward: objections to the state that
-    is carried on, objections: to the event's own mass, too. estimate: the new theta in any case, with the covariance
-    (m, m) of its error. resimulated: the event with the estimate, None where nothing usable was learned from it.
-    outliers: samples of the line pressure that were left out, of those that the stream had not bridged. loudest: mean
-    square of its innovations where it is loudest over that at rest, by its known noise. known_flow: where the flow is
-    known well enough by the state to be carried. prior: belief before the event, drift included. window, setting:
-    with which it was run again. change: that an event showed which passed. posterior: what the event may be, in
-    words, and how probable.
+    knowledge: its `in_force` is the new theta if it was adopted, else the old one. forward: objections to the learned
+    state; objections: those and the objections to the event's own mass. estimate: the new theta, adopted or not, with
+    the covariance (m, m) of its error. resimulated: the event simulated with the estimate, None if nothing was
+    learned. outliers: number of samples of the line pressure that were left out, without those that the stream had
+    bridged. loudest: largest mean square of the innovations, relative to that at rest. known_flow: where the flow is
+    known well enough to be used. prior: belief before the event, drift included. window, setting: inputs of the
+    simulation. change: shown by an event that passed. posterior: each hypothesis in words, with its probability.
     """
 
     adoption: Adoption
@@ -79,7 +78,7 @@ class Outcome:
 
 
 class EventLearner(Protocol):
-    """Learner between events: ours, or one that looks on."""
+    """Learns between events: our learner, or one that only watches."""
 
     @property
     def schedule(self) -> GainSchedule:
@@ -88,4 +87,4 @@ class EventLearner(Protocol):
     def learn(
         self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
     ) -> Outcome:
-        """Learn from one event, during which `in_force` (m,) was carried; its constants, None: as they were."""
+        """Learn from an event, during which `in_force` (m,) was used; constants: None if they are unchanged."""

@@ -1,6 +1,6 @@
-"""Validity decided, here only: facts about a sample, an injection or the service become state and reason.
+"""The only place where validity is decided: facts about an injection or the service give a state and a reason.
 
-A valid result has no reason. docs/validity.md says who knows what, and when.
+A valid result has no reason. docs/validity.md says which part knows which fact, and when.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from observer_rt.engine.stream.state import Reason, State
 
 _NOT_KNOWN_YET = (Reason.TOO_FEW_EVENTS, Reason.OUTSIDE_LEARNED_RANGE)
 _PASSING = frozenset({Reason.STARTING, Reason.JUMPED, Reason.REVISED, *_NOT_KNOWN_YET})
-"""Reasons that pass by themselves, which a second sender does not."""
+"""Reasons that pass by themselves. A second sender does not, so it is more severe."""
 OF_MODEL = frozenset(
     {
         Reason.MODEL_INADEQUATE,
@@ -31,9 +31,9 @@ OF_MODEL = frozenset(
 class InjectionFacts:
     """Facts about an injection once its event was judged.
 
-    of_samples: the first reason of its samples; of_event: that the event did not pass; of_inputs: that the event's
-    samples are not to be trusted; was_outlier: what contradicted it was taken for outliers; is_revised: what was
-    learned changes its mass; of_change: that shows in an event which passed.
+    of_samples: first reason of its samples; of_event: why its event did not pass the tests; of_inputs: why the
+    samples of the event cannot be trusted; was_outlier: the samples that contradicted the model were outliers;
+    is_revised: learning from the event changed its mass; of_change: the change that an event shows which passed.
     """
 
     of_samples: Reason
@@ -45,7 +45,7 @@ class InjectionFacts:
 
 
 def reason_of_injection(facts: InjectionFacts) -> Reason:
-    """Why the injection is not valid: the judgement may know better than its samples could."""
+    """Why the injection is not valid. The judgement of its event may overrule what its samples said."""
     reason = facts.of_samples
     if reason in (Reason.NONE, Reason.CONTRADICTED):
         reason = (
@@ -65,7 +65,7 @@ class Surroundings:
     has_frames: bool = True  # any came since the start
     is_cut_off: bool = False  # no input comes, or its interface is down
     is_unprotected: bool = False  # the end-to-end protection of one of the inputs is INVALID
-    is_stale: bool = False  # one of the inputs stays away while others come
+    is_stale: bool = False  # one of the inputs is missing while others arrive
 
 
 def state_of_service(newest: tuple[State, Reason] | None, surroundings: Surroundings) -> tuple[State, Reason]:

@@ -1,7 +1,7 @@
-"""A bounded folder of evidence: by kind, operating point and model the newest, of good events a fair sample.
+"""A folder of evidence with bounds: it keeps the newest events of each kind, operating point and model.
 
-An event's lot is a hash of its file's name, and of good events those with the lowest lots stay: a fair sample of all
-the time that the model was in force, however often the writer was started anew.
+Of good events it keeps a fair sample of all the time that the model was in force. Each draws a lot, the hash of its
+file's name, and those with the lowest lots stay, so that a restart of the writer changes nothing.
 """
 
 import re
@@ -25,14 +25,14 @@ _NAME = re.compile(
 
 @dataclass(frozen=True)
 class FolderLimits:
-    """Bounds of a folder: MiB of all files, and how many of a kind and model at one operating point."""
+    """Bounds of a folder: the size of all files [MiB], and files of one kind and model at one operating point."""
 
     most_mib: float
     per_point: int
 
 
 class EvidenceFolder:
-    """Takes evidence in, and drops what it takes the place of; a file is whole or not there, whenever power fails."""
+    """Keeps evidence, and deletes what it replaces. After a power failure each file is either whole or absent."""
 
     def __init__(self, path: Path, limits: FolderLimits) -> None:
         """Raises OSError where the folder cannot be made."""
@@ -43,7 +43,7 @@ class EvidenceFolder:
         self._limits = limits
 
     def take(self, evidence: EventEvidence, time: datetime) -> str:
-        """Keep an event: the name of its file, empty where others stay instead of it. time: UTC. Raises OSError."""
+        """Keep an event; returns the name of its file, empty if it is not kept. time: UTC. Raises OSError."""
         self._path.mkdir(parents=True, exist_ok=True)  # somebody may have removed it
         cell = f"{evidence.kind}_{operating_point(evidence)}_{evidence.belief['model_sha256'][:MODEL_DIGITS]}"
         name = f"{cell}_{time:%Y%m%dT%H%M%S%f}{SUFFIX}"
@@ -62,11 +62,11 @@ class EvidenceFolder:
             write_evidence(part, evidence, time.isoformat(timespec="milliseconds"))
 
     def _own(self, pattern: str) -> list[Path]:
-        """Files that a keeper of evidence named: no other is dropped, or counts."""
+        """Files that carry a name of evidence; others are neither counted nor deleted."""
         return [path for path in self._path.glob(pattern) if _NAME.fullmatch(path.name)]
 
     def _make_room(self, newest: str) -> None:
-        """Drop files until all fit, of the cell that has most; the newest never."""
+        """Delete files until the rest fits, from the cell that has most of them; never the newest file."""
         sizes = {path: path.stat().st_size for path in self._own(f"*{SUFFIX}")}
         while sum(sizes.values()) > self._limits.most_mib * _MIB:
             cells = Counter(path.name.rsplit("_", 1)[0] for path in sizes if path.name != newest)
@@ -80,7 +80,7 @@ class EvidenceFolder:
 
 
 def _staying(names: list[str], most: int) -> list[str]:
-    """Files of one cell that stay, where only so many may: the newest, of good events those with the lowest lots."""
+    """The files of one cell to be kept, `most` of them: the newest, or those of good events with the lowest lots."""
     if names[0].startswith(f"{EvidenceKind.GOOD}_"):
         return sorted(names, key=lambda name: sha256(name.encode()).digest())[:most]
     return sorted(names, reverse=True)[:most]

@@ -1,4 +1,4 @@
-"""Readings of an event: linearised round one theta in one colour of the noise, for all hypotheses near it."""
+"""Linearisations of an event about one theta, with one noise model, that serve all hypotheses near it."""
 
 import math
 from dataclasses import dataclass, field
@@ -26,10 +26,11 @@ from observer_rt.engine.learning.posterior.resting_pressure import RestingPressu
 
 @dataclass(frozen=True, eq=False)
 class EventReading:
-    """An event read with what `learned` says: its cost, and that linearised, at the gain that its rest says.
+    """Cost of an event at the theta of `learned`, and its linearisation there.
 
-    innovations, unfiltered: (n,) there, the latter with the colour of the noise; slopes: (n, m); phases: (n,);
-    healthy: residuals of a healthy injector; resting: of the event.
+    schedule: gains by the noise at rest; innovations (n,): whitened; unfiltered (n,): with the colour of the noise;
+    slopes (n, m): of the innovations; phases (n,); healthy: residuals of a healthy injector; resting: line pressure
+    at rest around the event.
     """
 
     learned: LearnedInjector
@@ -48,29 +49,29 @@ class EventReading:
 
     @cached_property
     def level(self) -> float:
-        """Nats by the level of the noise: colours have others, and densities are compared in one unit."""
+        """Nats that the noise level adds: it differs from colour to colour, and densities must share one unit."""
         return self.cost.terms * math.log(self.cost.sigma) / self.cost.temper
 
     def is_near(self, learned: LearnedInjector, longest_step: Theta) -> bool:
-        """Whether the linearisation serves another belief, too; longest_step: (m,) up to which slopes hold."""
+        """Whether the linearisation also serves another belief; longest_step (m,): up to which slopes hold."""
         away = np.abs(learned.theta - self.learned.theta)
         return is_same(learned.colour, self.learned.colour) and bool(np.all(away <= NEAR * longest_step))
 
     def innovations_at(self, theta: Theta, fit: EventFit | None) -> NDArray[np.float64]:
-        """Innovations (n,) with theta (m,), to first order where it was not fitted."""
+        """Innovations (n,) at theta (m,): those of its fit, to first order without one."""
         if fit is not None:
             return fit.innovations
         return self.innovations + self.slopes @ (theta - self.first.theta)
 
     def leaves(self, theta: Theta, fit: EventFit | None) -> PhaseStatistics:
-        """Statistics of what theta (m,) leaves, clipped."""
+        """Statistics of the clipped innovations at theta (m,)."""
         key = theta.tobytes()
         if key not in self._left:
             self._left[key] = self._statistics(theta, fit, CLIP)
         return self._left[key]
 
     def at_fault(self, theta: Theta, fit: EventFit | None) -> float:
-        """Cost [nats] of what theta (m,) leaves, if the event is at fault; the offset at rest has its price, too."""
+        """Cost [nats] of the innovations at theta (m,) if the event is at fault, and of the offset at rest."""
         temper = self.cost.temper
         return at_fault(self._statistics(theta, fit), temper) + self.cost.of_offset(theta) / temper
 

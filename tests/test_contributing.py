@@ -1,4 +1,4 @@
-"""Recipes of docs/CONTRIBUTING.md, followed: a value of an injection, a line model, a learned scalar, a reason."""
+"""Recipes of docs/CONTRIBUTING.md, followed: a value of an injection, a message, a line model, a scalar, a reason."""
 
 import json
 import os
@@ -33,13 +33,9 @@ from tests.daemon.samples import some_report
 
 c = effective_model(load_injector()).coefficients
 record = reports.injection_record(some_report(volume=50e-9), c, has_energizing=False)
-print(json.dumps({
-    "journal": COLUMNS["volume_mm3"].__name__,
-    "parquet": str(SCHEMA.field("volume_mm3").type),
-    "heading": SHOWN["volume_mm3"].heading,
-    "text": SHOWN["volume_mm3"].text(record["volume_mm3"]),
-    "json": record["volume_mm3"],
-}))
+shown, value = SHOWN["volume_mm3"], record["volume_mm3"]
+texts = [COLUMNS["volume_mm3"].__name__, str(SCHEMA.field("volume_mm3").type), shown.heading, shown.text(value)]
+print(json.dumps([*texts, value]))
 """
 LINE = """
 import json
@@ -110,6 +106,57 @@ for inertance in (-0.15, 0.0, 0.15):
     })
 print(json.dumps({"name": SCALARS.names[-1], "found": found}))
 """
+SIGNALS = "bus/mapping/output_signals.py"
+MASS_MESSAGE = """BO_ 515 InjectionMass: 8 Observer
+ SG_ CRC : 0|16@1+ (1,0) [0|65535] "" BenchComputer
+ SG_ Counter : 16|8@1+ (1,0) [0|255] "" BenchComputer
+
+"""
+MESSAGE_EDITS = (
+    (
+        SIGNALS,
+        "\n# fmt: on",
+        """
+
+class MassValues(NamedTuple):
+    valid: Annotated[bool, OutputSignal("report.valid", 1, 24)]
+    mass: Annotated[float, OutputSignal("report.mass", 16, 32, None, None, MASS, says="Mass alone.")]
+# fmt: on""",
+    ),
+    (SIGNALS, "\n}\n", '\n    "injection_mass": Result(MassValues, 515, per_injection=True),\n}\n'),
+    (
+        "config/injector.py",
+        "    injector_id: ",
+        """    injection_mass: str | Literal[False] = "InjectionMass"
+    injection_mass_id: Identifier | None = None
+    injector_id: """,
+    ),
+    ("data/observer_fd.dbc", "BO_ 514 ObserverStatus", f"{MASS_MESSAGE}BO_ 514 ObserverStatus"),
+    ("data/observer_classic.dbc", "BO_ 514 ObserverStatus", f"{MASS_MESSAGE}BO_ 514 ObserverStatus"),
+)
+MESSAGE = """
+import json
+
+from cantools.database import load_file
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import PACKAGE_DATA, load_bench
+from observer_rt.config.bench_file import RESULT_IDS
+from observer_rt.engine.service.messages import FrameWriter
+from tests.daemon.samples import some_report
+from tools.lib.word_tables import database_with_words
+
+for path in PACKAGE_DATA.glob("*.dbc"):
+    path.write_text(database_with_words(path.read_text()))
+bus = map_bus(load_bench())
+*_, frame = FrameWriter(bus.results_of(per_injection=True)).write({"report": some_report(mass=42e-6, valid=True)})
+values = [load_file(path).decode_message(frame.frame_id, frame.payload) for path in PACKAGE_DATA.glob("*.dbc")]
+print(json.dumps({
+    "values": [[each["Mass"], each["Valid"]] for each in values],
+    "sent": [layout.name for layout in bus.sent],
+    "identifiers": RESULT_IDS,
+}))
+"""
 REASON_EDITS = (
     ("engine/stream/state.py", "\n\ndef sample_dtype", "    FUEL_HOT = 30\n\n\ndef sample_dtype"),
     (
@@ -171,15 +218,9 @@ def _with_edits(folder: Path, edits: Sequence[tuple[str, str, str]]) -> Path:
 
 
 def test_a_row_of_fields_reaches_journal_tables_and_json() -> None:
-    output = _followed(VALUE)
-    assert output == {
-        "journal": "float",
-        "parquet": "double",
-        "heading": "volume\nmm3",
-        "text": "50.0",
-        "json": output["json"],
-    }
-    assert abs(output["json"] - 50.0) < 1e-9
+    *texts, value = _followed(VALUE)
+    assert texts == ["float", "double", "volume\nmm3", "50.0"]
+    assert value == pytest.approx(50.0, abs=1e-9)
 
 
 def test_a_registered_line_is_a_model_of_injector_files(tmp_path: Path) -> None:
@@ -198,6 +239,12 @@ def test_a_row_of_scalars_is_learned_and_shown(tmp_path: Path) -> None:
         assert learned["carried"] == pytest.approx(learned["learned"], rel=1e-9)
         assert 0.0 < learned["sigma"] < 0.02
     assert healthy["learned"] == healthy["carried"] == 0.0  # it does not pay
+
+
+def test_a_row_of_results_is_a_message_of_both_databases_on_the_bus(tmp_path: Path) -> None:
+    output = _followed(MESSAGE, _with_edits(tmp_path, MESSAGE_EDITS))
+    assert output["values"] == [[pytest.approx(42.0), 1]] * 2
+    assert {"InjectionMass", "injection_mass_id"} <= {*output["sent"], *output["identifiers"]}
 
 
 def test_a_reason_with_its_words_and_rule_reaches_page_and_databases(tmp_path: Path) -> None:

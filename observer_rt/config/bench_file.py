@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from observer_rt.config.injector import InjectorConfig
+from observer_rt.config.injector import InjectorConfig, OutputsConfig
 from observer_rt.config.toml_file import Section, unknown_key, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 
@@ -17,7 +17,7 @@ LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
 NAME_PLACE = "{injector}"  # in texts at the top of the file
 MOST_CPUS = 8192  # that Linux knows
-RESULT_IDS = ("injection_rate_id", "injection_summary_id", "status_id")
+RESULT_IDS = tuple(key for key in OutputsConfig.model_fields if key.endswith("_id") and key != "injector_id")
 
 
 class LinkConfig(Section):

@@ -27,7 +27,7 @@ from observer_rt.daemon.pump.pump import FramePump
 from observer_rt.daemon.rights import take_time, touch
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
-from observer_rt.engine.service.core import Core, status_values
+from observer_rt.engine.service.core import Core, status_parts
 from observer_rt.engine.service.messages import FrameWriter, OutputFrame
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, contested, state_of_service
@@ -87,7 +87,7 @@ class Daemon:
         self._state_watch = StateWatch(self.arrivals)
         self._restart_watch = RestartWatch(self.arrivals)
         self._learning_watch = LearningWatch()
-        self._status_writer = FrameWriter(bus.status)
+        self._status_writer = FrameWriter(bus.results_of(per_injection=False))
         self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
         self._is_waiting = False  # whether results wait for room on some bus
@@ -107,7 +107,7 @@ class Daemon:
         self._last_input = self._next_status = self._next_look = time.monotonic_ns()
         self.arrivals.begin(self._last_input)
         touch(self.core.compiled.pipeline)
-        port = self.ports[self._bus.status.layout.bus]  # of all results
+        port = self.ports[self._bus.sent[0].bus]  # of all results
         self._pump = FramePump(
             self._links, self.core, self._bus, self.arrivals, port.count_unsent, self._on_thread
         )
@@ -263,4 +263,4 @@ class Daemon:
             "model_hash": self._hashes[0],
             "database_hash": self._hashes[1],
         }
-        return self._status_writer.write(status_values(self.core, *self.state(now), others))
+        return self._status_writer.write(status_parts(self.core, *self.state(now), others))

@@ -155,7 +155,7 @@ class _Outlet:
         self._on_loss = on_loss
         self._is_losing = False
         self._waiting: queue.Queue[logging.LogRecord | None] = queue.Queue(CAPACITY)
-        handler.handleError = self._failed  # type: ignore[method-assign,assignment]
+        handler.handleError = lambda _: self._lose(str(sys.exc_info()[1]))  # type: ignore[method-assign,assignment]
         self._thread = threading.Thread(target=self._write, name="log", daemon=True)
         self._thread.start()
 
@@ -180,9 +180,6 @@ class _Outlet:
             lost = self.lost
             self._handler.handle(record)
             self._is_losing = self._is_losing and self.lost > lost
-
-    def _failed(self, _record: logging.LogRecord) -> None:
-        self._lose(str(sys.exc_info()[1]))
 
     def _lose(self, why: str) -> None:
         self.lost += 1

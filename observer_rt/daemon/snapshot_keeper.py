@@ -14,6 +14,7 @@ from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.bus.mapping.output_signals import RESULTS
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_monitoring.arrivals import SECOND
@@ -266,8 +267,9 @@ class LoadMeter:
         }
         if bus.rate is not None:
             frames[bus.rate.layout] = counters.samples / bus.rate.samples
-        frames[bus.summary.layout] = float(counters.injections * len(bus.summary.pages))
-        frames[bus.status.layout] = now / SECOND / self._status_period * len(bus.status.pages)
+        for key, result in bus.results.items():
+            often = counters.injections if RESULTS[key].per_injection else now / SECOND / self._status_period
+            frames[result.layout] = float(often * len(result.pages))
         return {layout: count * self._times[layout] for layout, count in frames.items()}
 
 

@@ -1,7 +1,6 @@
 """Recordings from tables in memory, pandas DataFrames and arrays by name, mapped as those of files are."""
 
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -119,11 +118,9 @@ def signals_of(
         layout = layout_of(name, headings_of(frame))
         notes = [f"{name}: {in_words(layout)}"]
     elif not isinstance(layout, RecordingConfig):
-        layout = validated(RecordingConfig, layout, partial(_location, name), "bench")
+        layout = validated(
+            RecordingConfig, layout, lambda *keys: f"{name}, layout {'.'.join(map(str, keys))}", "bench"
+        )
     stream = MappedSignals(HeldTable(name, layout, frame), 0.0)
     stream.notes = (*notes, *stream.notes)
     return stream
-
-
-def _location(name: str, *keys: str | int) -> str:
-    return f"{name}, layout {'.'.join(map(str, keys))}"

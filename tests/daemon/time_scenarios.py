@@ -61,10 +61,8 @@ TIME_BASE = (State.DEGRADED, Reason.TIME_BASE)
 LOST = (State.DEGRADED, Reason.SAMPLES_LOST)
 ANEW = (State.DEGRADED, Reason.DEVICE_RESTARTED)
 STALE = (State.DEGRADED, Reason.INPUT_STALE)
-INADEQUATE = (
-    State.DEGRADED,
-    Reason.MODEL_INADEQUATE,
-)  # straight lines between rare samples are not the rail pressure
+# Straight lines between rare samples are not the rail pressure.
+INADEQUATE = (State.DEGRADED, Reason.MODEL_INADEQUATE)
 CONTRADICTED = (State.DEGRADED, Reason.CONTRADICTED)
 
 
@@ -281,7 +279,7 @@ class Figures:
 def main() -> None:
     """Print the table."""
     print(
-        "| scenario | rule | valid injections | volume error | rate RMSE | worst valid sample | state at the end |"
+        "| scenario | rule | valid injections | volume error | rate RMSE | worst sample | state at the end |"
     )
     print("|---|---|---|---|---|---|---|")
     for scenario in SCENARIOS:

@@ -36,10 +36,7 @@ HIDDEN = {
         sized("lift_dependent_seat_coefficient", a=0.3, x_c=60e-6),
     ),
     "chamber": (Faults(chamber_pressure_step=5e6), sized("chamber_pressure_rise", dp=5e6)),
-    "chamber, with the needle": (
-        Faults(chamber_pressure_rise=8e6),
-        sized("chamber_pressure_rise", dp=8e6, s=1.0),
-    ),
+    "chamber, needle": (Faults(chamber_pressure_rise=8e6), sized("chamber_pressure_rise", dp=8e6, s=1.0)),
     "lift too low": (Faults(lift_offset=20e-6), sized("lift_offset", x_0=20e-6)),
     "lift too high": (Faults(lift_offset=-20e-6), sized("lift_offset", x_0=-20e-6)),
     "lift gain": (Faults(lift_gain=0.1), sized("lift_gain", g=0.1)),
@@ -125,9 +122,7 @@ def test_ramps_are_extended_to_where_the_needle_leaves_and_meets_its_seat(
     )
     # to a fifth of a sample of the ramp
     np.testing.assert_allclose(result, expected, atol=0.2 * expected.max() * rise / lift.max())
-    assert (
-        stream.count("counts", "injections_begun") == sample_stream.count("counts", "injections_begun") == 1
-    )
+    assert [each.count("counts", "injections_begun") for each in (stream, sample_stream)] == [1, 1]
 
 
 def test_noise_behind_the_recorded_end_of_a_ramp_is_no_part_of_it() -> None:

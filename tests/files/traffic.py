@@ -8,7 +8,7 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News
-from observer_rt.engine.service.core import Core, status_values
+from observer_rt.engine.service.core import Core, status_parts
 from observer_rt.engine.service.messages import FrameWriter, OutputFrame
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.canlog.candump import CandumpWriter
@@ -26,7 +26,7 @@ class ObservedInjector:
         self._outputs = alone.injector.config.outputs
         self.reports: list[InjectionReport] = []
         self._core = Core(alone.injector, self._bus, listeners=(self._hear,))
-        self._status = FrameWriter(self._bus.status)
+        self._status = FrameWriter(self._bus.results_of(per_injection=False))
         self._due = 0
 
     def results(self, frame: TimedFrame) -> list[OutputFrame]:
@@ -36,8 +36,7 @@ class ObservedInjector:
             self._due = frame.stamp_ns + STATUS_EVERY
             state, reason = self._core.state
             others = {"injector_id": self._outputs.injector_id}
-            values = status_values(self._core, state, reason, others)
-            sent = sent + self._status.write(values)
+            sent = sent + self._status.write(status_parts(self._core, state, reason, others))
         return sent
 
     def _hear(self, news: News) -> None:

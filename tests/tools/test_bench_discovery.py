@@ -31,12 +31,7 @@ def answer(
 ) -> Answer:
     """An answer that names effects, each with a confidence and the effects it cannot be distinguished from."""
     claims = tuple({"id": n, "confidence": confidence, "indistinguishable_from": [*others]} for n in names)
-    stated: dict[str, Any] = {
-        "smallest": (),
-        "amended_model": "",
-        "core_seconds": 4.0,
-        **more,
-    }
+    stated: dict[str, Any] = {"smallest": (), "amended_model": "", "core_seconds": 4.0, **more}
     return Answer(verdict, claims, **stated)
 
 

@@ -13,11 +13,7 @@ from tools.benchmarks.campaign import Row, frame_of, judged
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_cases
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.outside import bars, facts_of, score_outside
-from tools.benchmarks.discovery.outside_answers import (
-    OutsideAnswer,
-    ProposedTerms,
-    vocabulary_without,
-)
+from tools.benchmarks.discovery.outside_answers import OutsideAnswer, ProposedTerms, vocabulary_without
 from tools.benchmarks.discovery.scoring import Misfit
 
 GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2), "after")

@@ -7,18 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from observer_rt.bus.mapping.output_signals import (
-    OutputSignal,
-    StatusValues,
-    SummaryValues,
-    rows_of,
-    signals_of,
-)
+from observer_rt.bus.mapping.output_signals import RESULTS, OutputSignal, StatusValues, rows_of, signals_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import COUNTERS, REASONS, STATES, TOPICS, named
 
 NO_VALUE = "not available"
-MESSAGES: Mapping[int, Any] = {513: SummaryValues, 514: StatusValues}
+MESSAGES: Mapping[int, Any] = {result.number: result.values for result in RESULTS.values()}
 BY_HAND = ("CRC", "Counter", "Page")  # signals of every frame, which carry no value
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/operating.md"

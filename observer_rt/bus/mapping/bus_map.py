@@ -3,12 +3,12 @@
 Each injector of a bench has its own map; a message may be of several.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from cantools.database.can import Message
@@ -37,7 +37,7 @@ from observer_rt.bus.mapping.output_messages import (
     protected_layout,
     rate_message,
 )
-from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, signals_of
+from observer_rt.bus.mapping.output_signals import RESULTS, signals_of
 from observer_rt.bus.mapping.timing import GridRelation, grid_relations, map_timing, number_signal
 from observer_rt.config.bench import Bench, BenchInjector
 from observer_rt.config.signals import Role
@@ -66,8 +66,8 @@ class BusMap:
     grid_relations: tuple[GridRelation | None, ...]  # of each stream, None where all of it is on the grid
     rate: RateMessage | None
     """Message of the injection rate; None: it is not published."""
-    summary: OutputMessage
-    status: OutputMessage
+    results: Mapping[str, OutputMessage]
+    """Messages of results, by their keys in `[outputs]`."""
     labels: tuple[str, ...]
     """Names of the buses in messages to the user."""
 
@@ -84,7 +84,12 @@ class BusMap:
     @property
     def sent(self) -> tuple[MessageLayout, ...]:
         """Every message the results go out in."""
-        return tuple(output.layout for output in (self.rate, self.summary, self.status) if output is not None)
+        return tuple(output.layout for output in (self.rate, *self.results.values()) if output is not None)
+
+    def results_of(self, per_injection: bool) -> list[tuple[Any, OutputMessage]]:
+        """Messages of an injection, or those of a moment, each behind the table of its values."""
+        kinds = ((RESULTS[key], message) for key, message in self.results.items())
+        return [(kind.values, message) for kind, message in kinds if kind.per_injection == per_injection]
 
     def received_on(self, bus: int) -> list[tuple[int, bool]]:
         """(identifier, is extended) to be read from a bus.
@@ -137,11 +142,11 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
     inputs, layouts, slow = _map_inputs(fitted, databases)
     outputs = fitted.config.outputs
 
-    def output(key: str, compile_message: Callable[[Message, int], Compiled]) -> Compiled:
+    def output(key: str, compile_message: Callable[..., Compiled]) -> Compiled:
         location = fitted.location(f"outputs.{key}")
         message, number = databases.find(location, getattr(outputs, key), outputs.link)
         with named(location):
-            return compile_message(_moved(message, getattr(outputs, f"{key}_id")), number)
+            return compile_message(_moved(message, getattr(outputs, f"{key}_id")), bus=number)
 
     return BusMap(
         inputs=inputs,
@@ -149,8 +154,11 @@ def map_injector(fitted: BenchInjector, databases: BenchDatabases) -> BusMap:
         slow=slow,
         grid_relations=tuple(grid_relations(fitted, inputs.timing, inputs.streams["roles"].tolist())),
         rate=output("injection_rate", rate_message) if outputs.injection_rate else None,
-        summary=output("injection_summary", partial(_output, SummaryValues)),
-        status=output("status", partial(_output, StatusValues)),
+        results={
+            key: output(key, partial(output_message, signals=signals_of(result.values)))
+            for key, result in RESULTS.items()
+            if getattr(outputs, key)
+        },
         labels=databases.labels,
     )
 
@@ -163,10 +171,6 @@ def _moved(message: Message, identifier: int | None) -> Message:
     moved.is_extended_frame = message.is_extended_frame or identifier > STANDARD_MASK
     moved.frame_id = identifier
     return moved
-
-
-def _output(values: type[SummaryValues] | type[StatusValues], message: Message, bus: int) -> OutputMessage:
-    return output_message(message, signals_of(values), bus)
 
 
 def _map_inputs(

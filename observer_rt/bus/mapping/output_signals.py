@@ -1,6 +1,7 @@
-"""The signals of our summary and status: where each lies in our databases, and where its value comes from."""
+"""The messages of results and their signals: where each lies in our databases, and where its value comes from."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_type_hints
@@ -205,16 +206,28 @@ class StatusValues(NamedTuple):
 # fmt: on
 
 
-Values = type[SummaryValues] | type[StatusValues]
+class Result(NamedTuple):
+    """Signals of a message, its identifier in our databases; one an injection, else every `status_period_ms`."""
+
+    values: Any
+    number: int
+    per_injection: bool
 
 
-def signals_of(values: Values) -> tuple[str, ...]:
+RESULTS: Mapping[str, Result] = {
+    "injection_summary": Result(SummaryValues, 513, per_injection=True),
+    "status": Result(StatusValues, 514, per_injection=False),
+}
+"""Messages of results by their keys in `[outputs]`."""
+
+
+def signals_of(values: Any) -> tuple[str, ...]:
     """Names of the signals in a database, in order."""
     return tuple("".join(word.capitalize() for word in field.split("_")) for field in values._fields)
 
 
 @cache
 def rows_of(values: Any) -> dict[str, OutputSignal]:
-    """The table of `SummaryValues` or `StatusValues`, by field."""
+    """The table of a message's values, as `SummaryValues`, by field."""
     hints = get_type_hints(values, include_extras=True)
     return {field: hints[field].__metadata__[0] for field in values._fields}

@@ -9,13 +9,15 @@ from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.opening import require_interface
 from observer_rt.bus.mapping.bus_map import BenchMap, in_common, message_timing
 from observer_rt.bus.mapping.output_messages import frame_time
+from observer_rt.bus.mapping.output_signals import RESULTS
 from observer_rt.bus.mapping.timing import Joining, Numbering
 from observer_rt.config.bench import Bench
+from observer_rt.config.bench_file import RESULT_IDS
 from observer_rt.desk.check.findings import Finding, Said, ruled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 
-_OUTPUT_KEYS = " (of results: outputs.injection_rate_id, injection_summary_id, status_id in the bench file)"
+_OUTPUT_KEYS = f" (of results: outputs.{', '.join(RESULT_IDS)} in the bench file)"
 INJECTIONS_PER_SECOND = 17.0
 WINDOW = 6 * MILLISECOND  # of samples that a windowed source sends for an injection
 HIGH_LOAD = 0.6
@@ -120,8 +122,10 @@ def _place_of(bench: Bench, mapped: BenchMap, layouts: Sequence[MessageLayout]) 
         outputs = injector.config.outputs
         for layout, key, stated in (
             (bus.rate and bus.rate.layout, "injection_rate_id", outputs.injection_rate_id),
-            (bus.summary.layout, "injection_summary_id", outputs.injection_summary_id),
-            (bus.status.layout, "status_id", outputs.status_id),
+            *(
+                (result.layout, f"{key}_id", getattr(outputs, f"{key}_id"))
+                for key, result in bus.results.items()
+            ),
         ):
             if layout in layouts:
                 location = injector.location(f"outputs.{key}")
@@ -232,8 +236,8 @@ def _traffic(bench: Bench, mapped: BenchMap) -> Iterator[tuple[MessageLayout, fl
         if bus.rate is not None:
             yield bus.rate.layout, *_blocks(bus.rate.samples, injector.config.sampling.rate_hz)
         period = injector.config.outputs.status_period_ms * MILLISECOND
-        for result, rate in ((bus.summary, INJECTIONS_PER_SECOND), (bus.status, 1 / period)):
-            often = len(result.pages) * rate
+        for key, result in bus.results.items():
+            often = len(result.pages) * (INJECTIONS_PER_SECOND if RESULTS[key].per_injection else 1 / period)
             yield result.layout, often, often
 
 

@@ -98,11 +98,7 @@ def replay(options: ReplayOptions) -> None:
 class RecordOptions:
     """Options of the command."""
 
-    out: Annotated[
-        Path,
-        Option(f"Log to write ({RECORDED})."),
-        Writes("log, begun at the first frame"),
-    ]
+    out: Annotated[Path, Option(f"Log to write ({RECORDED})."), Writes("log, begun at the first frame")]
     bench: shared.BenchFile = EXAMPLE_BENCH
     channel: Channel = ()
     interface: Interface = ()

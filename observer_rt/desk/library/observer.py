@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -16,14 +16,8 @@ from observer_rt.core.stream.stream import RING
 from observer_rt.daemon.persistence.state_file import restored_knowledge
 from observer_rt.desk.evaluation.histories import refuse_missing_state, write_state
 from observer_rt.desk.library.recordings import path_of
-from observer_rt.engine.reports.injection_report import (
-    FIELDS,
-    MASS_BOUND,
-    InjectionReport,
-    Output,
-    columns_of,
-    row_of,
-)
+from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Output, columns_of, row_of
+from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.recording_frames import Device
@@ -75,14 +69,14 @@ class SampleObserver:
         bench = injector.bench.with_sections(sampling=rate)
         self._parameters = injector.parameters
         self._coefficients = effective_model(injector.parameters).coefficients
-        self._reports: list[InjectionReport] = []
+        self._notes = Notes()
         self._rate = sample_rate_Hz
         bus = map_bus(bench)
         before = None if state is None else path_of("state", state)
         refuse_missing_state("state", before)
         restored = restored_knowledge(before, injector.parameters, lambda _: None, set_aside=False)
         fuel = injector.parameters.fluid.reference_temperature
-        self._core = Core(bench.injector, bus, restored, listeners=[self._take], fuel_temperature=fuel)
+        self._core = Core(bench.injector, bus, restored, listeners=[self._notes], fuel_temperature=fuel)
         self._device = Device(bus)
         self._device.begin(sample_rate_Hz)
         self._held: Chunk | None = None
@@ -148,7 +142,7 @@ class SampleObserver:
         c = self._coefficients
         rows = [
             {**row_of(FIELDS, Output.PARQUET, one, c), MASS_BOUND.name: MASS_BOUND.of(one, c)}
-            for one in self._reports
+            for one in self._notes.injections
         ]
         return pd.DataFrame(rows, columns=names)
 
@@ -186,10 +180,6 @@ class SampleObserver:
             "an Observer at work cannot be pickled or copied: keep its tables, or call save_state(path) and begin "
             "another from that: Observer(injector, state=path)"
         )
-
-    def _take(self, news: Any) -> None:
-        if isinstance(news, InjectionReport):
-            self._reports.append(news)
 
     def _sent(self, chunk: Chunk) -> Iterator[NDArray[np.void]]:
         """Sends samples in parts that its ring remembers, and yields those observed."""

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN, InjectionResult, numbers_shown
+from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
 from observer_rt.desk.library.notes import naming_parameters
@@ -57,7 +57,15 @@ class EvaluationResult:
     def injections(self) -> pd.DataFrame:
         """Injections, a row each: masses, wear, validity; units end the names."""
         c = self._coefficients
-        rows = [_row(one, result, c) for one in self.evaluations for result in one.injections]
+        rows = [
+            {
+                RECORDING: _name(one),
+                **row_of(RESULT_FIELDS, Output.PARQUET, each, c),
+                _BOUND.name: _BOUND.of(each, c),
+            }
+            for one in self.evaluations
+            for each in one.injections
+        ]
         columns = [RECORDING, *columns_of(RESULT_FIELDS, Output.PARQUET), _BOUND.name]
         return pd.DataFrame(rows, columns=columns)
 
@@ -170,14 +178,6 @@ class EvaluationResult:
 
 def _name(evaluation: Evaluation) -> str:
     return evaluation.path.name if evaluation.path is not None else ""
-
-
-def _row(evaluation: Evaluation, result: InjectionResult, c: Coefficients) -> dict[str, Any]:
-    return {
-        RECORDING: _name(evaluation),
-        **row_of(RESULT_FIELDS, Output.PARQUET, result, c),
-        _BOUND.name: _BOUND.of(result, c),
-    }
 
 
 def _samples(evaluation: Evaluation) -> pd.DataFrame:

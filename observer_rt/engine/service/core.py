@@ -17,7 +17,6 @@ from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeepin
 from observer_rt.bus.database.e2e import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
-from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import RING, dead_band
@@ -30,7 +29,7 @@ from observer_rt.engine.reports.news import Listener, Notice, fan_out
 from observer_rt.engine.service.constants import bench_constants, configured_noise
 from observer_rt.engine.service.judging import InlineExecutor, Judging
 from observer_rt.engine.service.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
-from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted, values_of
+from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.service.pipeline import (
     CompiledPipeline,
@@ -385,8 +384,8 @@ class Core:
         return self.compiled.observer.constants.coefficients
 
 
-def status_values(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> StatusValues:
-    """Values of the status; others: parts beside those of the core, of links and files."""
+def status_parts(core: Core, state: State, reason: Reason, others: Mapping[str, Any]) -> dict[str, Any]:
+    """Where the values of a status come from; others: parts beside those of the core, of links and files."""
     version = dict(zip(("major", "minor", "patch"), map(int, __version__.split(".")[:3]), strict=True))
-    own = {"valid": core.is_valid and is_good(state), "state": state, "reason": reason, "version": version}
-    return values_of(StatusValues, {**core.parts, **own, **others})
+    valid = core.is_valid and is_good(state)
+    return {**core.parts, "valid": valid, "state": state, "reason": reason, "version": version, **others}

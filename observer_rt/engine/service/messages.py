@@ -1,21 +1,20 @@
 """Result frames: values into payloads, with the service's counts."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
+from itertools import count
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.bus.mapping.output_messages import OutputMessage
-from observer_rt.bus.mapping.output_signals import StatusValues, SummaryValues, rows_of
+from observer_rt.bus.mapping.output_signals import StatusValues, rows_of
 from observer_rt.core.frames.frames import encode_signals, protect_frame
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.pipeline import Publisher
-
-AnyValues = TypeVar("AnyValues", SummaryValues, StatusValues)
 
 
 class OutputFrame(NamedTuple):
@@ -35,23 +34,23 @@ def output_frame(layout: MessageLayout, payload: bytes) -> OutputFrame:
 
 
 class FrameWriter:
-    """Writes frames of one message; counts for the end-to-end protection."""
+    """Writes messages that are sent together; counts for the end-to-end protection of each."""
 
-    def __init__(self, message: OutputMessage) -> None:
-        self._message = message
-        self._counter = 0
+    def __init__(self, messages: Iterable[tuple[Any, OutputMessage]]) -> None:
+        """messages: the table of the values, as `SummaryValues`, with each."""
+        self._messages = [(rows_of(values).values(), message, count()) for values, message in messages]
 
-    def write(self, values: SummaryValues | StatusValues) -> list[OutputFrame]:
-        """A frame for every page; nan is not available."""
-        in_order = np.array(values, np.float64)
-        layout = self._message.layout
+    def write(self, parts: Mapping[str, Any]) -> list[OutputFrame]:
+        """A frame for every page of each message; parts: where `value_of` finds the values."""
         frames = []
-        for page in self._message.pages:
-            payload = page.blank.copy()
-            encode_signals(in_order[page.places], page.table, payload)
-            protect_frame(payload, layout.length, layout.protection, self._counter)
-            self._counter += 1
-            frames.append(output_frame(layout, payload.tobytes()))
+        for rows, message, counter in self._messages:
+            layout = message.layout
+            in_order = np.array([row.sent(value_of(row.source, parts)) for row in rows], np.float64)
+            for page in message.pages:
+                payload = page.blank.copy()
+                encode_signals(in_order[page.places], page.table, payload)
+                protect_frame(payload, layout.length, layout.protection, next(counter))
+                frames.append(output_frame(layout, payload.tobytes()))
         return frames
 
 
@@ -62,7 +61,7 @@ class ResultFrames:
         self._rate_layout = bus.rate.layout if bus.rate else None
         self._publisher = publisher
         self._ready = publisher.memory["frames"]
-        self._summary_writer = FrameWriter(bus.summary)
+        self._writer = FrameWriter(bus.results_of(per_injection=True))
         self._injector_id = injector_id
         self._frames: list[OutputFrame] = []
 
@@ -84,7 +83,7 @@ class ResultFrames:
             "mass_sigma": report.mass_bound / 1.96,
             "line_pressure_offset": report.indicators[OFFSET].value * pressure_scale,
         }
-        self._frames += self._summary_writer.write(values_of(SummaryValues, parts))
+        self._frames += self._writer.write(parts)
 
     def taken(self) -> list[OutputFrame]:
         """All frames since the last call, but for rates that nobody has collected."""
@@ -108,12 +107,6 @@ def value_of(source: str, parts: Mapping[str, Any]) -> Any:
         elif value is not None:
             value = getattr(value, name)
     return value.item() if isinstance(value, np.number) else value
-
-
-def values_of(kind: type[AnyValues], parts: Mapping[str, Any]) -> AnyValues:
-    """All values of a message, from where its table has them."""
-    rows = rows_of(kind)  # type: ignore[arg-type]  # a class is hashable
-    return kind(**{field: row.sent(value_of(row.source, parts)) for field, row in rows.items()})
 
 
 @dataclass(frozen=True)
@@ -155,7 +148,7 @@ class Counters:
 
     def since(self, earlier: "Counters") -> "Counters":
         """Counts since an earlier look."""
-        return Counters(**{name: count - getattr(earlier, name) for name, count in vars(self).items()})
+        return Counters(**{name: now - getattr(earlier, name) for name, now in vars(self).items()})
 
 
 _SOURCES = {

@@ -51,15 +51,12 @@ class EvidenceFolder:
         staying = _staying([*kept, name], self._limits.per_point)
         if name not in staying:
             return ""
-        self._write(self._path / name, evidence, time)
+        with replacing(self._path / name) as part:
+            write_evidence(part, evidence, time.isoformat(timespec="milliseconds"))
         for dropped in set(kept) - set(staying):
             (self._path / dropped).unlink(missing_ok=True)
         self._make_room(name)
         return name
-
-    def _write(self, target: Path, evidence: EventEvidence, time: datetime) -> None:
-        with replacing(target) as part:
-            write_evidence(part, evidence, time.isoformat(timespec="milliseconds"))
 
     def _own(self, pattern: str) -> list[Path]:
         """Files that carry a name of evidence; others are neither counted nor deleted."""

@@ -65,17 +65,13 @@ def test_example_bench_maps_our_layout() -> None:
     assert (int(message["length"]), int(message["samples"])) == (64, 9)
     assert bus.rate is not None
     assert bus.rate.samples == 28
-    assert [out.layout.name for out in (bus.rate, bus.summary, bus.status)] == [
-        "InjectionRate",
-        "InjectionSummary",
-        "ObserverStatus",
-    ]
+    assert [layout.name for layout in bus.sent] == ["InjectionRate", "InjectionSummary", "ObserverStatus"]
 
 
 def test_every_signal_we_send_is_in_our_layout() -> None:
     """A name misspelt in code would never go out."""
     bus = map_bus(load_bench())
-    (summary,), (status,) = bus.summary.pages, bus.status.pages
+    (summary,), (status,) = (bus.results[key].pages for key in ("injection_summary", "status"))
     for page in (summary, status):
         assert len(page.names) == len(page.table)
     assert {"Mass", "NozzleWear", "EndIndex", "LinePressureOffset"} <= set(summary.names)

@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.scalars import (
-    PARAMETERS,
-    SCALARS,
-    Parameter,
-    network_of,
-)
+from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter, network_of
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, no_knowledge
 from observer_rt.engine.learning.learner import Learner

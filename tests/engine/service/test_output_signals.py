@@ -18,7 +18,7 @@ from observer_rt.bus.mapping.output_signals import (
 )
 from observer_rt.config.bench import load_bench
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.messages import FrameWriter, value_of, values_of
+from observer_rt.engine.service.messages import FrameWriter, value_of
 from tools.lib.word_tables import DATABASES, database_with_signals
 
 LENGTH = SentQuantity(0.1, -5.0, "um", 1e-6)
@@ -44,7 +44,7 @@ def test_a_row_adds_a_signal_and_a_counter(path: Any) -> None:
     assert message.get_signal_by_name("NeedleBounces").comment == "Of the needle."
     parts = {"counts": np.array((7,), [("bounces", np.int64)])[()], "report": {"bounce": 2e-6, "mass": 40e-6}}
     sent: dict[str, Any] = {}
-    for frame in FrameWriter(output_message(message, signals_of(MORE))).write(values_of(MORE, parts)):
+    for frame in FrameWriter([(MORE, output_message(message, signals_of(MORE)))]).write(parts):
         sent |= message.decode(frame.payload, decode_choices=False)
     assert sent["NeedleBounces"] == 7
     assert sent["BounceHeight"] == pytest.approx(2.0)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asammdf import MDF, Signal
+from asammdf import Signal
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, str
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals, tells
+from tests.files.signals.test_mdf4_channels import write as mdf4
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 Times = NDArray[np.float64]
@@ -147,14 +148,6 @@ column = "Lift Sensor A"
 column = "p/line"
 unit = "bar"
 """
-
-
-def mdf4(path: Path, *groups: list[Signal]) -> Path:
-    with MDF() as file:
-        for group in groups:
-            file.append(group)
-        file.save(path, overwrite=True)
-    return path
 
 
 @pytest.mark.parametrize("at_once", [1 << 16, 37])

@@ -15,6 +15,7 @@ from observer_rt.foundation.errors import UserError
 TIME = np.arange(10) / 1e5
 VALUES = np.linspace(1.0, 2.0, 10)
 UNITS = {"rail_pressure": "MPa", "needle_lift": "mm", "line_pressure": "bar"}
+TWO_LIFTS = {"rail_pressure": "MPa", "NeedleLift": "mm", "needle_lft": "mm", "line_pressure": "MPa"}
 
 
 def channels(units: dict[str, str]) -> list[Signal]:
@@ -90,14 +91,7 @@ def lift(values: NDArray[np.float64]) -> list[Signal]:
         ([channels({**UNITS, "line_pressure": "torr"})], "channel line_pressure: unit 'torr' is not known"),
         ([channels({**UNITS, "line_pressure": "torr"})], "Pa, hPa, kPa, MPa, mbar, bar, psi"),
         ([channels({**UNITS, "needle_lift": ""})], "channel needle_lift: has no unit"),
-        (
-            [
-                channels(
-                    {"rail_pressure": "MPa", "NeedleLift": "mm", "needle_lft": "mm", "line_pressure": "MPa"}
-                )
-            ],
-            "needle_lift: could be 'NeedleLift' or 'needle_lft'",
-        ),
+        ([channels(TWO_LIFTS)], "needle_lift: could be 'NeedleLift' or 'needle_lft'"),
         ([channels(UNITS), channels({"needle_lift": "mm"})], "channel needle_lift: appears 2 times"),
         (
             [channels(UNITS)[:2], [Signal(VALUES, TIME + 1e-6, name="line_pressure", unit="MPa")]],

@@ -111,9 +111,5 @@ def test_no_recording_is_refused() -> None:
 def test_every_second_operating_point_like_the_squares_of_a_chessboard() -> None:
     points = ((140e6, 1.9e-3), (60e6, 0.6e-3), (60e6, 1.9e-3), (140e6, 0.6e-3), (60e6, 0.6e-3))
     fitted, held_out = every_second_point(measurements(recordings(points=points)))
-    assert sorted(fitted) == [
-        0,
-        1,
-        4,
-    ]  # both recordings of the first point, and the longest of the next pressure
+    assert sorted(fitted) == [0, 1, 4]  # both of the first point, and the longest of the next pressure
     assert sorted(held_out) == [2, 3]

@@ -196,8 +196,7 @@ class Weighing:
     def fit_of(self, hypothesis: Possibility) -> EventFit | None:
         """Where the event was fitted with what a hypothesis believes, if it was."""
         return next(
-            (each.fit for each in self._all if each.hypothesis is hypothesis and each.kind is BEFORE),
-            None,
+            (each.fit for each in self._all if each.hypothesis is hypothesis and each.kind is BEFORE), None
         )
 
     def explanations(self) -> list[Explanation]:

@@ -136,6 +136,8 @@ install_package() { # extras ("" or "[dev]")
         start_compiling "$log"
     fi
     PYTHONUNBUFFERED=1 "${installer[@]}" -e "$repository$1" </dev/null 2>&1 | tee -a "$log" | show_progress >&2 || code=$?
+    # What every start imports is compiled while the core still is.
+    "$venv/bin/python" -c 'import cantools, matplotlib.figure, pandas, scipy.integrate, scipy.optimize' 2>/dev/null || true
     [ -z "$compiling" ] || wait "$compiling" || code=$?
     kill $seconds 2>/dev/null || true
     if [ $code = 0 ]; then

@@ -8,7 +8,9 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +30,6 @@ from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.desk.demonstration.bench_injector import BenchOperation, Departure, record
 from observer_rt.desk.evaluation.curves import RateCurves
-from observer_rt.desk.evaluation.figures import MassRow, Picture, plot_injections
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News, Notes
 from observer_rt.files.replay.framing import Framer, all_samples
@@ -36,6 +37,10 @@ from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
+if TYPE_CHECKING:
+    from observer_rt.desk.evaluation.figures import MassRow
+
+FIGURES = "observer_rt.desk.evaluation.figures"
 RAIL_PRESSURES = (60 * MEGAPASCAL, 100 * MEGAPASCAL, 140 * MEGAPASCAL)
 ENERGIZING_TIME = 1.9 * MILLISECOND
 PERIOD = 60 * MILLISECOND
@@ -48,7 +53,7 @@ class DemoResult:
     """What went over the bus: rates decoded from its frames [m3/s], masses of every injection."""
 
     curves: Mapping[int, RateCurves]
-    masses: tuple[MassRow, ...]
+    masses: "tuple[MassRow, ...]"
     link: str
 
 
@@ -121,7 +126,8 @@ class Demo:
             daemon_link = stack.enter_context(_open(self.link, inputs))
             assert bus.rate is not None  # the example bench publishes it
             published = stack.enter_context(_listening(self.link, bus.rate, self.recording.samples))
-            threads = stack.enter_context(ThreadPoolExecutor(2))
+            threads = stack.enter_context(ThreadPoolExecutor(3))
+            threads.submit(import_module, FIGURES)  # which takes seconds, of which the replay needs nothing
 
             def compare(news: News) -> None:
                 if isinstance(news, InjectionReport):
@@ -151,6 +157,8 @@ class Demo:
             return self._result(published)
 
     def _result(self, published: NDArray[np.float64]) -> DemoResult:
+        from observer_rt.desk.evaluation.figures import MassRow
+
         curves, masses = {}, []
         for report in self._notes.injections:
             window = slice(report.start_index, report.end_index + 1)
@@ -170,6 +178,8 @@ class Demo:
 
 def write_figure(result: DemoResult, wear: float, path: Path) -> None:
     """The demonstration's picture."""
+    from observer_rt.desk.evaluation.figures import Picture, plot_injections
+
     title = (
         f"Injection rate over CAN of an injector with worn nozzle (v_H = {wear:+.2f}): model, observer, truth"
     )

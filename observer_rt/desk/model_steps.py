@@ -1,4 +1,4 @@
-"""Steps from model to model of a bench: its bench file with another injector file in it, and the history beside."""
+"""Changes the injector file that a bench file names, and keeps the history of such changes beside it."""
 
 import json
 import os
@@ -39,13 +39,13 @@ def naming(path: Path, content: bytes, injector: str, file: str | None) -> bytes
     elif "model" in section:
         section["model"].pop("file", None)
     changed = tomlkit.dumps(document)
-    if "\r\n" in text and not re.search(r"(?<!\r)\n", text):  # what is added ends as all else does
+    if "\r\n" in text and not re.search(r"(?<!\r)\n", text):  # the added lines get the file's line ends
         changed = re.sub(r"(?<!\r)\n", "\r\n", changed)
     return (mark + changed).encode("utf-8")
 
 
 def replace_text(path: Path, content: bytes) -> None:
-    """Replace a bench file as a whole, with its rights and owner."""
+    """Replace a bench file in one step; its rights and owner stay."""
     owner = path.stat()
     with file_errors(path), replacing(path) as part:
         part.write_bytes(content)
@@ -55,9 +55,9 @@ def replace_text(path: Path, content: bytes) -> None:
 
 @dataclass(frozen=True)
 class TakeOver:
-    """One step: the file that the bench named before (None: none) and after, the injector, and the time.
+    """One change: the injector, the file that the bench named before (None: none) and after, and the time.
 
-    learned_from: kept events that were learned from beforehand, with the model after.
+    learned_from: number of kept events from which the new model learned before it was put into force.
     """
 
     injector: str

@@ -1,4 +1,4 @@
-"""Remainder of a model: of the healthy injector in [baseline], of terms accepted in part in [remainder]."""
+"""What a model leaves unexplained: of the healthy injector, [baseline], and beside accepted terms, [remainder]."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -14,7 +14,7 @@ class _BaselineSection(BaseModel):
 
 
 class PhaseFigures(_BaselineSection):
-    """A mean square of normalised innovations in each phase of an event, 1 for noise alone; None: not seen."""
+    """Mean square of the normalised innovations by phase of an event: 1 for noise alone, None for an unseen phase."""
 
     standstill: Quotient | None = None
     opening: Quotient | None = None
@@ -24,11 +24,11 @@ class PhaseFigures(_BaselineSection):
 
     @classmethod
     def of(cls, figures: Mapping[str, float]) -> "PhaseFigures":
-        """Makes figures by phase from figures by the name of the phase, nan where it was not seen."""
+        """Convert figures by name of the phase, in which nan stands for an unseen phase."""
         return cls(**{name.lower(): value for name, value in figures.items() if value == value})
 
     def at(self, phase: str) -> float:
-        """The figure of a phase by its name, 1 where it was not seen."""
+        """The figure of a phase by its name; 1 for an unseen phase."""
         value = getattr(self, phase.lower())
         return 1.0 if value is None else float(value)
 
@@ -44,8 +44,8 @@ class NoiseFigures(_BaselineSection):
 class Appearance(_BaselineSection):
     """Apparent size of an effect on the healthy injector, in its unit.
 
-    mean: over the recordings; uncertainty: standard deviation of that; scatter: by how much it differs between
-    operating points beyond noise.
+    mean: over the recordings; uncertainty: standard deviation of the mean; scatter: standard deviation between
+    operating points, without the noise.
     """
 
     mean: float
@@ -57,8 +57,8 @@ class Appearance(_BaselineSection):
 class HealthyShape(_BaselineSection):
     """Mean innovation of the healthy injector [MPa] at the knots of `engine.estimation.healthy_shape`.
 
-    After the needle leaves its seat, and after it is back on it; slopes: its change for each 40 MPa of rail pressure
-    above 100.
+    opening, closing: after the needle leaves its seat and after it returns, at 100 MPa of rail pressure; slopes:
+    change for every 40 MPa above that.
     """
 
     opening: tuple[float, ...]
@@ -84,7 +84,7 @@ class HealthyRemainder(_BaselineSection):
 
     @model_serializer(mode="wrap")
     def _as_stated(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Figures that were stated only: each of the two writes its own."""
+        """Only the figures that were set: fit and observer set different ones."""
         return {name: value for name, value in dump(self).items() if name in self.model_fields_set}
 
 

@@ -1,13 +1,13 @@
-# Lift stop: the lift at which long openings stay, for the scale of the sensor.
+# The lift of the needle's stop, where long openings stay. It shows the scale of the lift sensor.
 
 cdef enum:
-    REMEMBERED = 20  # openings
+    REMEMBERED = 20  # openings that the mean weighs equally; later ones replace the oldest
 
-cdef double NEAR = 0.1  # share by which a lift may differ from the highest so far and be that of the same stop
+cdef double NEAR = 0.1  # relative difference up to which two lifts are those of the same stop
 
 
 cdef void follow_opening(Observer* observer, int64_t position) noexcept nogil:
-    """At a sample with the needle open: note where it stays, the highest such lift of the opening."""
+    """At a sample with the needle open: note the highest lift at which it stays during this opening."""
     memory = observer.memory
     stop = &memory.stop
     lift = observer.ring[position & MASK].lift
@@ -21,7 +21,7 @@ cdef void follow_opening(Observer* observer, int64_t position) noexcept nogil:
 
 
 cdef void take_opening(Observer* observer) noexcept nogil:
-    """The needle is shut: the highest lift at which it stayed is that of the stop, if it is not far below others."""
+    """After the needle has shut: average the lift at which it stayed, unless it lies far below that of the stop."""
     stop = &observer.memory.stop
     highest = stop.highest
     stop.highest, stop.level_count = 0.0, 0

@@ -1,4 +1,4 @@
-"""Recordings as histories, looked over first, then evaluated apart or as one, once or twice; their learned states."""
+"""Examines recordings, and evaluates them one by one or as one history, once or twice; writes the learned state."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,13 +26,13 @@ EvaluateRun = Callable[
     [Sequence[SignalStream], Knowledge | None, Progress, LearnerFactory],
     tuple[Sequence[Evaluation], Knowledge],
 ]
-"""Evaluates the sources of one run: from what was learned before, with a learner made so."""
+"""Evaluates the sources of one run, given the knowledge before it and the factory of its learner."""
 
 
 def look_over(bench: Bench, sources: Sequence[SignalStream], console: Console) -> None:
-    """Warn of oddities of recordings, and about the model's fit, before the first of them is evaluated.
+    """Warn of oddities in recordings and of doubts about the model's fit, before any evaluation.
 
-    Raises `UserError` for a recording that does not go with the bench, or has a dead signal.
+    Raises `UserError` for a recording that does not match the bench, or has a dead signal.
     """
     benches = [bench_for(bench, source) for source in sources]
     for doubt in dict.fromkeys(doubt_about_fit(own.injector) for own in benches):
@@ -59,8 +59,8 @@ def run_by_run(
 ) -> tuple[list[Evaluation], Knowledge]:
     """Evaluate every source by itself, or all of them as one history, in which knowledge goes on from run to run.
 
-    twice: look at every injection of a run again; progress: takes the samples done of all. Gives the knowledge at the
-    end of the last run, too. Raises `UserError` for sources of one history that are not sampled alike.
+    twice: evaluate each run a second time with what the first taught; progress: gets the number of samples done.
+    Also returns the knowledge at the end of the last run. Raises `UserError` for a history of several sample rates.
     """
     runs = in_runs(sources) if chain else [[source] for source in sources]
     if chain:
@@ -89,7 +89,7 @@ def refuse_missing_state(location: str, path: Path | None) -> None:
 
 
 def write_state(path: Path, knowledge: Knowledge, parameters: InjectorParameters) -> None:
-    """Write what was learned with a model, as its file states it; no daemon may keep the file.
+    """Write the learned state of a model. No daemon may be using the file.
 
     Raises `UserError`, `RunError` where it cannot be written.
     """

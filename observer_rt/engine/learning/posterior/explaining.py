@@ -1,4 +1,4 @@
-"""Explains an event by every hypothesis and every kind that it may be, and weighs them against each other."""
+"""Explains an event by every hypothesis and every kind of event, and computes the weights of these explanations."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -38,11 +38,11 @@ _OWN = (BEFORE, QUICK)
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """An event as one kind of what it may be, after a hypothesis: prior, and where it is explained best.
+    """An event explained as one kind, given one hypothesis: the prior, and the theta that explains it best.
 
-    log_weight: of it; weight: over those of all. held: the prior with the gain held at what the samples at rest say.
-    cost: round theta (m,), where that was fitted, fit: that;
-    kind: `SETTLED` of hypotheses that come back, mode: after it. moving: where wear moves on.
+    log_weight: logarithm of its weight; weight: normalised over all explanations. kind: `SETTLED` where the injector
+    returns to a settled state. held: the prior, with the gain fixed by the samples at rest. cost: linearised about
+    theta (m,); fit: None where theta was not fitted. moving: drift of the wear, if any.
     """
 
     hypothesis: Possibility
@@ -59,18 +59,18 @@ class Explanation:
 
     @property
     def is_good(self) -> bool:
-        """Whether the event is explained, and learned from."""
+        """Whether the event can be learned from."""
         return self.kind.mode.is_good
 
     @cached_property
     def score_as_believed(self) -> float | None:
-        """Score of the event before it was fitted; None where it came not as believed, or nothing was believed."""
+        """Score of the event before the fit; None if it was not expected so, or nothing was learned before."""
         if self.kind not in BELIEVED or self.hypothesis.learned.is_prior:
             return None
         return self.reading.first.score(self.held.prior.covariance)
 
     def fitted(self, reader: EventReader) -> "Explanation":
-        """The same, fitted."""
+        """This explanation with theta fitted."""
         if self.fit is not None:
             return self
         fit = fitter_of(self.hypothesis, self.reading, reader).fit(self.cost, self.held.prior, c.STEPS)
@@ -79,7 +79,7 @@ class Explanation:
 
 @dataclass(eq=False)
 class _FoundExplanation:
-    """A kind's evidence: its logarithm, where, the cost there; a fit where the closed form does not serve."""
+    """Evidence of a kind: logarithm, theta, cost there, and a fit if the closed form is not good enough."""
 
     prior: Belief
     held: HeldBelief
@@ -90,7 +90,7 @@ class _FoundExplanation:
 
 
 def fitter_of(hypothesis: Possibility, reading: EventReading, reader: EventReader) -> EventFitter:
-    """Fits an event from what a hypothesis believes."""
+    """The fitter of an event that starts from a hypothesis."""
     return EventFitter(reading.cost, hypothesis.learned.active, reader.limits)
 
 
@@ -107,9 +107,9 @@ Offers = Mapping[Kind, float]
 
 
 def offered(hypotheses: Sequence[Possibility]) -> list[Offers]:
-    """Offers of hypotheses, the likeliest first, which are one belief in its modes.
+    """Offers of hypotheses that share one belief and differ by their mode, the likeliest first.
 
-    Each offers that all goes on; anything else, which needs no mode, is offered by the likeliest for all of them.
+    Each offers that its mode goes on. All other kinds do not depend on the mode: the likeliest offers them for all.
     """
     logs = [
         {
@@ -128,7 +128,7 @@ def offered(hypotheses: Sequence[Possibility]) -> list[Offers]:
 
 
 class Weighing:
-    """Weighs what an event may be, hypothesis after hypothesis, the likeliest first."""
+    """Computes the weights of all explanations, one hypothesis after another, the likeliest first."""
 
     def __init__(self, reader: EventReader) -> None:
         self._reader = reader
@@ -136,7 +136,7 @@ class Weighing:
         self._all: list[Explanation] = []
 
     def add(self, hypothesis: Possibility, reading: EventReading, logs: Offers) -> None:
-        """Explain the event by what a hypothesis offers. Raises numpy.linalg.LinAlgError when singular."""
+        """Explain the event by each kind that a hypothesis offers. Raises numpy.linalg.LinAlgError if singular."""
         moved, priors = self._priors(hypothesis, logs)
         held = [reading.resting.held(prior) for prior in priors.values()]
         explanations = {
@@ -169,7 +169,7 @@ class Weighing:
             kind: explanation.log + self._nearly_white(reading, explanation, before)
             for kind, explanation in likely.items()
         }
-        if AT_FAULT in logs:  # it pays for where it is fitted, too
+        if AT_FAULT in logs:  # the cost of its theta is part of it
             at_fault = (
                 before.log + before.cost.expected(before.theta) - reading.at_fault(before.theta, before.fit)
             )
@@ -194,13 +194,13 @@ class Weighing:
             )
 
     def fit_of(self, hypothesis: Possibility) -> EventFit | None:
-        """Where the event was fitted with what a hypothesis believes, if it was."""
+        """The fit of the event as expected by a hypothesis; None without one."""
         return next(
             (each.fit for each in self._all if each.hypothesis is hypothesis and each.kind is BEFORE), None
         )
 
     def explanations(self) -> list[Explanation]:
-        """Explanations worth carrying on, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
+        """Explanations of sufficient weight, the likeliest first. Raises numpy.linalg.LinAlgError without any."""
         if not self._all:
             raise np.linalg.LinAlgError("no finite fit")
         logs = np.array([each.log_weight for each in self._all])
@@ -212,7 +212,7 @@ class Weighing:
     def _priors(
         self, hypothesis: Possibility, kinds: Collection[Kind]
     ) -> tuple[Moving | None, Mapping[Kind, Belief]]:
-        """Beliefs before the event by kind, and how wear moves on."""
+        """The belief before the event by kind, and the drift of the wear."""
         learned, reader = hypothesis.learned, self._reader
         if learned.is_prior:
             return None, {BEFORE: learned.belief}
@@ -230,7 +230,7 @@ class Weighing:
     def _nearly_white(
         self, reading: EventReading, explanation: _FoundExplanation, before: _FoundExplanation
     ) -> float:
-        """Nats by which what a kind leaves is more likely, being nearly white; as before, if it leaves as much."""
+        """Nats that a kind gains by nearly white innovations; those of `before` count if both fit equally well."""
         leaves, as_before = (each.cost.expected(each.theta) for each in (explanation, before))
         alike = before if abs(leaves - as_before) < c.LEFT_ALIKE else explanation
         return nearly_white(reading.leaves(alike.theta, alike.fit), reading.cost.temper, reading.healthy)
@@ -243,7 +243,7 @@ class Weighing:
         explanation: _FoundExplanation,
         behind: float,
     ) -> None:
-        """Fit a kind by itself, where it may matter and its closed form does not serve; behind: nats to the best."""
+        """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
         first = reading.first
         far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
         falls = first.value - first.expected(explanation.theta)

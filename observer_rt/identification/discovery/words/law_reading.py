@@ -1,4 +1,4 @@
-"""Laws read from their trees: a size with its unit, and of what physical quantity the law is which simple form."""
+"""Reads the tree of a law: its size and gates, and whether it is a straight line over a physical quantity."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GATES = {
 
 @dataclass(frozen=True)
 class Subject:
-    """A physical quantity that is a variable, or a difference of two; unit: of its values."""
+    """A physical quantity: one variable, or the difference of two; unit: of its values."""
 
     words: str
     unit: str
@@ -44,7 +44,7 @@ class Subject:
         return self.unit if self.unit != "-" else "unit"
 
     def at(self, value: float) -> str:
-        """A value of it in words, such as `a line pressure of 95 MPa`."""
+        """The quantity at a value, in words: `a line pressure of 95 MPa`."""
         if self.of == SINCE:
             return f"{value:.3g} ms after the opening"
         article = "an" if self.words[0] in "aeiou" else "a"
@@ -83,7 +83,7 @@ LIFT_SHARE = Subject("needle lift over the largest", "-", {Variable.NEEDLE_LIFT:
 
 @dataclass(frozen=True)
 class StraightLaw:
-    """slope times (a physical quantity less zero)."""
+    """The law slope * (quantity - zero)."""
 
     subject: Subject
     slope: float
@@ -92,7 +92,7 @@ class StraightLaw:
 
 @dataclass(frozen=True)
 class Product:
-    """A law as size times gates times factors that are neither."""
+    """A law as a product of its size, its gates, and all other factors."""
 
     size: float
     gates: tuple[Variable, ...]
@@ -105,7 +105,7 @@ def with_unit(number: str, unit: str) -> str:
 
 
 def with_largest_lift(law: Law, largest: float | None) -> Law:
-    """A law with the largest lift [m] put in; None: as it is."""
+    """The law with the largest lift [m] as a number; unchanged without one."""
     if largest is None:
         return law
     match law:
@@ -119,7 +119,7 @@ def with_largest_lift(law: Law, largest: float | None) -> Law:
 
 
 def product_of(law: Law) -> Product:
-    """Factors of a law, without its coefficient."""
+    """Split a law into its factors; the coefficient counts as 1."""
     match law:
         case Coefficient():
             return Product(1.0, (), ())
@@ -145,7 +145,7 @@ def product_of(law: Law) -> Product:
 
 
 def line_of(law: Law) -> StraightLaw | None:
-    """A law that is a straight line over one physical quantity; None of any other."""
+    """The law as a straight line over one physical quantity; None if it is not one."""
     combination = _combination(law)
     if combination is None:
         return None
@@ -170,7 +170,7 @@ _Combination = tuple[dict[Variable, float], float]
 
 
 def _combination(law: Law) -> _Combination | None:
-    """Slopes by variable and a constant, of a law that is linear in all of its variables."""
+    """Slope by variable, and the constant, of a linear law; None for any other."""
     match law:
         case Number():
             return {}, law.reckoned

@@ -12,10 +12,11 @@ from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.coil_current import (
     CoilCurrent,
     CoilPulse,
-    Edge,
     Energizing,
     pulse_ends,
+    with_step,
 )
+from observer_rt.engine.learning.disturbances.edges import Edge, OtherColumns
 from observer_rt.model.effective import coefficients
 
 INTERVAL = 1e-5  # s
@@ -45,6 +46,9 @@ def slopes() -> NDArray[np.float64]:
     return np.stack([np.where((k > 120) & (k < 250), 1.0, 0.0), np.sin(k / 40.0)], axis=1)
 
 
+OTHER = OtherColumns.of(slopes(), PRIOR)
+
+
 def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
     """What was found in events with a pulse of a height [SIGMA]."""
     current, ends = CoilCurrent(), pulse_ends(INTERVAL)
@@ -52,7 +56,7 @@ def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
         noise = window(SIGMA * np.random.default_rng(seed).normal(size=COUNT))
         recorded = CoilPulse(-height * SIGMA, BEFORE, until).taken_out(noise)
         edge = Edge(height * SIGMA, BEFORE)
-        current = current.after(recorded, edge, as_seen, slopes(), PRIOR, ends)
+        current = current.after(recorded, edge, as_seen, OTHER, ends)
     return current
 
 
@@ -88,9 +92,15 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
         taken[opening - BEFORE : shut - UNTIL] = True
     assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
     cost = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
-    fit = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)))
+    fit = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=slopes())
     coil = Energizing(current=current)
     without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, MODEL)  # type: ignore[arg-type,return-value]
     assert said
     assert not without.is_known
     assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0
+
+
+def test_with_step_raises_the_line_pressure_from_a_sample_on() -> None:
+    stepped = with_step(window(np.ones(COUNT)), 30, 0.5).output
+    assert (stepped[:30] == 1.0).all()
+    assert (stepped[30:] == 1.5).all()

@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.coil_current import EdgeSearch, edge_places, with_step
+from observer_rt.engine.learning.disturbances.edges import (
+    EdgeSearch,
+    OtherColumns,
+    edge_places,
+    sums_at_rest,
+    sums_beside_flow,
+)
 
 INTERVAL = 1e-5  # s
 COUNT, OPENING = 400, 100
 PLACES = edge_places(INTERVAL)
 DELAY = 25  # samples before the opening
-
-
-def window() -> Window:
-    return Window(np.zeros((COUNT, 2)), np.ones(COUNT), np.zeros(COUNT, np.bool_), np.zeros(4), OPENING)
 
 
 def response_from(first: int) -> NDArray[np.float64]:
@@ -23,16 +24,21 @@ def response_from(first: int) -> NDArray[np.float64]:
     return np.where(k >= 0, 0.95 ** np.maximum(k, 0), 0.0)
 
 
+def at_rest(innovations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums of an event in which nothing flows before the opening."""
+    response = response_from(OPENING - PLACES.longest)
+    return sums_at_rest(innovations[:OPENING], response[:OPENING], PLACES)
+
+
 def edges_found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
     """Event by event, with steps of a height and a swing at the same phase in all, in standard deviations."""
     search = EdgeSearch()
-    response = response_from(OPENING - PLACES.longest)
     result = []
     for seed in range(events):
         innovations = np.random.default_rng(seed).normal(size=COUNT)
         innovations += height * response_from(OPENING - DELAY)
         innovations += unquiet * np.sin(np.arange(COUNT) / 8.0)
-        search = search.after(window(), innovations, response, 1.0, PLACES)
+        search = search.after(at_rest(innovations), 1.0)
         result.append(search.edge(PLACES) is not None)
     return result
 
@@ -51,10 +57,9 @@ def test_a_large_step_is_found_as_soon_as_it_recurs() -> None:
 def test_place_and_height_of_a_step_are_told() -> None:
     search = EdgeSearch()
     sigma = 2e-3
-    response = response_from(OPENING - PLACES.longest)
     for seed in range(30):
         innovations = np.random.default_rng(seed).normal(size=COUNT) + 1.5 * response_from(OPENING - DELAY)
-        search = search.after(window(), sigma * innovations, response, sigma, PLACES)
+        search = search.after(at_rest(innovations), sigma)
     edge = search.edge(PLACES)
     assert edge is not None
     assert edge.before == pytest.approx(DELAY, abs=1)
@@ -71,17 +76,32 @@ def test_what_swings_at_standstill_is_no_edge() -> None:
 
 def test_a_lift_that_is_recorded_late_is_no_edge() -> None:
     search = EdgeSearch()
-    response = response_from(OPENING - PLACES.longest)
     for seed in range(20):
         innovations = np.random.default_rng(seed).normal(size=COUNT)
         innovations[OPENING - 3 :] -= 8.0
         if seed % 7 == 3:  # and once in a while by much
             innovations[OPENING - 20 :] -= 30.0
-        search = search.after(window(), innovations, response, 1.0, PLACES)
+        search = search.after(at_rest(innovations), 1.0)
         assert search.edge(PLACES) is None
 
 
-def test_with_step_raises_the_line_pressure_from_a_sample_on() -> None:
-    stepped = with_step(window(), 30, 0.5).output
-    assert (stepped[:30] == 1.0).all()
-    assert (stepped[30:] == 1.5).all()
+FLOW = np.where(np.arange(COUNT) > OPENING - 20, np.minimum(np.arange(COUNT) - OPENING + 20, 60) / 20.0, 0.0)
+
+
+@pytest.mark.parametrize(("height", "flow"), [(1.5, 0.0), (-1.5, 3.0), (0.0, 3.0)])
+def test_a_pulse_is_told_from_a_flow_that_begins_with_it(height: float, flow: float) -> None:
+    search = EdgeSearch()
+    other = OtherColumns.of(FLOW[:, np.newaxis], np.full(1, 10.0))
+    pulse = response_from(OPENING - PLACES.longest) - response_from(OPENING + 200)
+    for seed in range(12):
+        innovations = np.random.default_rng(seed).normal(size=COUNT) + flow * FLOW
+        innovations += height * (response_from(OPENING - DELAY) - response_from(OPENING + 200))
+        innovations = other.taken_from(innovations)
+        search = search.after(sums_beside_flow(OPENING, innovations, pulse, other, PLACES), 1.0)
+    edge = search.edge(PLACES)
+    if height == 0.0:
+        assert edge is None
+    else:
+        assert edge is not None
+        assert edge.before == pytest.approx(DELAY, abs=1)
+        assert edge.height == pytest.approx(height, rel=0.15)

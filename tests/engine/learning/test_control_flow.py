@@ -106,11 +106,12 @@ def with_coil_pulse(height: float) -> Step:
 
 @pytest.mark.parametrize(("flow", "height"), [(0.0, -0.3e6), (4.0, -0.3e6), (4.0, 0.3e6), (4.0, 0.15e6)])
 def test_the_coil_is_not_taken_for_control_flow(flow: float, height: float) -> None:
-    """Left in, it makes masses up to 5.7 % wrong."""
+    """Left in, it makes masses up to 5.7 % wrong; it is taken out as soon as its end is likely."""
     around = Surroundings(before_noise=(with_coil_pulse(height),))
     run = learned(flow, Faults(orifice_area=0.1), around=around)
-    assert np.abs(run.errors[run.valid]).max(initial=0.0) < 0.015
-    assert {each.reason for each in run.reports} & {Reason.CONTRADICTED, Reason.REVISED}
+    assert np.abs(run.errors[run.valid]).max() < WRONG
+    assert sum(run.valid) >= 9
+    assert control_flow(run)[0] == pytest.approx(flow, abs=0.4)
 
 
 @pytest.mark.slow

@@ -2,8 +2,8 @@
 
 Its beginning is a step at the same time before every opening. The needle is shut then and nothing moves, so the model
 has nothing to say to it, however small it is; over many events it stands out of the noise. Its end lies in the
-injection: it is sought where the events, all else fitted, are explained best. Until that is clear nothing is taken
-out. Left in, it would be taken for wear.
+injection: it is sought where the events, all else fitted, are explained best. Until that is likely nothing is taken
+out; then, what another end would change widens theta. Left in, the pulse would be taken for wear.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from observer_rt.model.effective import Coefficients
 
 EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
 END_STEP = 0.05e-3  # s from one end that is tried to the next
-CLEAR = 9.0  # chi2 / 2 by which an end must be better than those that are not beside it: more than four sigma
+CLEAR = 0.5  # probability of an end, among all that are tried, from which on the pulse is taken out
 # Weight of events that were fitted with the pulse: it was taken for something else in part.
 BEFORE_KNOWN = 0.02
 SHAPE = 0.05  # of its height, by which it is no rectangle
@@ -118,20 +118,22 @@ class CoilCurrent:
             alone = shape - other.slopes @ taken[i]
             products[i] += float(alone @ left)
             squares[i] += float(alone @ shape)
-        explained = 0.5 * products**2 / squares
-        best = int(np.argmax(explained))
-        others = np.abs(np.arange(ends.size) - best) > 1
-        is_within = 0 < best < ends.size - 1
-        is_clear = bool(explained[best] - explained[others].max() > CLEAR)
-        if self.pulse is None and not (is_within and is_clear):
+        heights = products / squares
+        explained = 0.5 * heights * products
+        weights = np.exp(explained - explained.max())
+        best = int(np.argmax(weights))
+        if self.pulse is None and (best in (0, ends.size - 1) or weights[best] < CLEAR * weights.sum()):
             return replace(self, products=products, squares=squares)
-        height = float(products[best] / squares[best])
         if self.pulse is None:
             products *= BEFORE_KNOWN
             squares *= BEFORE_KNOWN
-        pulse = CoilPulse(height, edge.before, int(ends[best]))
-        variance = 1.0 / squares[best] + (SHAPE * height) ** 2
-        return CoilCurrent(products, squares, pulse, variance * np.outer(taken[best], taken[best]))
+        pulse = CoilPulse(float(heights[best]), edge.before, int(ends[best]))
+        # by how much theta differs where the pulse ends elsewhere, or is of another height
+        apart = heights[:, np.newaxis] * taken - heights[best] * taken[best]
+        variances = 1.0 / squares + (SHAPE * heights) ** 2
+        shares = (weights / weights.sum())[:, np.newaxis]
+        covariance = apart.T @ (shares * apart) + taken.T @ (shares * variances[:, np.newaxis] * taken)
+        return CoilCurrent(products, squares, pulse, covariance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,6 @@ from observer_rt.engine.learning.disturbances.edges import (
     sums_beside_flow,
 )
 from observer_rt.engine.learning.fitting import EventFit
-from observer_rt.model.effective import Coefficients
 
 EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
 END_STEP = 0.05e-3  # s from one end that is tried to the next
@@ -156,12 +155,12 @@ class Energizing:
         cost_of: Callable[[Window], EventCost],
         prior: NDArray[np.float64],
         interval: float,
-        model: Coefficients,
+        flowing: bool,
     ) -> tuple["Energizing", bool]:
         """Adds a fitted event as it was recorded; returns whether something was in it that was not taken out, too.
 
         sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before
-        any event; interval: of samples [s]; model: as fitted.
+        any event; interval: of samples [s]; flowing: whether a pilot valve's flow is in it.
         """
         places = edge_places(interval)
         first = window.opening - places.longest
@@ -178,7 +177,6 @@ class Energizing:
             return counts
 
         other = OtherColumns.of(fit.slopes / sigma, prior)
-        flowing = model.line.servo > 0.0
         event = window if flowing else window.until(window.opening)
         innovations = left(event)
         if flowing:

@@ -33,10 +33,7 @@ class Edge:
 
 
 class EdgePlaces(NamedTuple):
-    """Range of samples before an opening in which an edge is sought, and for how many samples it is seen.
-
-    margin: samples before the opening that do not count.
-    """
+    """Samples before an opening between which an edge is sought, is seen for, and that do not count at its end."""
 
     shortest: int
     longest: int
@@ -126,9 +123,8 @@ def sums_beside_flow(
     first = opening - places.longest
     at = np.arange(places.shortest, places.longest + 1)
     pulses = np.repeat(response[:, np.newaxis], at.size, axis=1)
-    for i, before in enumerate(
-        at
-    ):  # the needle is shut until the opening: it answers alike whenever it begins
+    # Until the opening the needle is shut, and answers alike whenever the pulse begins.
+    for i, before in enumerate(at):
         pulses[: opening - before, i] = 0.0
         pulses[opening - before : opening, i] = response[first : first + before]
     alone = other.taken_from(pulses)

@@ -1,23 +1,21 @@
 """What the coil's current adds to the line pressure is taken out once its end is clear, and not before."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from observer_rt.config.bench import load_injector
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.coil_current import (
     CoilCurrent,
     CoilPulse,
     Energizing,
     pulse_ends,
-    with_step,
 )
 from observer_rt.engine.learning.disturbances.edges import Edge, OtherColumns
-from observer_rt.model.effective import coefficients
 
 INTERVAL = 1e-5  # s
 COUNT = 600
@@ -25,7 +23,6 @@ SIGMA = 1.5e-3  # p_0
 OPENINGS = ((100, 250), (400, 460))
 BEFORE, UNTIL = 25, 30
 PRIOR = np.full(2, 100.0)
-MODEL = coefficients(load_injector())
 
 
 def window(output: NDArray[np.float64]) -> Window:
@@ -41,12 +38,9 @@ def as_seen(window: Window) -> NDArray[np.float64]:
     return np.asarray(lfilter([1.0, -1.0], [1.0, -0.97], window.output / SIGMA), np.float64)
 
 
-def slopes() -> NDArray[np.float64]:
-    k = np.arange(COUNT)
-    return np.stack([np.where((k > 120) & (k < 250), 1.0, 0.0), np.sin(k / 40.0)], axis=1)
-
-
-OTHER = OtherColumns.of(slopes(), PRIOR)
+K = np.arange(COUNT)
+SLOPES = np.stack([np.where((K > 120) & (K < 250), 1.0, 0.0), np.sin(K / 40.0)], axis=1)
+OTHER = OtherColumns.of(SLOPES, PRIOR)
 
 
 def after(events: int, height: float, until: int = UNTIL) -> CoilCurrent:
@@ -91,16 +85,12 @@ def test_it_is_taken_out_of_every_opening_and_forgotten_with_the_edge() -> None:
     for opening, shut in OPENINGS:
         taken[opening - BEFORE : shut - UNTIL] = True
     assert np.allclose(output, np.where(taken, 1.0 - height, 1.0))
-    cost = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
-    fit = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=slopes())
+    cost: Any = SimpleNamespace(value=lambda _: 0.0, innovations=np.zeros(COUNT), burn_in=0)
+    fit: Any = SimpleNamespace(linearisation=SimpleNamespace(theta=np.zeros(2)), slopes=SLOPES)
     coil = Energizing(current=current)
-    without, said = coil.after(window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, MODEL)  # type: ignore[arg-type,return-value]
+    without, said = coil.after(
+        window(np.ones(COUNT)), fit, SIGMA, lambda _: cost, PRIOR, INTERVAL, flowing=False
+    )
     assert said
     assert not without.is_known
     assert without.current.undone(window(np.ones(COUNT))).output.min() == 1.0
-
-
-def test_with_step_raises_the_line_pressure_from_a_sample_on() -> None:
-    stepped = with_step(window(np.ones(COUNT)), 30, 0.5).output
-    assert (stepped[:30] == 1.0).all()
-    assert (stepped[30:] == 1.5).all()

@@ -282,18 +282,8 @@ def run(
             if beyond:
                 time, speed = t0 + j * step, (lift1 - lift0) / step
                 since = since_opening(time, strokes)
-                moment = Moment(
-                    time,
-                    since,
-                    open0,
-                    speed,
-                    q[last],
-                    p_l0,
-                    p_s,
-                    remembered[-2],
-                    valve_opening(time, strokes, laws),
-                    rail0,
-                )
+                valve = valve_opening(time, strokes, laws)
+                moment = Moment(time, since, open0, speed, q[last], p_l0, p_s, remembered[-2], valve, rail0)
                 now = altered(part, laws, moment)
             kick(q, p, rail0, 0.5 * step, now, faults)
             p_s = drift(q, p, p_s, open0, open1, step, now, faults)

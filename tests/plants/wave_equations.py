@@ -197,18 +197,8 @@ def run_wave(
             if beyond:
                 open0, speed = true_lift(lift0, remembered[-1], max_lift, laws), (lift1 - lift0) / step
                 since = since_opening(time, strokes)
-                moment = Moment(
-                    time,
-                    since,
-                    open0,
-                    speed,
-                    flows[-1],
-                    p_l0,
-                    p_s,
-                    remembered[-2],
-                    valve_opening(time, strokes, laws),
-                    rail0,
-                )
+                valve = valve_opening(time, strokes, laws)
+                moment = Moment(time, since, open0, speed, flows[-1], p_l0, p_s, remembered[-2], valve, rail0)
                 now = altered(part, laws, moment)
                 _grow_inertance(usual, lattice, flows, laws)
                 remembered[-1] = lagged(remembered[-1], lift0, lift1, step, laws.lift_memory)

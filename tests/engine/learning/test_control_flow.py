@@ -56,7 +56,12 @@ def learned(
 
 @pytest.mark.parametrize(
     ("flow", "faults"),
-    [(1.5, Faults(orifice_area=-0.15)), (4.0, Faults(orifice_area=0.1)), (8.0, Faults(seat_area=0.1))],
+    [
+        (0.0, Faults(orifice_area=0.1)),  # none at all
+        (1.5, Faults(orifice_area=-0.15)),
+        (4.0, Faults(orifice_area=0.1)),
+        (8.0, Faults(seat_area=0.1)),
+    ],
 )
 def test_it_is_found_beside_wear_and_no_mass_is_refused_or_wrong(flow: float, faults: Faults) -> None:
     run = learned(flow, faults)
@@ -66,12 +71,6 @@ def test_it_is_found_beside_wear_and_no_mass_is_refused_or_wrong(flow: float, fa
     size, sigma = control_flow(run)
     assert size == pytest.approx(flow, abs=max(4.0 * sigma, 0.02 * flow))
     assert sigma < 0.2
-
-
-def test_an_injector_without_has_none() -> None:
-    run = learned(0.0, Faults(orifice_area=0.1))
-    assert all(run.valid)
-    assert control_flow(run) == (0.0, 0.0)
 
 
 def test_a_needle_that_displaces_fuel_is_no_control_flow() -> None:

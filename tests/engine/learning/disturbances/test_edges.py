@@ -1,5 +1,7 @@
 """A step of the line pressure before every opening, found over the events; not where all of the standstill is odd."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -24,22 +26,21 @@ def response_from(first: int) -> NDArray[np.float64]:
     return np.where(k >= 0, 0.95 ** np.maximum(k, 0), 0.0)
 
 
-def at_rest(innovations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums of an event in which nothing flows before the opening."""
-    return sums_at_rest(innovations[:OPENING], response_from(OPENING - PLACES.longest)[:OPENING], PLACES)
+def searches(
+    events: int, signal: Callable[[int], NDArray[np.float64]], sigma: float = 1.0
+) -> list[EdgeSearch]:
+    """After every event in which nothing flows before the opening; signal: (n,) of an event by number, in noise."""
+    response, result = response_from(OPENING - PLACES.longest)[:OPENING], [EdgeSearch()]
+    for seed in range(events):
+        innovations = np.random.default_rng(seed).normal(size=COUNT) + signal(seed)
+        result.append(result[-1].after(sums_at_rest(innovations[:OPENING], response, PLACES), sigma))
+    return result[1:]
 
 
 def edges_found(events: int, height: float, unquiet: float = 0.0) -> list[bool]:
     """Event by event, with steps of a height and a swing at the same phase in all, in standard deviations."""
-    search = EdgeSearch()
-    result = []
-    for seed in range(events):
-        innovations = np.random.default_rng(seed).normal(size=COUNT)
-        innovations += height * response_from(OPENING - DELAY)
-        innovations += unquiet * np.sin(np.arange(COUNT) / 8.0)
-        search = search.after(at_rest(innovations), 1.0)
-        result.append(search.edge(PLACES) is not None)
-    return result
+    signal = height * response_from(OPENING - DELAY) + unquiet * np.sin(np.arange(COUNT) / 8.0)
+    return [search.edge(PLACES) is not None for search in searches(events, lambda _: signal)]
 
 
 @pytest.mark.parametrize(("height", "unsaid", "said"), [(0.7, 2, 12), (-0.7, 2, 12), (3.0, 1, 1)])
@@ -51,15 +52,10 @@ def test_a_step_below_the_noise_is_found_over_the_events(height: float, unsaid: 
 
 
 def test_place_and_height_of_a_step_are_told() -> None:
-    search = EdgeSearch()
-    sigma = 2e-3
-    for seed in range(30):
-        innovations = np.random.default_rng(seed).normal(size=COUNT) + 1.5 * response_from(OPENING - DELAY)
-        search = search.after(at_rest(innovations), sigma)
-    edge = search.edge(PLACES)
+    edge = searches(30, lambda _: 1.5 * response_from(OPENING - DELAY), sigma=2e-3)[-1].edge(PLACES)
     assert edge is not None
     assert edge.before == pytest.approx(DELAY, abs=1)
-    assert edge.height == pytest.approx(1.5 * sigma, rel=0.1)
+    assert edge.height == pytest.approx(1.5 * 2e-3, rel=0.1)
 
 
 def test_noise_has_no_steps() -> None:
@@ -71,14 +67,13 @@ def test_what_swings_at_standstill_is_no_edge() -> None:
 
 
 def test_a_lift_that_is_recorded_late_is_no_edge() -> None:
-    search = EdgeSearch()
-    for seed in range(20):
-        innovations = np.random.default_rng(seed).normal(size=COUNT)
-        innovations[OPENING - 3 :] -= 8.0
-        if seed % 7 == 3:  # and once in a while by much
-            innovations[OPENING - 20 :] -= 30.0
-        search = search.after(at_rest(innovations), 1.0)
-        assert search.edge(PLACES) is None
+    """And is once in a while recorded much later."""
+
+    def late(event: int) -> NDArray[np.float64]:
+        k = np.arange(COUNT) - OPENING
+        return np.where(k >= -3, -8.0, 0.0) + np.where((k >= -20) & (event % 7 == 3), -30.0, 0.0)
+
+    assert not any(search.edge(PLACES) for search in searches(20, late))
 
 
 FLOW = np.where(np.arange(COUNT) > OPENING - 20, np.minimum(np.arange(COUNT) - OPENING + 20, 60) / 20.0, 0.0)

@@ -15,7 +15,7 @@ from observer_rt.model.terms.term import Term, TermEquation
 EXACT_DIGITS = 3  # of a number within a law, beside its range
 DEAD_ZONE = 0.002  # of the bound: a smaller term does not matter
 
-_COMPONENTS = {
+COMPONENTS = {
     TermEquation.LINE_FLOW: Component.LINE_FLOW,
     TermEquation.LINE_PRESSURE: Component.CLOSED_END,
     TermEquation.SEAT_FLOW: Component.SEAT,
@@ -83,7 +83,7 @@ def term_effect(equation: TermEquation, form: str, numbers: tuple[FormNumber, ..
     highest = equation.bounds[1]
     lowest = max(equation.bounds[0], -highest)
     size = EffectParameter("c", str(equation.unit), 1.0, 0.0, lowest, highest, DEAD_ZONE * highest, (0.0,))
-    return Effect(f"{equation}: {applied.law}", _COMPONENTS[equation], (size,), applied, str(applied.law), "")
+    return Effect(f"{equation}: {applied.law}", COMPONENTS[equation], (size,), applied, str(applied.law), "")
 
 
 def form_freed(effect: Effect) -> Effect:

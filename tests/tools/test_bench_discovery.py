@@ -1,6 +1,5 @@
 """What the discovery benchmark makes of answers: its definitions by hand-made ones, and cases with a stub to ask."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,9 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.discovery import nominal, real_line
-from tools.benchmarks.discovery.answers import Answer, Grade, calibration_error
+from tools.benchmarks.discovery.answers import Answer, Grade, calibration_error, draw_calibration
 from tools.benchmarks.discovery.cases import HiddenCase, Query, nominal_cases, real_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.discovery.nominal import detection_limit
 from tools.benchmarks.discovery.real_line import is_larger
 from tools.benchmarks.discovery.rigs import GIVEN, Rig
 from tools.benchmarks.discovery.scoring import gaps, held_intervals
@@ -80,21 +78,13 @@ def test_answers_of_tier_a_are_graded(name: str, said: Answer, rival: float, gra
     assert row["right"] is (grade is not Grade.WRONG)
 
 
-def test_detection_limit_parts_found_from_not_found() -> None:
-    def limit(*sizes: float) -> float:
-        return detection_limit(pd.Series(sizes))
-
-    assert limit(0.8, -0.01, -0.02, 0.04, 0.1, 0.2) == pytest.approx(math.sqrt(0.02 * 0.04))
-    assert limit(0.8, -0.01, 0.02, -0.04, 0.1, 0.2) == pytest.approx(math.sqrt(0.01 * 0.02))
-    assert limit(0.8, 0.01) == 0.01
-    assert math.isnan(limit(-0.8, -0.01))
-
-
-def test_calibration_error_is_the_mean_distance_of_confidence_and_right_share() -> None:
+def test_calibration_is_the_distance_of_confidence_and_right_share_and_is_drawn(tmp_path: Path) -> None:
     sure, unsure = [0.96] * 9 + [-0.96], [0.5, -0.5] * 5
     assert calibration_error(pd.Series(sure)) == pytest.approx(0.06)
     assert calibration_error(pd.Series(unsure)) == pytest.approx(0.0)
     assert calibration_error(pd.Series(sure + unsure)) == pytest.approx(0.06 * 10 / 20)
+    draw_calibration(pd.Series(sure + unsure), tmp_path / "calibration.png")
+    assert (tmp_path / "calibration.png").read_bytes().startswith(b"\x89PNG")
 
 
 def findings_of(parts: Parts) -> list[Row]:

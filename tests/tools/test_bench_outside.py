@@ -16,7 +16,7 @@ from tools.benchmarks.discovery.outside import bars, facts_of, score_outside
 from tools.benchmarks.discovery.outside_answers import OutsideAnswer, ProposedTerms, vocabulary_without
 from tools.benchmarks.discovery.scoring import Misfit
 
-GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2), "after")
+GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2))
 SEAT = replace(GOOD, equations=("needle_lift",))
 ANSWER = OutsideAnswer(
     "unknown",
@@ -50,13 +50,6 @@ def named(*names: str, asked: Query = Query.SINGLE, name: str = "seat_area", **c
     proposals = changes.pop("proposals", ())
     said = {"verdict": "named", "claims": names, "by_vocabulary": names, "named": Misfit(0.1, 0.1), **changes}
     return facts(*proposals, asked=asked, name=name, **said)
-
-
-def test_a_phase_is_right_where_the_law_acts() -> None:
-    assert facts(GOOD)["right_phase"] is True
-    assert facts(replace(GOOD, phase="open"))["right_phase"] is False
-    assert facts(GOOD, name="laminar_friction")["right_phase"] is None
-    assert facts()["right_phase"] is None
 
 
 @pytest.mark.parametrize(
@@ -134,6 +127,18 @@ def test_names_are_wrong_when_sure_of_what_is_not_there(row: Row, wrong: bool) -
 )
 def test_what_has_lost_its_name_is_found_by_a_term_or_a_near_tie(row: Row, good: bool) -> None:
     assert row["as_good"] is good
+
+
+@pytest.mark.parametrize(
+    ("explanation", "right"),
+    [
+        ((("guide_leakage",), ("line_pressure",)), True),  # a name beside a law stands for its equation
+        ((("guide_leakage",), ()), False),
+        ((("seat_area",), ("line_pressure",)), False),
+    ],
+)
+def test_an_explanation_is_right_by_its_name_or_its_equations(explanation: Any, right: bool) -> None:
+    assert facts(GOOD, stated=((0.9, *explanation),))["confidences"] == [0.9 if right else -0.9]
 
 
 def test_every_figure_has_a_bar_that_can_be_missed() -> None:

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from observer_rt.engine.learning.healthy import Healthy
+from observer_rt.identification.discovery.search.outcome import probabilities
 from observer_rt.identification.discovery.search.results import Candidate, Discovery, Verdict
-from observer_rt.identification.discovery.search.verdict import confidence_before
 from observer_rt.identification.discovery.words.sentences import candidate_words, proposal_words
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
@@ -33,7 +33,9 @@ def next_measurement(
     rivals = rivals_of(discovery, nominal)
     measured = [with_healthy_offset(one, healthy) for one in measured]
     known_recordings = known_of(measured, joint_likelihood(measured, nominal, healthy.shape), rivals)
-    planner = Planner(rivals, nominal, known_recordings, simulate, confidence_before)
+    planner = Planner(
+        rivals, nominal, known_recordings, simulate, lambda behind: probabilities([0.0, *behind])[0]
+    )
     return planner.plan(points_for(measured), len(os.sched_getaffinity(0)), progress)
 
 

@@ -75,9 +75,9 @@ class RecordingLikelihood:
         self._lift_noise = LiftNoise(measurement, self._with_lift_lag)
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = self._inputs(nominal)
-        c = measurement.coefficients_of(nominal)
-        batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, 0.0, c)
-        every = phases(measurement, batch)
+        key = 0, nominal.sensor.offset, measurement.coefficients_of(nominal)
+        self._nominal_batch = key, batch_of(measurement, self._rows, self._nominal_inputs, *key)
+        every = phases(measurement, self._nominal_batch[1])
         self.phases = every[self._rows.counted]
         """(n,): of the counted innovations."""
         self.rate_phases = np.zeros(0, np.int8)
@@ -96,10 +96,11 @@ class RecordingLikelihood:
             return None
         model = stable
         late = math.floor(model.sensor.delay / self.measurement.interval)
-        if abs(late) >= self._latest or self._substeps_of(model) > MAX_SUBSTEPS:
+        substeps = self._substeps_of(model)
+        if abs(late) >= self._latest or substeps > MAX_SUBSTEPS:
             return None
         schedule = self._schedule(model)
-        innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule)
+        innovation, rate = self._predicted(model, self._inputs_of(model), late, schedule, substeps)
         z = innovation[self._rows.counted] / schedule.innovation_sigma
         if self._expected is not None:
             z -= self._expected / (schedule.innovation_sigma * model.coefficients.pressure_scale)
@@ -128,12 +129,15 @@ class RecordingLikelihood:
         return in_stable_cells(measurement.as_recorded(model), measurement.interval, self._highest_pressure)
 
     def _predicted(
-        self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule
+        self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule, substeps: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
-        c = self.measurement.coefficients_of(model)
-        batch = batch_of(self.measurement, self._rows, inputs, late, model.sensor.offset, c)
-        setting = setting_of(self.measurement, model, late, self._substeps_of(model), schedule.gains[-1])
+        key = late, model.sensor.offset, self.measurement.coefficients_of(model)
+        if inputs is not self._nominal_inputs or key != self._nominal_batch[0]:
+            batch = batch_of(self.measurement, self._rows, inputs, *key)
+        else:  # of nearly all models: those that differ by a law
+            batch = self._nominal_batch[1]
+        setting = setting_of(self.measurement, model, late, substeps, schedule.gains[-1])
         innovation, rate = followed(batch, setting)
         return innovation, rate_as_recorded(self.measurement, rate)
 
@@ -145,7 +149,7 @@ class RecordingLikelihood:
         model, schedule = self._nominal.with_terms("inputs", lift_lag=lag), self._schedule(self._nominal)
         c = measurement.coefficients_of(model)
         inputs = TrueInputs(measurement, model.inputs, c, self._rail(model.inputs))
-        innovation, _ = self._predicted(model, inputs, 0, schedule)
+        innovation, _ = self._predicted(model, inputs, 0, schedule, self._substeps_of(model))
         return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
 
     def _substeps_of(self, model: EffectiveModel) -> int:
@@ -190,8 +194,9 @@ class RecordingLikelihood:
         schedule = self._schedule(nominal)
         shifted = nominal.with_terms("inputs", lift_shift=nominal.inputs.lift_shift + noise)
         late = math.floor(nominal.sensor.delay / self.measurement.interval)
-        _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule)
-        _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule)
+        substeps = self._substeps_of(nominal)
+        _, rate = self._predicted(nominal, self._nominal_inputs, late, schedule, substeps)
+        _, other = self._predicted(shifted, self._inputs_of(shifted), late, schedule, substeps)
         return np.asarray(np.abs(other - rate)[self._rows.rate_rows + late], np.float64)
 
     def _rate_sigma_at(self, lift_lag: float) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ def _by_id(findings: Findings) -> dict[str, Caveat]:
 
 def test_good_recordings_leave_no_reservation(worn: Worn) -> None:
     assert worn.findings.caveats == ()
-    assert as_text(worn.findings).splitlines()[0].endswith("(confidence 0.99)")
+    assert as_text(worn.findings).splitlines()[0].endswith("(confidence 0.96)")
 
 
 def _without_rate(findings: Findings) -> Findings:

@@ -15,7 +15,7 @@ from observer_rt.foundation.errors import UserError
 from tools.benchmarks import command_line as cli
 from tools.benchmarks.campaign import Row, conclude, run_cases, table, values_of
 from tools.benchmarks.discovery import nominal, outside, real_line
-from tools.benchmarks.discovery.answers import calibration
+from tools.benchmarks.discovery.answers import calibration, draw_calibration
 from tools.benchmarks.discovery.cases import (
     HEALTHY,
     OUTSIDE_SHARES,
@@ -80,11 +80,14 @@ def discovery(
         count = 0 if all_kinds else outside.CASES if cases is None else cases
         hidden = outside_cases(str(tier), count, rates, plants, seed, named)
         frame = _run(outside.score_outside, hidden, jobs, out)
+        confidences = values_of(frame, "confidences")
+        if len(confidences):
+            draw_calibration(confidences, out / "calibration.png")
         tables = {
             f"asked: {asked}": table(frame[frame["asked"].eq(asked)], "hidden", outside.COLUMNS)
             for asked in OUTSIDE_SHARES
             if "asked" in frame and frame["asked"].eq(asked).any()
-        } | {"confidence": calibration(values_of(frame, "confidences"))}
+        } | {"confidence": calibration(confidences)}
         conclude(frame, outside.bars(str(tier)), tables, out, as_json, outside.misses(frame))
     elif on_lines:
         cli.chosen_names(effects.replace("+", ","), "--effects", (*EFFECTS, *OUTSIDE, HEALTHY), ())

@@ -149,23 +149,6 @@ _KINDS = (
         step=creeping_sensor),
 )  # fmt: skip
 KINDS = {kind.name: kind for kind in _KINDS}
-_MOVING = frozenset({"opening", "closing"})
-ACTS_IN = {
-    **dict.fromkeys(("root_leakage", "needle_not_shut"), frozenset({"standstill", "after"})),
-    **dict.fromkeys(("needle_displacement", "seat_by_speed", "middle_loss", "seat_hysteresis"), _MOVING),
-    "lagged_lift": _MOVING,
-    "needle_behind": _MOVING | {"after"},
-    **dict.fromkeys(("open_leakage", "bent_lift", "coking_nozzle", "plugged_hole"), _MOVING | {"open"}),
-    **dict.fromkeys(
-        ("closing_hole", "viscous_nozzle", "opening_loss", "chamber_by_number"), _MOVING | {"open"}
-    ),
-    **dict.fromkeys(("chamber_by_flow", "chamber_ringing"), _MOVING | {"open"}),
-    "stop_loss": frozenset({"open"}),
-    "tap_resonance": _MOVING | {"after"},
-}
-"""Phases of an injection in which alone a law acts; that of a kind not here may act in all."""
-
-
 VOCABULARY_KINDS = EFFECTS | {
     "seat_outflow": HiddenKind(
         "seat_outflow", _T.LINE_PRESSURE, (HiddenParameter("share", "seat_outflow", 1.0, 1.0),)

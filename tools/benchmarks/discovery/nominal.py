@@ -1,11 +1,9 @@
 """Tier A: effects hidden in plants of the nominal structure; an oracle with the true model says what can be seen."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import pandas as pd
 
 from observer_rt.config.bench import load_injector
@@ -74,8 +72,6 @@ def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, f
     right = is_named or is_open if hidden else answer.verdict == NONE
     grade = Grade.AMBIGUOUS if hidden and is_open else Grade.RIGHT if right else Grade.WRONG
     said = [(float(claim["confidence"]), same_effect(claim["id"], case.name)) for claim in answer.claims]
-    values = case.parts[0][1] if hidden else ()
-    size = abs(values[0]) if values else 1.0
     return {
         "hidden": case.name,
         "text": case.text,
@@ -90,21 +86,9 @@ def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, f
         "right": right,
         "alarm": not right,
         "grade": Grade.NOT_LOOKED_FOR if hidden and not above else grade,
-        "found": size if right else -size,
         "confidences": [each if holds else -each for each, holds in said],
         "held": [],
     }
-
-
-def detection_limit(sizes: pd.Series) -> float:
-    """Size that best parts cases, positive where found, into found and not found; nan when none is found."""
-    ordered = sorted(sizes, key=abs)
-    is_found = np.array([each > 0.0 for each in ordered])
-    if not is_found.any():
-        return math.nan
-    wrong = [int(np.sum(is_found[:i]) + np.sum(~is_found[i:])) for i in range(len(ordered))]
-    cut = int(np.argmin(wrong))
-    return abs(ordered[0]) if cut == 0 else math.sqrt(abs(ordered[cut - 1] * ordered[cut]))
 
 
 def misses(frame: pd.DataFrame) -> list[str]:
@@ -128,7 +112,6 @@ BARS = (
 COLUMNS: dict[str, tuple[str, How]] = {
     **GRADES,
     "answered": ("answer", tally),
-    "found from, SI": ("found", detection_limit),
     "intervals hold": ("held", "of"),
     "p_L gap left": ("pressure_left", "median"),
     "p_L p90": ("pressure_left", "p90"),

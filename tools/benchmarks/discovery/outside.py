@@ -20,7 +20,7 @@ from tools.benchmarks.discovery.kinds import (
     TermEquation,
     near_tie,
 )
-from tools.benchmarks.discovery.laws import ACTS_IN, VOCABULARY_KINDS, kind_named
+from tools.benchmarks.discovery.laws import VOCABULARY_KINDS, kind_named
 from tools.benchmarks.discovery.outside_answers import (
     FURTHER_FOLDER,
     GIVEN_FOLDER,
@@ -70,7 +70,6 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
     if best is not None:
         of_effects = (VOCABULARY_KINDS[name].equation for name in best.effects)
         proposed = frozenset((*map(TermEquation, best.equations), *of_effects))
-    acts = ACTS_IN.get(case.name)
     accepted, after = best is not None and best.may_enter, answer.named if best is None else best.misfit
     pressure_halved = after.pressure_mpa <= HALVED * answer.before.pressure_mpa
     before_mg, after_mg = (each.mass_mg - answer.own.mass_mg for each in (answer.before, after))
@@ -115,7 +114,6 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
         "accepted": accepted,
         "right_equation": right_equation if hidden else None,
         "own_equation": kind.equation in proposed if kind else None,
-        "right_phase": best.phase in acts if best is not None and acts is not None else None,
         "rightly_named": rightly_named,
         "as_good": as_good if case.asked is Query.LEFT_OUT else None,
         "pressure_before": answer.before.pressure_mpa,
@@ -136,11 +134,16 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
 def _is_right(
     names: Iterable[str], laws: Iterable[TermEquation], case: HiddenCase, right: frozenset[TermEquation]
 ) -> bool:
-    """Whether an explanation is of the hidden effect, by name or by laws of its equation; of a healthy case none."""
+    """Whether an explanation is of the hidden effect, by name, or by laws of its equation; of a healthy case none.
+
+    Beside laws a name stands for its equation, as in a proposal.
+    """
     of_laws, named = frozenset(laws), tuple(names)
     if case.asked is Query.HEALTHY or not (of_laws or named):
         return case.asked is Query.HEALTHY and not (of_laws or named)
-    return of_laws <= right and all(near_tie(name, case.name) for name in named)
+    if of_laws:
+        return of_laws.union(VOCABULARY_KINDS[name].equation for name in named) <= right
+    return all(near_tie(name, case.name) for name in named)
 
 
 def misses(frame: pd.DataFrame) -> list[str]:
@@ -185,7 +188,6 @@ COLUMNS: dict[str, tuple[str, How]] = {
     "in library": ("in_library", "of"),
     "right equation": ("right_equation", "of"),
     "its own": ("own_equation", "of"),
-    "phase": ("right_phase", "of"),
     "proposed": ("proposed", "of"),
     "accepted": ("accepted", "of"),
     "as good": ("as_good", "of"),

@@ -32,7 +32,7 @@ GIVEN_FOLDER, FURTHER_FOLDER, HEALTHY_FOLDER = "given", "further", "healthy"  # 
 class ProposedTerms:
     """Terms proposed together, by equation and as text, beside effects of the vocabulary.
 
-    may_enter: into an amended model, by the guard; phase: in which the model as given is said to fail most.
+    may_enter: into an amended model, by the guard.
     """
 
     equations: tuple[str, ...]
@@ -40,7 +40,6 @@ class ProposedTerms:
     effects: tuple[str, ...]
     may_enter: bool
     misfit: Misfit
-    phase: str
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,6 @@ def taken(
             one.effects,
             one.may_enter,
             misfit(one.model(nominal), further),
-            one.phase.name.lower(),
         )
         for one in proposals
     )

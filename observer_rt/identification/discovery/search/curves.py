@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -162,9 +162,11 @@ class Form:
         text = self.law.replace("u", "time")
         for letter, number in zip(LETTERS, numbers, strict=False):
             text = text.replace(letter, f"({number.value!r})")
-        return np.broadcast_to(parse(text).at({"time": knots}), knots.shape)
+        return np.broadcast_to(_parsed(text).at({"time": knots}), knots.shape)
 
 
+# many curves share an axis, and with it all forms
+_parsed = lru_cache(maxsize=4096)(parse)
 RINGING = Form(
     "exp(-u/A)*sin(6.283185307*W*u + F)",
     (

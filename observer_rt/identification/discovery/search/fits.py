@@ -92,7 +92,7 @@ class Fitter:
         self._memory: FitMemory = {} if memory is None else memory
         self._fitted = fitted
         self._appears = appears
-        self._signatures: dict[str, appearance.Signature] = {}
+        self.signatures: dict[str, appearance.Signature] = {}
         self._sigmas: dict[_Key, NDArray[np.float64]] = {}
         self._judged: dict[_Key, list[JudgedModel] | None] = {}
         self._pools: dict[_Key, Pool | None] = {}
@@ -111,16 +111,11 @@ class Fitter:
         signatures = self.map(
             lambda effect: appearance.signatures(self.likelihood, self.nominal, judged, [effect]), effects
         )
-        self._signatures = {one.effect.id: one for each in signatures for one in each}
-
-    @property
-    def signatures(self) -> Sequence[appearance.Signature]:
-        """Signatures of the effects measured."""
-        return tuple(self._signatures.values())
+        self.signatures = {one.effect.id: one for each in signatures for one in each}
 
     def reference(self, effect: Effect) -> tuple[float, float]:
         """The size an effect appears to have on the healthy injector, as these recordings see it."""
-        signature = self._signatures.get(effect.id)
+        signature = self.signatures.get(effect.id)
         return (0.0, 0.0) if signature is None else appearance.reference(self._appears, signature)
 
     def smallest_visible(self, signature: appearance.Signature) -> float:
@@ -198,11 +193,7 @@ class Fitter:
             if one is not None and one.any()
         ]
         numbers = np.array([number for number, _ in scored_effects], np.int64)
-        slopes = (
-            np.column_stack([one for _, one in scored_effects])
-            if scored_effects
-            else np.zeros((here.z.size, 0), np.float32)
-        )
+        slopes = np.array([one for _, one in scored_effects], np.float32).reshape(-1, here.z.size).T
         return scored([effects[number] for number in numbers], numbers, slopes, here)
 
     def laws(self, hypotheses: Sequence[tuple[Hypothesis, NDArray[np.float64]]]) -> list[Candidate]:

@@ -8,18 +8,18 @@ from operator import attrgetter
 import numpy as np
 
 from observer_rt.identification.discovery.search.adequacy import Adequacy
-from observer_rt.identification.discovery.search.curves import CURVES, free_curves, made_to_measure
+from observer_rt.identification.discovery.search.curves import CURVES, Axis, free_curves, made_to_measure
 from observer_rt.identification.discovery.search.first_guess import Guess, is_guessed
 from observer_rt.identification.discovery.search.fits import SAME, Fitter
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis, equation_of
 from observer_rt.identification.discovery.search.law_evidence import axis_of
 from observer_rt.identification.discovery.search.library import library, span_of
-from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.identification.discovery.search.results import UNNAMED, Candidate
 from observer_rt.identification.discovery.search.scores import Scores, scored
-from observer_rt.identification.discovery.search.tables import tables
+from observer_rt.identification.discovery.search.tables import NONE, tables, validated
 from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import TermLaw, term_effect
+from observer_rt.model.term_effect import COMPONENTS, TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation
 
 MOST_TOGETHER = 3
@@ -41,6 +41,7 @@ _ALIKE = (
     {TermEquation.STIFFNESS, TermEquation.INERTANCE},
 )
 """Equations of which some laws do the same to the line pressure, or nearly."""
+_EVERY = [(equation, *one) for equation, curves in CURVES.items() for one in curves]
 
 
 class Laws:
@@ -115,10 +116,9 @@ class Laws:
         """Fits with another effect, made for the residuals: a law, else a table."""
         promising = dict.fromkeys(equation_of(scores.effects[row]) for row in np.argsort(-scores.validated))
         equations = [TermEquation(one) for one in promising if one in set(TermEquation)]
-        where = tuple(equations[:TAILORED_FURTHER] if about.ids else CURVES)
+        where = equations[:TAILORED_FURTHER] if about.ids else CURVES
         score = partial(self._fits.scores, about)
-        every = [(equation, *one) for equation in where for one in CURVES.get(equation, ())]
-        curves = free_curves(every, score)
+        curves = free_curves([one for one in _EVERY if one[0] in where], score)
         fits = self._fitted_beside(about, made_to_measure(curves, self._waves(about), score))
         if about.ids or any(map(self._is_adequate, fits)):
             return fits
@@ -138,27 +138,37 @@ class Laws:
         return waves(frequencies, max(float(one[-1] - one[0]) for one in times))
 
     def stand_ins(self, best: Candidate) -> list[Candidate]:
-        """Laws that a single one may stand for.
+        """Laws that a single effect may stand for.
 
-        Made to measure over its variable, in every other equation; of its form, where line pressure hardly tells the
-        equation from its own.
+        For a law: made to measure over its variable, in every other equation; of its form, where line pressure hardly
+        tells the equation from its own. For a name that explains all: of another form where it sits.
         """
-        law = best.hypothesis.effects[0].apply if len(best.ids) == 1 else None
+        law, score = best.hypothesis.effects[0].apply, partial(self._fits.scores, self._nothing)
+        others = list[Effect]()
         if not isinstance(law, TermLaw):
-            return []
-        span, score = span_of(self._fits.likelihood), partial(self._fits.scores, self._nothing)
-        axis = axis_of(law.law, (span.time, span.injections))
-        every = ((equation, *one) for equation, curves in CURVES.items() for one in curves)
-        over = [one for one in every if axis and one[1] is axis[0] and one[0] is not law.equation]
-        made = made_to_measure(free_curves(over, score), (), score) if over else []
-        others = [other for other in TermEquation if {law.equation, other} in _ALIKE]
-        if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
-            others = [other for other in others if {law.equation, other} != _LOSSES]
-        made += [term_effect(other, law.form, law.numbers) for other in others]
+            over = self._unlike(best)
+        else:
+            span = span_of(self._fits.likelihood)
+            axis = axis_of(law.law, (span.time, span.injections))
+            over = [one for one in _EVERY if axis and one[1] is axis[0] and one[0] is not law.equation]
+            alike = [other for other in TermEquation if {law.equation, other} in _ALIKE]
+            if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
+                alike = [other for other in alike if {law.equation, other} != _LOSSES]
+            others = [term_effect(other, law.form, law.numbers) for other in alike]
+        made = [*(made_to_measure(free_curves(over, score), (), score) if over else ()), *others]
         half = 0.5 * (self._nothing.statistic - best.statistic)
         alone = [(Hypothesis((one,)), np.zeros(1)) for one in made]
         promising = [one for one in self._fits.laws(alone) if one.statistic < best.statistic + half]
         return promising + self._freed(promising)
+
+    def _unlike(self, name: Candidate) -> list[tuple[TermEquation, Axis, str]]:
+        """Curves where a name sits that beside it gain what a law costs; the form of a right name leaves nothing."""
+        own = [one for one in _EVERY if COMPONENTS[one[0]] is name.hypothesis.effects[0].component]
+        explained = self._nothing.statistic - name.statistic
+        least = max(UNNAMED * name.spread, self._is_adequate.remainder * explained)
+        curves = free_curves(own, partial(self._fits.scores, name)) if own else []
+        more = (one for one in curves if validated(one, NONE, range(one.knots.size)) > least)
+        return [(one.equation, one.axis, one.factor) for one in more]
 
     def _leaders(self, scores: Scores) -> list[tuple[int, ...]]:
         """Rows of the best singles, a guessed one first, but for those that another of their equation stands for."""
@@ -181,9 +191,9 @@ class Laws:
         limit = (1.0 + PAIR_SHARE) * float(np.max(scores.gains, initial=0.0)) + PAIR_GAIN
         equations = [equation_of(effect) for effect in scores.effects]
         worth = [
-            (scores.pair_gain(one, other), (one, other))
-            for one, other in combinations(np.argsort(-scores.gains).tolist(), 2)
-            if equations[one] == equations[other] and scores.cosine(one, other) < SAME
+            (float(scores.gradient[[*pair]] @ scores.sizes(pair)), pair)
+            for pair in combinations(np.argsort(-scores.gains).tolist(), 2)
+            if len({equations[row] for row in pair}) == 1 and scores.cosine(*pair) < SAME
         ]
         worth.sort(reverse=True)
         return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]

@@ -69,10 +69,6 @@ class Scores:
         information = self.information[np.ix_(rows, rows)]
         return np.asarray(np.linalg.lstsq(information, self.gradient[list(rows)], rcond=1e-9)[0])
 
-    def pair_gain(self, first: int, second: int) -> float:
-        """Gain of two rows together."""
-        return float(self.gradient[[first, second]] @ self.sizes((first, second)))
-
 
 def weights_of(here: Residuals) -> NDArray[np.float64]:
     """Roots of what residuals count (n,)."""

@@ -73,7 +73,7 @@ class Search:
         if best.ids or not adequate:
             best = self._grown(best)
             adequate = self._is_adequate(best)
-        if len(best.ids) == 1 and best.terms:
+        if len(best.ids) == 1 and (best.terms or adequate):
             self._tried += self._laws.stand_ins(best)
             best = self._better([one for one in self._tried if len(one.ids) == 1], self._nothing) or best
         return self._outcome(best, adequate)

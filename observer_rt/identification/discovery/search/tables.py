@@ -87,7 +87,7 @@ def _simplest(curve: FreeCurve, price: float) -> Effect | None:
         kept = [number for number, knot in enumerate(knots.tolist()) if knot >= symmetry.first]
         while len(kept) >= min(LEAST_KNOTS, knots.size):
             if len(kept) <= symmetry.most and _is_smooth(_best_values(curve, symmetry, kept)):
-                choices.append((_validated(curve, symmetry, kept) - price * len(kept), symmetry, list(kept)))
+                choices.append((validated(curve, symmetry, kept) - price * len(kept), symmetry, list(kept)))
             smaller = [[one for one in kept if one != left] for left in kept]
             if len(kept) < 2:
                 break
@@ -127,7 +127,7 @@ def _explained(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> flo
     return float(gradient @ _values(information, gradient))
 
 
-def _validated(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
+def validated(curve: FreeCurve, symmetry: Symmetry, kept: Sequence[int]) -> float:
     """Gain in every part of the data by the values that the others give; in all where there are few parts."""
     shapes = _shapes(curve.knots, symmetry, kept)
     information = np.einsum("ik,rij,jl->rkl", shapes, curve.scores.information_of, shapes)

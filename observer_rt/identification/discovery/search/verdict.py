@@ -17,7 +17,7 @@ from observer_rt.identification.discovery.search.fits import FitMemory, Fitter, 
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.hypothesis import Hypothesis
 from observer_rt.identification.discovery.search.in_part import with_parts
-from observer_rt.identification.discovery.search.outcome import HIGHEST, TEMPER, SearchOutcome, probabilities
+from observer_rt.identification.discovery.search.outcome import HIGHEST, TEMPER, SearchOutcome
 from observer_rt.identification.discovery.search.proposals import Proposer
 from observer_rt.identification.discovery.search.results import (
     INTERVAL_MARGIN,
@@ -278,7 +278,7 @@ class _Verdict:
                     for name in ("rail_pressure", "line_pressure", "needle_lift")
                 )
             ),
-            smallest_visible=tuple(map(self._smallest_visible, self._fitter.signatures)),
+            smallest_visible=tuple(map(self._smallest_visible, self._fitter.signatures.values())),
             proposals=self._proposals,
         )
 
@@ -371,8 +371,3 @@ class _Verdict:
             tuple(sorted(variables)),
             " + ".join(leading.ids),
         )
-
-
-def confidence_before(behind: Iterable[float]) -> float:
-    """Probability of a candidate, others being behind it by these amounts of -2 log L with its price."""
-    return probabilities([0.0, *behind])[0]

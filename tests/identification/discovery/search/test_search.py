@@ -61,6 +61,13 @@ def test_a_seat_that_is_narrow_at_some_lift_may_be_a_lift_that_reads_too_much_th
     assert sum(one.probability for one in result.proposals) <= HIGHEST
 
 
+@pytest.mark.slow
+def test_a_step_of_stiffness_is_no_name_that_is_a_line_through_its_ends() -> None:
+    result = _discovered(TermEquation.STIFFNESS, "0.027*tanh((line_pressure - 100)/15)")
+    assert result.verdict is Verdict.UNKNOWN
+    assert [term.equation for term in result.proposals[0].terms] == [TermEquation.STIFFNESS]
+
+
 @pytest.mark.parametrize(("first", "last"), [(2, 2), (1, 3), (2, 4)])
 def test_no_law_of_the_injection_number_is_a_constant(first: int, last: int) -> None:
     for effect in library(RecordingSpan(1.0, first, last)):

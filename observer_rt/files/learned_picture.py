@@ -8,8 +8,7 @@ from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.figures import svg_figure
 
-FLOWS = {NOZZLE: ("nozzle", "#d62728"), SEAT: ("seat", "#9467bd")}
-"""Flows that are learned: name and colour."""
+FLOWS = {NOZZLE: ("nozzle", "#d62728"), SEAT: ("seat", "#9467bd")}  # name and colour
 HEIGHT, COLUMNS = 4.6, 3  # inches, of all curves, and of these side by side
 LEAST_RANGE = 2.0  # %, that is drawn at least: smaller changes look as small as they are
 _PERCENT = 100.0

@@ -29,6 +29,7 @@ from observer_rt.engine.learning.posterior.reader import setting_of
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.errors import UserError
 from observer_rt.model.baseline import Baseline, HealthyRemainder, HealthyShape, PhaseFigures
 from observer_rt.model.parameters import InjectorParameters
 
@@ -103,12 +104,12 @@ def observer_remainder(
 
 
 def learned_laws(injector: InjectorParameters, recordings: Sequence[Recording]) -> tuple[LearnedCurve, ...]:
-    """Laws of nozzle and seat that the network learns from recordings, those at the first one's sample rate.
-
-    Raises `UserError` as `evaluate`.
-    """
+    """Laws of nozzle and seat that the network learns from recordings; none where the observer refuses them."""
     alike = [one for one in recordings if one.sample_rate == recordings[0].sample_rate]
-    return evaluate(_bench_of(injector, alike[0]), alike).evaluations[-1].learned
+    try:
+        return evaluate(_bench_of(injector, alike[0]), alike).evaluations[-1].learned
+    except UserError:
+        return ()
 
 
 def _bench_of(injector: InjectorParameters, recording: Recording) -> Bench:

@@ -23,7 +23,7 @@ from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.term import Term, TermEquation
-from tests.identification.discovery.hidden import NOMINAL
+from tests.identification.discovery.hidden import NOMINAL, recordings
 from tests.observed_plants import recording_of
 from tests.plants.laws import COKING_TIME, Laws
 from tests.plants.parameters import Faults, Injector
@@ -182,3 +182,10 @@ def test_a_curve_that_may_be_level_is_no_guess() -> None:
     )
     assert first_guess((level, slight)) is None
     assert first_guess((level, rising)) is rising
+
+
+def test_what_the_observer_refuses_teaches_nothing() -> None:
+    (whole,) = recordings(points=((60e6, 1.9e-3),))
+    rail, lift, line = (values[::20] for values in whole.signals.values())
+    slow = Recording(whole.time[::20], rail, lift, line)
+    assert learned_laws(NOMINAL, [slow]) == ()

@@ -139,26 +139,23 @@ class Weighing:
         """Explain the event by each kind that a hypothesis offers. Raises numpy.linalg.LinAlgError if singular."""
         moved, priors = self._priors(hypothesis, logs)
         held = [reading.resting.held(prior) for prior in priors.values()]
-
-        def closed(cost: Linearisation) -> dict[Kind, _FoundExplanation]:
-            results = evidences(cost, [each.prior for each in held], self._reader.limits)
-            return {
-                kind: _FoundExplanation(prior, of, explanation.log + of.log, explanation.theta, cost)
-                for (kind, prior), of, explanation in zip(priors.items(), held, results, strict=True)
-            }
-
-        explanations = closed(reading.first)
+        explanations = {
+            kind: _FoundExplanation(prior, of, explanation.log + of.log, explanation.theta, reading.first)
+            for (kind, prior), of, explanation in zip(
+                priors.items(),
+                held,
+                evidences(reading.first, [each.prior for each in held], self._reader.limits),
+                strict=True,
+            )
+        }
         before = explanations.get(BEFORE) or explanations[SETTLED]
 
         def log_of(kind: Kind) -> float:
             return logs[kind] - reading.level + explanations[kind].log
 
         promised = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
-        for kind in tuple(explanations):
-            self._fit(hypothesis, reading, explanations[kind], log_of(kind) - promised)
-            if explanations[kind] is before and before.fit is not None:
-                # far from the first linearisation all forms are wrong by hundreds of nats: no match for a fit
-                explanations = closed(before.cost) | {kind: before}
+        for kind, explanation in explanations.items():
+            self._fit(hypothesis, reading, before, explanation, log_of(kind) - promised)
             promised = max(promised, log_of(kind))
         self._best = max(self._best, *(log_of(kind) for kind in explanations), -math.inf)
         likely = {
@@ -242,11 +239,12 @@ class Weighing:
         self,
         hypothesis: Possibility,
         reading: EventReading,
+        before: _FoundExplanation,
         explanation: _FoundExplanation,
         behind: float,
     ) -> None:
         """Fit a kind if it may matter and its closed form is too coarse; behind: nats to the best explanation."""
-        first = explanation.cost
+        first = reading.first
         far = float((np.abs(explanation.theta - first.theta) / self._reader.limits.longest_step).max())
         falls = first.value - first.expected(explanation.theta)
         is_new = hypothesis.learned.is_prior
@@ -254,9 +252,11 @@ class Weighing:
             return
         if behind <= -c.REFINED - c.FALL_COUNTS * max(falls, 0.0):
             return
+        start = first if before.fit is None else before.fit.linearisation
         steps = c.FIRST_STEPS if far > 1.0 or falls > c.FALLS_FAR or is_new else c.STEPS
-        fitter = fitter_of(hypothesis, reading, self._reader)
-        explanation.fit = fitter.fit(first, explanation.held.prior, steps)
+        explanation.fit = fitter_of(hypothesis, reading, self._reader).fit(
+            start, explanation.held.prior, steps
+        )
         explanation.cost = explanation.fit.linearisation
         explanation.log = (
             evidences(explanation.cost, [explanation.held.prior], self._reader.limits)[0].log

@@ -11,8 +11,6 @@ from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NINE_LAWS, NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import FIRST_EVENT, LINE, PERIOD, Bench, Event, Needle, Shot, Surroundings, seen_as
-from tools.benchmarks.cases import make_case
-from tools.benchmarks.scoring import bench_for_case
 
 RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s
@@ -117,10 +115,3 @@ def test_where_no_law_shows_other_pressures_are_known_at_once(faults: Faults) ->
     assert all(run.valid[WARM - 1 :])
     assert np.abs(run.errors[WARM:]).max() < 0.008
     assert np.mean(run.inside) >= 0.9
-
-
-def test_a_large_change_is_seen_whatever_came_before() -> None:
-    """+43 % after twelve events of three injections each: "as before" explains much of it, if alone it is fitted."""
-    case = make_case("jump_nozzle", 20261207, 0)
-    reports = observed(case.bench, bench_for_case(case)).reports
-    assert all(report.valid for report in reports if report.event > 12)

@@ -185,7 +185,7 @@ def test_a_curve_that_may_be_level_is_no_guess() -> None:
 
 
 def test_what_the_observer_refuses_teaches_nothing() -> None:
-    (whole,) = recordings(points=((60e6, 1.9e-3),))
-    rail, lift, line = (values[::20] for values in whole.signals.values())
-    slow = Recording(whole.time[::20], rail, lift, line)
+    (usual,) = recordings(points=((60e6, 1.9e-3),))
+    rail, lift, line = (values[::20] for values in usual.signals.values())
+    slow = Recording(usual.time[::20], rail, lift, line)
     assert learned_laws(NOMINAL, [slow]) == ()

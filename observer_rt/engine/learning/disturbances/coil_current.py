@@ -8,6 +8,7 @@ out; then, what another end would change widens theta. Left in, the pulse would 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,13 +177,13 @@ class Energizing:
             counts[: cost.burn_in] = 0.0
             return counts
 
-        other = OtherColumns.of(fit.slopes / sigma, prior)
+        other = partial(OtherColumns.of, fit.slopes / sigma, prior)  # seldom needed
         event = window if flowing else window.until(window.opening)
         innovations = left(event)
         if flowing:
             until = int(np.flatnonzero(window.inputs[:, 1] > 0.0)[-1]) - round(USUAL_END / interval)
             response = left(with_step(with_step(event, first, sigma), until, -sigma)) - innovations
-            sums = sums_beside_flow(window.opening, innovations, response, other, places)
+            sums = sums_beside_flow(window.opening, innovations, response, other(), places)
         else:
             response = left(with_step(event, first, sigma)) - innovations
             sums = sums_at_rest(innovations, response, places)
@@ -190,5 +191,5 @@ class Energizing:
         edge = edges.edge(places)
         if edge is None:
             return Energizing(edges), self.is_known
-        current = self.current.after(window, edge, left, other, pulse_ends(interval))
+        current = self.current.after(window, edge, left, other(), pulse_ends(interval))
         return Energizing(edges, current), not self.is_known

@@ -115,9 +115,8 @@ def resting_segments(window: Window, first: int, shortest: int) -> list[slice]:
 
     Masked samples end them, because gaps would add a colour of their own.
     """
-    resting = np.zeros(
-        window.resting.size + 2, np.bool_
-    )  # none before the first sample, none behind the last
+    # No sample rests before the first one, nor after the last.
+    resting = np.zeros(window.resting.size + 2, np.bool_)
     resting[1 + first : -1] = window.resting[first:]
     resting[1:-1][mask_of(window)] = False
     changes = np.flatnonzero(resting[1:] != resting[:-1]).tolist()

@@ -33,9 +33,8 @@ CLEAR = 0.5  # probability of an end, among all that are tried, from which on th
 # Weight of events that were fitted with the pulse: it was taken for something else in part.
 BEFORE_KNOWN = 0.02
 SHAPE = 0.05  # of its height, by which it is no rectangle
-USUAL_END = (
-    0.25e-3  # s before the closing; of a pulse whose beginning is sought beside the flow of a pilot valve
-)
+# s before the closing, of a pulse whose beginning is sought beside the flow of a pilot valve
+USUAL_END = 0.25e-3
 
 Innovations = Callable[[Window], NDArray[np.float64]]
 

@@ -178,7 +178,8 @@ def needle(position: float) -> float:
     return float(np.interp(position, [120.37, 131.2, 208.1, 221.9], [0.0, 3e-4, 3e-4, 0.0]))
 
 
-@given(st.floats(-0.9, 0.9), st.floats(0.999, 1.001), st.integers(1, 28))
+# The needle moves for 101 samples, in which clocks may drift by a tenth of one.
+@given(st.floats(-0.9, 0.9), st.floats(0.99905, 1.00095), st.integers(1, 28))
 @example(0.5234375, 0.999, 1)
 def test_lifts_of_another_clock_are_kept_with_their_times(phase: float, step: float, block: int) -> None:
     """Every sample has a lift that was taken as it says, each lift of an open needle belongs to one sample."""

@@ -62,7 +62,7 @@ def test_the_page_stands_alone_with_size_confidence_and_amended_model_first(worn
     page = _page(worn, judged_in_part=("long.csv: 113 of 988 complete injections chosen",))
     (effect,) = worn.findings.effects
     answer = page.text[: page.text.index("Where model and measurement disagree")]
-    for said in (f"v_H = {effect.parameters['v_H'].value:.4f}", "99%", "mg", "amended.toml"):
+    for said in (f"v_H = {effect.parameters['v_H'].value:.4f}", "96%", "mg", "amended.toml"):
         assert said in answer
     for name in (*worn.task.hashes, "113 of 988"):
         assert name in page.text  # <0>.csv: shown, not taken for a tag

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
+from observer_rt.engine.learning.account.constants import INTERVAL
 from observer_rt.engine.learning.indicators import SEAT_AREA, SEAT_DROP, nozzle_change, seat_change
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_range import FULL, EventPoint
@@ -55,9 +56,9 @@ class LearnedCurve:
 def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve, ...]:
     """Curves of what was learned, over the ranges in which there were events; none before any."""
     learned, theta = knowledge.state.learned, knowledge.in_force
-    covariance = learned.gated.carried(theta)
+    carried = learned.gated.carried(theta)
     return tuple(
-        LearnedCurve(flow, variable, inputs, change, 1.96 * np.sqrt(((slopes @ covariance) * slopes).sum(1)))
+        LearnedCurve(flow, variable, inputs, change, INTERVAL * np.sqrt(((slopes @ carried) * slopes).sum(1)))
         for flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
     )
 

@@ -109,14 +109,13 @@ class CoilCurrent:
         squares = REMEMBERED * self.squares if is_begun else np.zeros(ends.size)
         innovations_of_event = innovations(window)
         left = np.clip(innovations_of_event, -CLIP, CLIP)
-        taken = np.empty((ends.size, other.slopes.shape[1]))  # for a pulse of 1
-        for i, end in enumerate(ends):
-            without = innovations(CoilPulse(edge.height, edge.before, int(end)).taken_out(window))
-            shape = (innovations_of_event - without) / edge.height
-            taken[i] = other.pull(shape)
-            alone = shape - other.slopes @ taken[i]
-            products[i] += float(alone @ left)
-            squares[i] += float(alone @ shape)
+        pulses = (CoilPulse(edge.height, edge.before, int(end)) for end in ends)
+        without = [innovations(pulse.taken_out(window)) for pulse in pulses]
+        shapes = (innovations_of_event - np.array(without)).T / edge.height  # (n, ends), of a pulse of 1
+        taken = other.pull(shapes).T
+        alone = shapes - other.slopes @ taken.T
+        products += alone.T @ left
+        squares += np.einsum("ij,ij->j", alone, shapes)
         heights = products / squares
         explained = 0.5 * heights * products
         weights = np.exp(explained - explained.max())

@@ -1,4 +1,4 @@
-"""The user's bench file as it is for one of its injectors: buses, and the sections that all injectors share."""
+"""The user's bench file, as it reads for one of its injectors: buses, and the sections that all injectors share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ BitRate = Annotated[float, Field(ge=5e3, le=2e7)]  # the fastest is that of CAN 
 Channel = Annotated[str, Field(min_length=1)]
 LinkName = Annotated[str, Field(pattern=r"^\w[\w.-]*$")]
 
-NAME_PLACE = "{injector}"  # in texts at the top of the file
-MOST_CPUS = 8192  # that Linux knows
+NAME_PLACEHOLDER = "{injector}"  # the injector's name, in texts of the shared sections
+MOST_CPUS = 8192  # the most that Linux can be built for
 RESULT_IDS = tuple(key for key in OutputsConfig.model_fields if key.endswith("_id") and key != "injector_id")
 
 
 class LinkConfig(Section):
-    """CAN bus by which frames are received and sent."""
+    """CAN bus on which frames are received and sent."""
 
     interface: str = "socketcan"
     channel: Channel = "can0"
@@ -31,7 +31,7 @@ class LinkConfig(Section):
 
 
 class FurtherLinkConfig(Section):
-    """A further bus; keys that are left out are as in `[link]`."""
+    """A further bus; keys that are left out have the values of `[link]`."""
 
     channel: Channel
     interface: str | None = None
@@ -42,7 +42,7 @@ class FurtherLinkConfig(Section):
 
 @dataclass(frozen=True)
 class NamedLink:
-    """Bus of a bench; `name` in the bench file, empty for that of `[link]`."""
+    """Bus of a bench, by its name in the bench file; the name is empty for the bus of `[link]`."""
 
     name: str
     config: LinkConfig
@@ -59,7 +59,7 @@ class NamedLink:
 
 
 def named_links(first: LinkConfig, further: Mapping[str, FurtherLinkConfig]) -> tuple[NamedLink, ...]:
-    """Buses of a bench, complete; their places are the bus numbers."""
+    """Buses of a bench with all their keys, in the order of the bus numbers."""
     links = [NamedLink("", first)]
     for name, config in further.items():
         stated = {key: value for key, value in config if value is not None}
@@ -68,7 +68,7 @@ def named_links(first: LinkConfig, further: Mapping[str, FurtherLinkConfig]) -> 
 
 
 def require_link(location: str, name: str | None, links: Mapping[str, FurtherLinkConfig]) -> None:
-    """Raise `UserError` for the name of a bus that is not among the known ones; None is the first bus."""
+    """Raise `UserError` unless a bus has this name; None is the first bus."""
     if name is None or name in links:
         return
     if not links:
@@ -80,7 +80,7 @@ def require_link(location: str, name: str | None, links: Mapping[str, FurtherLin
 
 
 def refuse_shared_channels(location: str, links: Sequence[NamedLink]) -> None:
-    """Raise `UserError` where two buses are one channel; location: where the channels are stated."""
+    """Raise `UserError` if two buses use one channel; location: where the channels are stated."""
     seen: dict[tuple[str, str], NamedLink] = {}
     for link in links:
         channel = link.config.interface, link.config.channel
@@ -98,8 +98,8 @@ def of_links(
 ) -> dict[int, str]:
     """Values of a repeatable option by bus number: `VALUE` for the first bus, `NAME=VALUE` for another.
 
-    With one bus only all texts are values. The last of several for one bus counts. Raises `UserError` for a name that
-    no bus has.
+    On a bench with one bus every text is a value. Of several values for one bus the last counts. Raises `UserError`
+    for a name that no bus has.
     """
     names = [link.name for link in links]
     result: dict[int, str] = {}
@@ -122,13 +122,12 @@ class DatabaseConfig(Section):
 
 
 class RealTimeConfig(Section):
-    """cpus: numbers of the processors that the loops have to themselves, in turn; None: those Linux keeps apart.
+    """Processors and scheduling of the loops."""
 
-    priority: of the loops, in SCHED_FIFO; 0: none before other programs.
-    """
-
+    # numbers of the processors that the loops run on, in turn; None: those that Linux keeps free of other programs
     cpus: tuple[Annotated[int, Field(ge=0, lt=MOST_CPUS)], ...] | None = None
-    priority: Annotated[int, Field(ge=0, le=99)] = 50  # that of the kernel's own interrupt threads
+    # in SCHED_FIFO; 50 is that of the kernel's own interrupt threads, 0 leaves the loops in the normal scheduler
+    priority: Annotated[int, Field(ge=0, le=99)] = 50
 
 
 class BusesConfig(Section):
@@ -141,7 +140,7 @@ class BusesConfig(Section):
 
     @property
     def buses(self) -> tuple[NamedLink, ...]:
-        """Buses of a bench, that of `[link]` first; their places are the bus numbers."""
+        """Buses of a bench in the order of the bus numbers, that of `[link]` first."""
         return named_links(self.link, self.links)
 
     def bus_number(self, link: str | None) -> int:
@@ -150,21 +149,18 @@ class BusesConfig(Section):
 
 
 class BenchConfig(InjectorConfig, BusesConfig):
-    """Content of a bench file with one injector, or of one with several as the file is for one of them."""
+    """Content of a bench file for one injector, whether the file has one or several."""
 
 
 @dataclass(frozen=True)
 class BenchFile:
-    """A bench file as it is for one injector: `own` sections of `[injectors.<name>]` before the shared ones.
-
-    number: of the injector in the file, from 0.
-    """
+    """A bench file for one of its injectors, whose own sections override the shared ones."""
 
     path: Path
-    name: str
-    number: int
+    name: str  # of the injector; empty in a file with one injector
+    number: int  # of the injector in the file, from 0
     shared: Mapping[str, Any]
-    own: Mapping[str, Any]
+    own: Mapping[str, Any]  # sections of `[injectors.<name>]`
 
     def read(self) -> BenchConfig:
         """Join the sections stated for all injectors and for this one. Raises `UserError` at the key at fault."""
@@ -173,17 +169,17 @@ class BenchFile:
                 raise unknown_key(
                     f"{self.path}: injectors.{self.name}.{key}", key, InjectorConfig.model_fields
                 )
-        together = self._by_rule() if self.name else {**self.shared}
+        joined = self._shared_for_this_injector() if self.name else {**self.shared}
         for section, content in self.own.items():
-            before = together.get(section, {})
-            is_both = isinstance(before, dict) and isinstance(content, dict)
-            together[section] = {**before, **content} if is_both else content
-        return validated(BenchConfig, together, self.location, "bench")
+            shared = joined.get(section, {})
+            are_tables = isinstance(shared, dict) and isinstance(content, dict)
+            joined[section] = {**shared, **content} if are_tables else content
+        return validated(BenchConfig, joined, self.location, "bench")
 
-    def _by_rule(self) -> dict[str, Any]:
-        """The shared sections as they are for this injector: names, identifiers and the injector's own number."""
+    def _shared_for_this_injector(self) -> dict[str, Any]:
+        """The shared sections with this injector's name, its identifiers and its number filled in."""
         shared = {
-            section: _named(content, self.name) if section in InjectorConfig.model_fields else content
+            section: _with_name(content, self.name) if section in InjectorConfig.model_fields else content
             for section, content in self.shared.items()
         }
         outputs = shared.get("outputs", {})
@@ -203,21 +199,21 @@ class BenchFile:
         return {**shared, "outputs": {"injector_id": 1 + self.number, **outputs, **moved}}
 
     def location(self, *location: str | int) -> str:
-        """Place of an entry in the file, by the keys that lead to it."""
-        here: Any = self.own
+        """Location of an entry in the file, by the keys that lead to it."""
+        own: Any = self.own
         for key in location[:2]:
-            here = here.get(key) if isinstance(here, Mapping) else None
-        prefix = f"injectors.{self.name}." if self.name and here is not None else ""
+            own = own.get(key) if isinstance(own, Mapping) else None
+        prefix = f"injectors.{self.name}." if self.name and own is not None else ""
         return f"{self.path}: {prefix}{'.'.join(map(str, location)) or 'file'}"
 
 
-def _named(shared: Any, name: str) -> Any:
-    """Value that the file states for all, with the name of one in it."""
+def _with_name(shared: Any, name: str) -> Any:
+    """Value that the file states for all injectors, with the name of one of them in place of the placeholder."""
     match shared:
         case str():
-            return shared.replace(NAME_PLACE, name)
+            return shared.replace(NAME_PLACEHOLDER, name)
         case dict():
-            return {key: _named(value, name) for key, value in shared.items()}
+            return {key: _with_name(value, name) for key, value in shared.items()}
         case list():
-            return [_named(value, name) for value in shared]
+            return [_with_name(value, name) for value in shared]
     return shared

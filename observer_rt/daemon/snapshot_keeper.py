@@ -48,7 +48,7 @@ from observer_rt.engine.service.constants import calibration_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
 
 LOAD_WINDOW = 1.0  # s
 LONGEST_WINDOW = 3.0  # s; older counts of frames are not compared with
@@ -167,7 +167,7 @@ class SnapshotKeeper:
             "line_pressure_MPa": pressure(rows["line_pressure"]),
             "modelled_pressure_MPa": pressure(rows["x_hat"][:, 0]),
             "rate_mm3_per_ms": rows["injection_rate"] / MM3_PER_MS,
-            "rate_bound_mm3_per_ms": 1.96 * sigma / MM3_PER_MS,
+            "rate_bound_mm3_per_ms": Z_95 * sigma / MM3_PER_MS,
             **{f"{each.name}_rate_mm3_per_ms": each.rate / MM3_PER_MS for each in compared},
         }
         return {name: values.astype(np.float32) for name, values in curves.items()}

@@ -1,4 +1,4 @@
-"""Inputs of `discover`: recordings from files, or evidence that a daemon kept, and their model."""
+"""Inputs of `discover`: recordings from files or evidence that a daemon kept, and the model to compare them with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,16 +20,13 @@ from observer_rt.model.effect import SizedEffect
 
 @dataclass(frozen=True, eq=False)
 class DiscoverInputs:
-    """The injector file, measurements with their SHA-256 by name, healthy ones with their files.
+    """All that a search looks at."""
 
-    stated: delays and lags of the channels, from the bench file.
-    """
-
-    model: Path
+    model: Path  # injector file
     measured: tuple[Measurement, ...]
-    hashes: dict[str, str]
+    hashes: dict[str, str]  # SHA-256 of the measured files, by name
     healthy: tuple[Measurement, ...] = ()
-    stated: tuple[SizedEffect, ...] = ()
+    stated: tuple[SizedEffect, ...] = ()  # delays and lags of the channels, from the bench file
 
 
 def inputs_of_recordings(
@@ -40,7 +37,7 @@ def inputs_of_recordings(
     from_channel: Sequence[str],
     console: Console,
 ) -> DiscoverInputs:
-    """Recordings read from files; model: None: the bench file's. Raises `UserError` for files that cannot serve."""
+    """Inputs from recordings; model None: that of the bench file. Raises `UserError` for files that cannot serve."""
     start = model or (NOMINAL_INJECTOR if decoder is None else decoder.injector.parameters_path)
     baseline = load_injector(start).baseline
     paths = without_copies(without_truths(recordings, console), console)
@@ -54,9 +51,9 @@ def inputs_of_recordings(
 def inputs_of_evidence(
     folder: Path, model: Path | None, decoder: Bench | None, console: Console
 ) -> DiscoverInputs:
-    """Evidence of one model: that named, else the bench file's, else that in force at the newest event.
+    """Inputs from the evidence about one model: `model`, else that of the bench file, else that of the newest event.
 
-    Raises `UserError` for a folder without, and for a model that was changed since.
+    Raises `UserError` for a folder without evidence, and for an injector file that was changed since.
     """
     named = model or (None if decoder is None else decoder.injector.parameters_path)
     wanted = None if named is None else model_hash(load_injector(named))
@@ -65,7 +62,7 @@ def inputs_of_evidence(
     if model_hash(load_injector(start)) != kept.model_sha256:
         raise UserError(
             f"--from-evidence {folder}",
-            f"was kept with {start} as it was before it was changed",
-            "name a copy of it as it was by --model, or let the observer see more injections",
+            f"was kept with an earlier content of {start}",
+            "name a copy with that content by --model, or let the observer see more injections",
         )
     return DiscoverInputs(start, (kept.measurement,), kept.hashes, stated=kept.measurement.stated)

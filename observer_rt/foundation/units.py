@@ -1,4 +1,4 @@
-"""Factors between SI (inside) and the units of screens, plots, buses and CSV files.
+"""Factors between SI (inside) and the units of screens, plots, buses and CSV files, and to 95 % intervals.
 
 `value_si = value_shown * FACTOR`.
 """
@@ -16,6 +16,7 @@ MM3_PER_MS = 1e-6  # m3/s
 CUBIC_MILLIMETRE = 1e-9  # m3
 MILLIGRAM = 1e-6  # kg
 ZERO_CELSIUS = 273.15  # K
+Z_95 = 1.96  # standard deviations from the mean to either end of a 95 % interval
 
 # Units a bus database or a measurement file may state, by quantity: value_si = value * factor.
 PRESSURE_UNITS = {

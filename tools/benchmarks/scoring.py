@@ -15,7 +15,7 @@ from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.simulation.schedule import Schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.effects import sized
 from tests.observed_plants import recording_of
 from tests.plants.arrays import Array
@@ -40,7 +40,6 @@ WORN_FROM_THE_START = (
     "missing_injections",
 )
 OBSERVER, NOMINAL = "observer", "nominal"
-Z_95 = 1.96  # sigmas
 PRESSURE_SCALE = 100 * MEGAPASCAL  # of x3
 NO_REPORT = "NO_REPORT"  # in the place of a reason
 

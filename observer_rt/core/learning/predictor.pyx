@@ -163,7 +163,9 @@ def follow(
             raise ValueError("the gradient does not fit the sensor")
         if carried.tangent.n != n or carried.tangent.m < (width if run is None else flows.slopes.shape[1] + n):
             raise ValueError("the slopes do not fit the gradient")
-        of_gradient.tangent = carried.tangent
+        if not 0 <= gradient.offset < carried.tangent.m:
+            raise ValueError("the sensor's offset is no column of the gradient")
+        of_gradient.tangent, of_gradient.offset = carried.tangent, gradient.offset
         of_gradient.sensor, of_gradient.before = &sensor_by[0, 0], &before[0]
         of_gradient.indicated, of_gradient.error = &indicated_by[0], &error_by[0]
         g = &of_gradient if run is None else NULL

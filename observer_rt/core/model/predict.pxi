@@ -1,8 +1,5 @@
 # A step of the identification system x~: prediction by the model with phi and by the sensor, then correction.
 
-cdef enum:
-    COLUMN_OFFSET = 44  # of theta: the line-pressure sensor's
-
 
 cdef double predict(
     double* x, double* indicated, const Forced* forced, double late, const double* sensor, Gradient* gradient
@@ -62,7 +59,7 @@ cdef inline void _add_gain(Gradient* g, double gain, double shown) noexcept nogi
     cdef int64_t j
     for j in range(g.tangent.m):
         g.error[j] = (1.0 + gain) * g.error[j] - shown * g.sensor[SENSOR_GAIN * g.tangent.m + j]
-    g.error[COLUMN_OFFSET] -= 1.0
+    g.error[g.offset] -= 1.0
 
 
 cdef void correct(double* x, double* indicated, double innovation, const double* gain, int64_t n, Gradient* g) noexcept nogil:

@@ -205,6 +205,7 @@ cdef struct Forced:
 # What carries the filtered gradient d e~/d theta along; all but the state's tangent as wide as that is.
 cdef struct Gradient:
     Tangent tangent
+    int64_t offset  # column of theta that is the offset of the line-pressure sensor
     const double* sensor  # (SENSOR_NUMBERS, m), of the numbers of its law
     double* before  # of p_L one sample before
     double* indicated

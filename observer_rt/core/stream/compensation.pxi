@@ -1,12 +1,12 @@
 # Compensation of stated lags, sample by sample.
 #
-# A rail pressure that is late is taken from later samples, on a straight line between two. A lift y whose sensor has the
-# time constant tau is y + tau y', by central differences: they leave ramps as straight as they are, and what they take
-# from one sample beside a corner they give to the next.
+# A rail pressure that is recorded late is read from later samples, by linear interpolation between two of them. A
+# sensor with the time constant tau shows a lift x as y = x - tau y', so x = y + tau y'. The derivative is a central
+# difference: it is exact on ramps, and at a corner its errors on both sides cancel in the integral of the lift.
 
 
 cdef double true_rail_pressure(Observer* observer, int64_t number) noexcept nogil:
-    """Of the `number`-th sample [Pa]; at the ends of a stretch that of its first or last sample."""
+    """Rail pressure at sample `number` [Pa]; beyond the ends of a stretch without gaps, that of its end."""
     positions = &observer.memory.positions
     undoing = &observer.constants.undoing
     last = positions.recorded - 1
@@ -18,7 +18,7 @@ cdef double true_rail_pressure(Observer* observer, int64_t number) noexcept nogi
 
 
 cdef double true_lift(Observer* observer, int64_t number) noexcept nogil:
-    """Of the `number`-th sample [m]; at the ends of a stretch from the one neighbour it has."""
+    """Lift at sample `number` [m]; at the ends of a stretch without gaps, by a one-sided difference."""
     positions = &observer.memory.positions
     before = max(number - 1, positions.unbroken_since)
     after = min(number + 1, positions.recorded - 1)

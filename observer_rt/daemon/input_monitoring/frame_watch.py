@@ -1,4 +1,4 @@
-"""Faults shown by the frames of the inputs themselves: damaged, twice, samples lost at once, another rate."""
+"""Faults that the input frames themselves show: damage, repetition, many samples lost at once, another rate."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -11,22 +11,22 @@ from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.words import Topic
 
-LOOKS = 10  # whose frames are judged together
-LEAST = 0.005  # share of these frames, from which on it is reported
-OUT_OF_SEQUENCE = 0.1  # the same of alive counters, which a loss disturbs, too
+LOOKS = 10  # the frames of so many looks are judged together
+REPORTED_SHARE = 0.005  # of these frames; a larger share with a fault is reported
+OUT_OF_SEQUENCE = 0.1  # the same for alive counters, which lost frames disturb, too
 LOST_AT_ONCE = 0.1  # s of samples lost from one look to the next
-LASTING = 20  # looks that another rate lasts, while the model is contradicted
-ENOUGH_FRAMES = 100  # whose stamps tell a rate
+LASTING = 20  # looks with another rate and a contradicted model before it is reported
+ENOUGH_FRAMES = 100  # frames whose stamps determine a rate
 
 
 class _Fault(NamedTuple):
-    """A counter of frames, what it means, what to do, the messages it counts, the share from which it is reported."""
+    """A kind of useless frames, by the counter that counts them."""
 
-    counter: str
+    counter: str  # field of `Counters`
     meaning: str
     remedy: str
-    counts: Callable[[WatchedMessage], bool]
-    least: float = LEAST
+    counts: Callable[[WatchedMessage], bool]  # whether the counter counts frames of a message
+    least: float = REPORTED_SHARE
 
 
 def _is_protected(source: WatchedMessage) -> bool:
@@ -74,25 +74,25 @@ _FAULTS = (
 
 
 class FrameWatch:
-    """Looks at what was counted: which share of the frames is of no use and why, and samples lost at once."""
+    """Watches the counters: the share of the frames that is useless and why, and samples that are lost at once."""
 
     def __init__(self, arrivals: Arrivals, rate: float) -> None:
         """rate: of samples [Hz]."""
         self._arrivals = arrivals
         self._names = _names(filter(_has_samples, arrivals.sources))
         self._rate = rate
-        self._begin: Counters | None = None  # of the looks judged together
-        self._frames: Mapping[WatchedMessage, int] = {}  # at that begin
+        self._begin: Counters | None = None  # at the first of the looks judged together
+        self._frames: Mapping[WatchedMessage, int] = {}  # received until then
         self._last: Counters | None = None
         self._looks = 0
         self._is_explained = False
         self._reported: set[_Fault] = set()
 
     def look(self, counters: Counters, is_explained: bool) -> Iterator[Notice]:
-        """Notices; is_explained: it is reported already why frames are of no use."""
+        """Notices of a look; is_explained: another watch has already reported why frames are useless."""
         if self._begin is None or self._last is None:
             self._begin = self._last = counters
-            self._frames = self._came()
+            self._frames = self._frames_received()
             return
         lost, self._last = counters.lost_samples - self._last.lost_samples, counters
         if LOST_AT_ONCE <= lost / self._rate < REPORTED_AFTER:  # a longer silence is reported by itself
@@ -108,19 +108,19 @@ class FrameWatch:
             if not self._is_explained:
                 yield from self._judged(counters.since(self._begin))
             self._begin, self._looks, self._is_explained = counters, 0, False
-            self._frames = self._came()
+            self._frames = self._frames_received()
 
-    def _came(self) -> Mapping[WatchedMessage, int]:
+    def _frames_received(self) -> Mapping[WatchedMessage, int]:
         return {source: self._arrivals.count_of(source).frames for source in self._arrivals.sources}
 
-    def _judged(self, lately: Counters) -> Iterator[Notice]:
-        came = {source: frames - self._frames[source] for source, frames in self._came().items()}
+    def _judged(self, since_begin: Counters) -> Iterator[Notice]:
+        received = {source: now - self._frames[source] for source, now in self._frames_received().items()}
         for fault in _FAULTS:
-            counted = [source for source in came if fault.counts(source)]
-            frames = sum(came[source] for source in counted)
+            counted = [source for source in received if fault.counts(source)]
+            frames = sum(received[source] for source in counted)
             if not frames:
                 continue
-            share, names = getattr(lately, fault.counter) / frames, _names(counted)
+            share, names = getattr(since_begin, fault.counter) / frames, _names(counted)
             if share >= fault.least and fault not in self._reported:
                 self._reported.add(fault)
                 text = f"{names}: {100 * share:.2g} % of frames {fault.meaning}\n  remedy: {fault.remedy}"
@@ -135,9 +135,9 @@ def _names(sources: Iterable[WatchedMessage]) -> str:
 
 
 class RateWatch:
-    """Reports the rate that the bench file should state, where the model is contradicted and samples come at another.
+    """Reports the rate that the bench file should state, if samples come at another and the model is contradicted.
 
-    A recording that is replayed at another speed is no contradiction.
+    Only then: a recording that is replayed at another speed does not contradict the model.
     """
 
     def __init__(self, rate: float) -> None:
@@ -145,21 +145,19 @@ class RateWatch:
         self._rate = rate
         self._looks = 0
         self.reported = ""
-        """Last report, with its remedy; empty: there is none."""
+        """The report in force, with its remedy; empty if there is none."""
 
     def look(self, timing: Sequence[MessageTiming], reason: Reason) -> Iterator[Notice]:
-        """Notices."""
-        off = [
-            one for one in timing if abs(one.drift) >= LARGEST_DRIFT and one.jitter.frames >= ENOUGH_FRAMES
-        ]
+        """Notices of a look; reason: why the service is not valid."""
+        off = [it for it in timing if abs(it.drift) >= LARGEST_DRIFT and it.jitter.frames >= ENOUGH_FRAMES]
         self._looks = self._looks + 1 if off and reason is Reason.MODEL_INADEQUATE else 0
         if not off:
             self.reported = ""
         if self._looks == LASTING and not self.reported:
-            came = self._rate / (1.0 + off[0].drift)
+            actual = self._rate / (1.0 + off[0].drift)
             self.reported = (
-                f"{off[0].name}: samples come at {came:.6g} a second, sampling.rate_hz is {self._rate:g}\n"
-                f"  remedy: sampling.rate_hz is likely {float(f'{came:.3g}'):.9g}; nothing, if a recording is "
+                f"{off[0].name}: samples come at {actual:.6g} a second, sampling.rate_hz is {self._rate:g}\n"
+                f"  remedy: sampling.rate_hz is likely {float(f'{actual:.3g}'):.9g}; nothing, if a recording is "
                 "replayed at another speed"
             )
             yield Notice(Topic.INPUT, self.reported)

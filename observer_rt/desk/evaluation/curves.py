@@ -18,7 +18,7 @@ from observer_rt.engine.reports.injection_report import (
     injection_record,
 )
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS, Z_95
 from observer_rt.model.effective import Coefficients
 
 MOST_CURVES = 8
@@ -182,5 +182,5 @@ def injection_result(report: InjectionReport, segment: Segment, sample_rate: flo
         measured_mass=math.nan if measured is None else mass(measured),
         rate_rmse=rmse(rate),
         nominal_rate_rmse=rmse(nominal),
-        rate_ci95_halfwidth=1.96 * float(np.mean(flowing)) if flowing.size else math.nan,
+        rate_ci95_halfwidth=Z_95 * float(np.mean(flowing)) if flowing.size else math.nan,
     )

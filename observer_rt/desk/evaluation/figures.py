@@ -21,7 +21,7 @@ from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.files.learned_picture import FLOWS, HEIGHT, draw_learned
 from observer_rt.foundation.figures import NotebookFigure, save_figure
-from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
 
 ESTIMATED, NOMINAL, REFERENCE = "#d62728", "#1f77b4", "#222222"
 RECORDINGS = ("#d62728", "#1f77b4", "#2ca02c", "#9467bd", "#ff7f0e", "#17becf", "#8c564b", "#e377c2")
@@ -148,7 +148,7 @@ def draw_wear(axes: Axes, recordings: Sequence[Picture]) -> None:
         for effect, (_, own, style) in WEAR.items():
             estimates = [row.wear.get(effect, Estimate(np.nan)) for row in recording.masses]
             value = PERCENT * np.array([estimate.value for estimate in estimates])
-            half = PERCENT * 1.96 * np.array([estimate.sigma or np.nan for estimate in estimates])
+            half = PERCENT * Z_95 * np.array([estimate.sigma or np.nan for estimate in estimates])
             colour = own if len(recordings) == 1 else RECORDINGS[i % len(RECORDINGS)]
             axes.fill_between(numbers, value - half, value + half, color=colour, alpha=0.18, lw=0)
             marker = "." if len(numbers) <= ANNOTATED else None
@@ -300,7 +300,7 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
         reference_rate = curve.reference / MM3_PER_MS
         axes.plot(time, reference_rate, color=colour or REFERENCE, lw=wide, alpha=alpha, label=reference)
     if curve.sigma is not None and colour is None:
-        low, high = ((curve.estimated + side * 1.96 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
+        low, high = ((curve.estimated + side * Z_95 * curve.sigma) / MM3_PER_MS for side in (-1, 1))
         axes.fill_between(time, low, high, color=ESTIMATED, alpha=0.2, lw=0, label="its 95 % interval")
     axes.plot(time, curve.estimated / MM3_PER_MS, color=colour or ESTIMATED, lw=1.4, label="observer")
     nominal = curve.nominal / MM3_PER_MS

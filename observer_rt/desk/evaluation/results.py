@@ -20,7 +20,7 @@ from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.reports.injection_report import WEAR, Field, beyond_learned
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.console import say
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND
+from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MICROSECOND, Z_95
 from observer_rt.model.effective import Coefficients
 
 SCHEMA = 1
@@ -290,6 +290,6 @@ def _line_side(last: InjectionResult, c: Coefficients) -> list[str]:
         estimate, unit = indicators[shown.effect], shown.screen_unit or shown.unit
         if shown.label and estimate.sigma and abs(estimate.value) > NOTEWORTHY * estimate.sigma:
             factor = shown.factor(c, unit)
-            value, halfwidth = estimate.value * factor, 1.96 * estimate.sigma * factor
+            value, halfwidth = estimate.value * factor, Z_95 * estimate.sigma * factor
             result.append(f"beside the rate: {shown.label} = {value:+.3g} ± {halfwidth:.2g} {unit[0]}")
     return result

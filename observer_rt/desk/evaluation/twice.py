@@ -45,6 +45,7 @@ from observer_rt.engine.service.constants import EVENTS_REQUIRED
 from observer_rt.engine.service.learners import make_learner
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason, State
+from observer_rt.foundation.units import Z_95
 from observer_rt.model.accuracy import StatedAccuracy
 
 Matrix = NDArray[np.float64]
@@ -209,7 +210,7 @@ def _by_event(
         result,
         report=report,
         rate_rmse=math.nan if measured is None else float(np.sqrt(np.mean((rate - measured) ** 2))),
-        rate_ci95_halfwidth=1.96 * float(np.mean(sigma[rate != 0.0])) if rate.any() else math.nan,
+        rate_ci95_halfwidth=Z_95 * float(np.mean(sigma[rate != 0.0])) if rate.any() else math.nan,
     ), replace(curves, estimated=rate, sigma=sigma)
 
 

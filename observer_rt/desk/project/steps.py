@@ -1,4 +1,4 @@
-"""Steps of a project: fit, evaluate, discover, report; fit comes before each, and nothing is done twice. Its page."""
+"""Steps of a project, each after the fit: evaluate, discover, report. A step whose files are unchanged is skipped."""
 
 import base64
 import json
@@ -29,7 +29,7 @@ Say = Callable[[str], None]
 
 
 def write_page(project: Project) -> Path:
-    """Write the page of what was made; its path."""
+    """Write the page with the results of all steps; returns its path."""
     results, page = project.results, project.results / REPORT
     with file_errors(results):
         document = _json(results / FIT)
@@ -58,7 +58,7 @@ def write_page(project: Project) -> Path:
 
 
 def _rows(injections: pd.DataFrame, budget: pd.DataFrame) -> list[dict[str, Any]]:
-    """Injections with their budgets, some of many, spread over all."""
+    """Injections with their error budgets: all, or every n-th so that at most `MOST_ROWS` are left."""
     table = injections.merge(budget, how="left", on=["recording", "number"])
     if len(table) > MOST_ROWS:
         table = table.iloc[:: -(-len(table) // MOST_ROWS)]
@@ -66,7 +66,7 @@ def _rows(injections: pd.DataFrame, budget: pd.DataFrame) -> list[dict[str, Any]
 
 
 def _json(path: Path) -> Any:
-    """A document; None without one."""
+    """Content of a JSON file, or None if there is no such file."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
@@ -83,9 +83,9 @@ def _files(project: Project) -> list[Path]:
 
 
 def fit(project: Project, say: Say) -> Path:
-    """Fit the model to the healthy recordings; the fitted injector file, or the stated model without any.
+    """Fit the model to the healthy recordings; returns the injector file to go on with.
 
-    say: takes what was done, a line each.
+    That is the stated model if there are no healthy recordings. say: receives a line for every step done.
     """
     healthy = project.healthy
     if not healthy:
@@ -98,7 +98,7 @@ def fit(project: Project, say: Say) -> Path:
         return fitted
     injector = Injector.load(project.model, project.bench).fit(list(healthy), masses=project.masses)
     result = injector.calibration
-    assert result is not None  # of what was fitted
+    assert result is not None  # an injector that was fitted has it
     injector.save(fitted, force=True)
     write_text(project.results / FIT, json.dumps(result.document.as_json(), indent=2))
     save_figure(result.plot(), project.results / FIT_FIGURE, _DPI)
@@ -108,7 +108,7 @@ def fit(project: Project, say: Say) -> Path:
 
 
 def evaluate(project: Project, model: Path, say: Say) -> Path:
-    """Evaluate the recordings with the fitted model, looked at twice; the table of injections."""
+    """Evaluate the recordings with the fitted model, in two passes; returns the path of the table of injections."""
     recordings = project.recordings
     table = project.results / INJECTIONS
     state = project.state_of([model, project.bench, *recordings])
@@ -126,7 +126,7 @@ def evaluate(project: Project, model: Path, say: Say) -> Path:
 
 
 def discover(project: Project, model: Path, say: Say) -> Path:
-    """Search the recordings for what the fitted model is missing; the page of the answer."""
+    """Search the recordings for the effect that the fitted model lacks; returns the path of the report."""
     recordings = project.recordings
     page = project.results / DISCOVERY / REPORT
     state = project.state_of([model, project.bench, *recordings])
@@ -142,7 +142,7 @@ def discover(project: Project, model: Path, say: Say) -> Path:
 
 
 def report(project: Project, model: Path, say: Say) -> Path:
-    """Evaluate and search with the fitted model, and write the page."""
+    """Evaluate, search, and write the page; returns its path."""
     evaluate(project, model, say)
     discover(project, model, say)
     page = write_page(project)
@@ -154,8 +154,8 @@ WITH_MODEL = {"evaluate": evaluate, "discover": discover, "report": report}
 
 
 def do(step: str, project: Project, say: Say) -> Path:
-    """Do a step by its name, after the fit. Raises `UserError` for an unknown name."""
+    """Do the fit, then the step with this name; returns what it wrote. Raises `UserError` for an unknown name."""
     if step != FIT_STEP and step not in WITH_MODEL:
-        raise UserError(step, "is no step", f"give one of {', '.join((FIT_STEP, *WITH_MODEL))}")
+        raise UserError(step, "is not a step", f"give one of {', '.join((FIT_STEP, *WITH_MODEL))}")
     model = fit(project, say)
     return model if step == FIT_STEP else WITH_MODEL[step](project, model, say)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import SENSOR_NUMBERS
-from observer_rt.engine.estimation.scalars import SCALARS, LearnedModel, by_theta, learned_of
+from observer_rt.engine.estimation.scalars import SCALARS, LearnedModel, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.forcing import NO_CLOCK, NO_PROGRAM, Clock
 from observer_rt.model.right_hand_side import Tangent, tangent_of
@@ -67,6 +67,7 @@ class Gradient(NamedTuple):
     """Carrier of the filtered gradient d e~/d theta; all but the state's tangent as wide as that is."""
 
     tangent: Tangent
+    offset: int  # column of theta that is the offset of the line-pressure sensor
     sensor: NDArray[np.float64]  # (SENSOR_NUMBERS, m), of the numbers of its law
     before: NDArray[np.float64]  # of p_L one sample before
     indicated: NDArray[np.float64]
@@ -79,7 +80,7 @@ def gradient_of(theta: NDArray[np.float64], c: Coefficients, extra: int = 0) -> 
     width = tangent.by.shape[1]
     sensor, (before, indicated, error) = np.zeros((SENSOR_NUMBERS, width)), np.zeros((3, width))
     sensor[np.arange(SENSOR_NUMBERS), SCALARS.sensor.columns] = SCALARS.sensor.sizes
-    return Gradient(tangent, sensor, before, indicated, error)
+    return Gradient(tangent, Parameter.LINE_PRESSURE_OFFSET, sensor, before, indicated, error)
 
 
 def innovations(window: Window, setting: Setting, learned: LearnedModel, result: NDArray[np.float64]) -> None:

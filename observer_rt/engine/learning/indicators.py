@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SCALARS, SEAT, WEIGHTS, Parameter
+from observer_rt.foundation.units import Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.network import OF_NOZZLE, activations
 
@@ -34,7 +35,7 @@ class Estimate:
         """95 % interval."""
         if self.sigma is None:
             return None
-        return self.value - 1.96 * self.sigma, self.value + 1.96 * self.sigma
+        return self.value - Z_95 * self.sigma, self.value + Z_95 * self.sigma
 
 
 Indicators = Mapping[str, Estimate]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop, input_variance, open_loop
 from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.foundation.units import Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 
 # Error of the rate (one sigma) as a share of its change from sample to sample: between samples the inputs are not
@@ -87,7 +88,7 @@ def volume_interval(event: Resimulation, window: slice, published: float) -> tup
     """
     volume = volume_in(event, window)
     sigma = math.hypot(*volume_budget(event, window))
-    low, high = volume - 1.96 * sigma, volume + 1.96 * sigma
+    low, high = volume - Z_95 * sigma, volume + Z_95 * sigma
     return (low, high) if math.isnan(published) else (min(low, published), max(high, published))
 
 

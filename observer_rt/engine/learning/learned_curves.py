@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.account.constants import INTERVAL
 from observer_rt.engine.learning.indicators import SEAT_AREA, SEAT_DROP, nozzle_change, seat_change
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_range import FULL, EventPoint
-from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND
+from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MILLISECOND, Z_95
 from observer_rt.model.effective import Coefficients
 
 POINTS = 41  # of a curve
@@ -58,7 +57,7 @@ def learned_curves(knowledge: Knowledge, c: Coefficients) -> tuple[LearnedCurve,
     learned, theta = knowledge.state.learned, knowledge.in_force
     carried = learned.gated.carried(theta)
     return tuple(
-        LearnedCurve(flow, variable, inputs, change, INTERVAL * np.sqrt(((slopes @ carried) * slopes).sum(1)))
+        LearnedCurve(flow, variable, inputs, change, Z_95 * np.sqrt(((slopes @ carried) * slopes).sum(1)))
         for flow, variable, inputs, change, slopes in _changes(theta, learned.learned_at, c)
     )
 

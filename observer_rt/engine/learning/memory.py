@@ -17,7 +17,6 @@ from pydantic import Field, TypeAdapter, ValidationError
 NOT_KEPT: Mapping[str, Any] = {"kept": False}
 """Metadata of a field that no file holds."""
 
-
 Count = Annotated[int, Field(ge=0, lt=1 << 53)]
 
 
@@ -26,12 +25,12 @@ class NotAsExpectedError(ValueError):
 
 
 def kept_names(kind: type) -> Iterator[str]:
-    """Names of the fields that a file holds of a data class."""
+    """Names of the fields of a data class that a file holds."""
     return (field.name for field in fields(kind) if field.metadata.get("kept", True))
 
 
 def plain(value: Any) -> Any:
-    """A value as numbers, lists, mappings, and arrays, which a file holds as lists."""
+    """Convert a value to numbers, lists, mappings and arrays; JSON then holds the arrays as lists."""
     if is_dataclass(value):
         return {name: plain(getattr(value, name)) for name in kept_names(type(value))}
     if isinstance(value, frozenset):
@@ -42,9 +41,9 @@ def plain(value: Any) -> Any:
 
 
 def restored(hint: Any, value: Any, like: Any = None, location: str = "") -> Any:
-    """Restores a value of this type from what `plain` made of it. Raises `NotAsExpectedError`.
+    """Convert what `plain` made of a value back to its type, `hint`. Raises `NotAsExpectedError`.
 
-    like: whose arrays have the shapes that are wanted; without, any is taken. location: in the file.
+    like: a value whose arrays have the expected shapes; None accepts any shape. location: of the value in the file.
     """
     if NoneType in get_args(hint):
         hint = next(each for each in get_args(hint) if each is not NoneType)
@@ -64,7 +63,7 @@ def restored(hint: Any, value: Any, like: Any = None, location: str = "") -> Any
     assert isinstance(hint, type)
     names, hints = tuple(kept_names(hint)), _hints(hint)
     if not isinstance(value, Mapping) or not value.keys() <= set(names):
-        raise NotAsExpectedError(f"{location}: it holds other names than {', '.join(names)}")
+        raise NotAsExpectedError(f"{location}: its names must be among {', '.join(names)}")
     fields = {
         name: restored(hints[name], value[name], getattr(like, name, None), f"{location}.{name}".lstrip("."))
         for name in names

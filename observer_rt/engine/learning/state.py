@@ -1,7 +1,7 @@
-"""Holds what learning knows after an event, as one frozen value: the account, and the trackers beside it.
+"""The state of learning after an event, as one frozen value: the account, and the trackers beside it.
 
-A value that is followed from event to event is a frozen class of its own module, with a method `after`, and one field
-here; a file then keeps it by the names of its fields. Nothing writes into the arrays.
+Each tracker is a frozen class in a module of its own, with a method `after` that returns its next value, and is one
+field here; the state file keeps it by the names of its fields. Nothing writes into the arrays.
 """
 
 import math
@@ -30,17 +30,13 @@ from observer_rt.engine.stream.standstill import Standstill
 
 @dataclass(frozen=True, eq=False)
 class LearningState:
-    """All that goes from one event to the next.
+    """All that goes from one event to the next."""
 
-    account: what the injector may be; noise: levels in use; events: learned from; interval: of the samples [s], 0
-    before any; standstill: when the last event ended.
-    """
-
-    account: Account
+    account: Account  # hypotheses about the injector, with their probabilities
     noise: NoiseLevels
     lag_doubt: LagDoubt
-    events: Count = 0
-    interval: float = 0.0
+    events: Count = 0  # learned from
+    interval: float = 0.0  # of the samples [s]; 0 before the first event
     slow_rail: SlowRail = field(default_factory=SlowRail)
     jitter: TimeJitter = field(default_factory=TimeJitter)
     outliers: OutlierSearch = field(default_factory=OutlierSearch)
@@ -49,21 +45,22 @@ class LearningState:
     held_rail: HeldRail = field(default_factory=HeldRail)
     lift_lag: LiftLagSearch = field(default_factory=LiftLagSearch)
     energizing: Energizing = field(default_factory=Energizing)
-    standstill: Standstill | None = field(default=None, metadata=NOT_KEPT)
+    standstill: Standstill | None = field(default=None, metadata=NOT_KEPT)  # at the end of the last event
 
     @property
     def learned(self) -> LearnedInjector:
-        """What the hypothesis believes that is carried."""
+        """The injector as the hypothesis in force believes it to be."""
         return self.account.lead.learned
 
     def map(self, change: Callable[[LearnedInjector], LearnedInjector]) -> "LearningState":
-        """State in which every hypothesis believes what the change makes of it."""
+        """State after a change of the injector in every hypothesis."""
         return replace(self, account=self.account.map(change))
 
     def begun(self, interval: float, overdispersion: float) -> "LearningState":
-        """State to go on with, in a run with samples of an interval [s].
+        """State to begin a run with, whose samples have this interval [s].
 
-        What was followed in samples of another one is followed anew. overdispersion: of the healthy injector.
+        With another interval the trackers begin anew, because they count in samples. overdispersion: of the healthy
+        injector.
         """
         if math.isclose(self.interval, interval, rel_tol=SAME_RATE):
             return replace(self, standstill=None)
@@ -78,7 +75,7 @@ class LearningState:
 
 
 def no_state(noise: NoiseLevels, pressure_scale: float) -> LearningState:
-    """State before any event: phi = 0 and the prior. pressure_scale p_0 [Pa]."""
+    """State before any event: phi = 0, with the prior. pressure_scale: p_0 [Pa]."""
     theta = np.zeros(SCALARS.width)
     belief = prior_belief(theta.copy(), np.diag(SCALARS.prior(pressure_scale) ** 2))
     return LearningState(Account.of(LearnedInjector(belief, theta)), noise, no_doubt(SCALARS.width))

@@ -15,6 +15,7 @@ from observer_rt.engine.observer import remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import LIFT, LINE, RAIL, Constants, Observer, Reason
 from observer_rt.engine.stream.validity import OF_MODEL
+from observer_rt.foundation.units import Z_95
 
 LEAD = 4e-3  # s of shut needle kept before an event, in which a model that is run along it settles
 TAIL = 14e-3  # s of ringing kept after it
@@ -52,7 +53,7 @@ def kind_of(reports: Iterable[InjectionReport]) -> EvidenceKind | None:
 
 def _beyond_calibration(report: InjectionReport) -> float:
     """Bound of a mass [kg] without the uncertainty of the level, which all masses share."""
-    constant = 1.96 * report.calibration.mass * report.mass
+    constant = Z_95 * report.calibration.mass * report.mass
     return math.sqrt(max(report.mass_bound**2 - constant**2, 0.0))
 
 

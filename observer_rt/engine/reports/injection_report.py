@@ -24,7 +24,7 @@ from observer_rt.engine.learning.interval import (
 from observer_rt.engine.reports.event_record import EventRecord
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
-from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, ZERO_CELSIUS
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95, ZERO_CELSIUS
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effective import Coefficients
 
@@ -290,7 +290,7 @@ def _mass_part(name: str, part: Callable[[VolumeBudget], float]) -> Field[Inject
     """Half of the mass's 95 % interval by a part of its budget alone."""
 
     def half(report: InjectionReport, _: Coefficients) -> float:
-        return math.nan if report.budget is None else 1.96 * part(report.budget) * report.density / MILLIGRAM
+        return math.nan if report.budget is None else Z_95 * part(report.budget) * report.density / MILLIGRAM
 
     return Field(f"mass_{name}_mg", float, half, outputs=Output.JSON | Output.PARQUET)
 

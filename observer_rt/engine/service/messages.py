@@ -15,6 +15,7 @@ from observer_rt.core.frames.frames import encode_signals, protect_frame
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.service.pipeline import Publisher
+from observer_rt.foundation.units import Z_95
 
 
 class OutputFrame(NamedTuple):
@@ -80,7 +81,7 @@ class ResultFrames:
             "report": report,
             "learning": learning,
             "injector_id": self._injector_id,
-            "mass_sigma": report.mass_bound / 1.96,
+            "mass_sigma": report.mass_bound / Z_95,
             "line_pressure_offset": report.indicators[OFFSET].value * pressure_scale,
         }
         self._frames += self._writer.write(parts)

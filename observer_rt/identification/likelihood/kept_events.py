@@ -1,4 +1,4 @@
-"""Evidence that a daemon kept, as one recording: the events that contradict a model, else those it knew badly."""
+"""Evidence that a daemon kept, joined to one recording: events of the most telling kind that has enough of them."""
 
 import hashlib
 from collections.abc import Sequence
@@ -21,12 +21,12 @@ from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY
 
 APART = 10e-3  # s between two events: no sample belongs to both
-FEWEST = 3  # events of a kind, with which it can be asked
+FEWEST = 3  # events of a kind that a search can work with
 
 
 @dataclass(frozen=True, eq=False)
 class KeptEvidence:
-    """Events of one model, joined: what they are evidence of, and SHA-256 of their files by name."""
+    """Events of one model and kind, joined to a measurement; hashes: one SHA-256 of the files, by their folder."""
 
     kind: EvidenceKind
     model_sha256: str
@@ -38,8 +38,8 @@ class KeptEvidence:
 def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
     """Events in a folder in the order of time; damaged files are named and left out.
 
-    A daemon may keep newer ones meanwhile: those that it drops before they are read are counted and left out.
-    Raises `UserError` for a folder without any.
+    A daemon may write to the folder meanwhile: events that it drops before they are read are counted and left out.
+    Raises `UserError` for a folder without events.
     """
     events: list[KeptEvent] = []
     dropped = 0
@@ -66,13 +66,14 @@ def read_folder(folder: Path, console: Console) -> tuple[KeptEvent, ...]:
 def evidence_against(
     events: Sequence[KeptEvent], folder: Path, model_sha256: str | None, console: Console
 ) -> KeptEvidence:
-    """Evidence of one model, of the newest event where None is given: refused events, else doubtful, else good ones.
+    """Evidence of one model: its refused events, or if they are too few the doubtful ones, or else the good ones.
 
-    Raises `UserError` where this model has no evidence, or too little.
+    model_sha256: of the model; None: the model of the newest event. Raises `UserError` if this model has no evidence,
+    or too little.
     """
     option = f"--from-evidence {folder}"
     model = model_sha256 or str(events[-1].belief["model_sha256"])
-    own = [one for one in events if one.belief["model_sha256"] == model]
+    own = [event for event in events if event.belief["model_sha256"] == model]
     if not own:
         raise UserError(
             option,
@@ -80,26 +81,26 @@ def evidence_against(
             f"give the model that was in force by --model: {events[-1].belief['injector_file']}",
         )
     for kind in EvidenceKind:
-        chosen = [one for one in own if one.kind is kind]
+        chosen = [event for event in own if event.kind is kind]
         if len(chosen) >= FEWEST:
             break
     else:
         raise UserError(
             option, f"holds fewer than {FEWEST} events of a kind", "let the observer see more injections"
         )
-    others = {other: sum(one.kind is other for one in own) for other in EvidenceKind if other is not kind}
+    others = {other: sum(event.kind is other for event in own) for other in EvidenceKind if other is not kind}
     counts = ", ".join(f"{count} {other}" for other, count in others.items())
-    say(console, f"{folder}: {len(chosen)} {kind} events are asked ({counts} are not)")
+    say(console, f"{folder}: {len(chosen)} {kind} events are searched ({counts} events are not)")
     joined = _joined(chosen, folder)
     (measurement,) = measurements([joined])
     measurement = replace(measurement, stated=_stated(chosen[-1]))
-    hashes = {str(folder): _digest([one.sha256 for one in chosen])}
+    hashes = {str(folder): _digest([event.sha256 for event in chosen])}
     return KeptEvidence(kind, model, Path(chosen[-1].belief["injector_file"]), measurement, hashes)
 
 
 def _joined(chosen: Sequence[KeptEvent], folder: Path) -> Recording:
-    """One recording of them, nothing being available between two."""
-    recordings = [one.recording for one in chosen]
+    """One recording of all events, with missing samples between two of them."""
+    recordings = [event.recording for event in chosen]
     refuse_sample_rates(recordings)
     rate = recordings[0].sample_rate
     gap = np.full(round(APART * rate), np.nan)
@@ -113,12 +114,12 @@ def _joined(chosen: Sequence[KeptEvent], folder: Path) -> Recording:
 
 
 def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:
-    """Delay and lag that the bench file stated of the line pressure; those of other channels were undone before."""
+    """Delay and lag stated for the line pressure; the samples are already corrected by those of other channels."""
     return tuple(
         SizedEffect(VOCABULARY[name], tuple(values)) for name, values in event.belief["line_sensor"].items()
     )
 
 
 def _digest(hashes: Sequence[str]) -> str:
-    """One hexadecimal SHA-256 for several."""
+    """One hexadecimal SHA-256 of several, in any order."""
     return hashlib.sha256("".join(sorted(hashes)).encode()).hexdigest()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.learned_range import REACH, EventPoint
+from observer_rt.foundation.units import Z_95
 
 Vector = NDArray[np.float64]
 # Standard deviations, of a mass.
@@ -45,7 +46,7 @@ class Wander:
     def widened(self, variance: float) -> float:
         """Standard deviation of a normal distribution whose 95 % interval is that of a mass with such a variance."""
         spreads = np.sqrt(2.0 * (variance + SIZES**2)).tolist()
-        parts, half = list(zip(self.weights.tolist(), spreads, strict=True)), c.INTERVAL * math.sqrt(variance)
+        parts, half = list(zip(self.weights.tolist(), spreads, strict=True)), Z_95 * math.sqrt(variance)
         for _ in range(_STEPS):  # from below, where what lies beyond is convex
             beyond = sum(weight * math.erfc(half / spread) for weight, spread in parts) - (1.0 - 0.95)
             slope = sum(weight / spread * math.exp(-((half / spread) ** 2)) for weight, spread in parts)
@@ -53,7 +54,7 @@ class Wander:
             half += step
             if abs(step) < _CLOSE * half:
                 break
-        return max(half / c.INTERVAL, math.sqrt(variance))
+        return max(half / Z_95, math.sqrt(variance))
 
     def _apart(self, point: Sequence[float]) -> float:
         """Variance of the difference between the last point and this one, over that of distant ones, 1: 0 .. 2."""

@@ -1,9 +1,11 @@
 """Disturbance of the line pressure by the coil's current, taken out once it is known well enough.
 
-Its beginning is a step at the same time before every opening. The needle is shut then and nothing moves, so the model
-has nothing to say to it, however small it is; over many events it stands out of the noise. Its end lies in the
-injection: it is sought where the events, all else fitted, are explained best. Until that is likely nothing is taken
-out; then, what another end would change widens theta. Left in, the pulse would be taken for wear.
+The current adds a pulse to the measured line pressure, which would be taken for wear. It begins with a step at the
+same time before every opening: the needle is shut then and nothing moves, so no parameter of the model can imitate
+the step, and over many events it stands out of the noise, however small it is. The pulse ends during the injection:
+each end on a grid is compared by how well the events are explained with it, everything else fitted. The pulse is
+taken out once one end is more likely than all others together; from then on the covariance of theta contains the
+change that another end would make.
 """
 
 from collections.abc import Callable
@@ -29,12 +31,11 @@ from observer_rt.engine.learning.fitting import EventFit
 
 EARLIEST_END, LATEST_END = 0.65e-3, 0.05e-3  # s before the closing
 END_STEP = 0.05e-3  # s from one end that is tried to the next
-CLEAR = 0.5  # probability of an end, among all that are tried, from which on the pulse is taken out
-# Weight of events that were fitted with the pulse: it was taken for something else in part.
+CLEAR = 0.5  # probability of an end, among all on the grid, from which on the pulse is taken out
+# Weight of the events before: they were fitted with the pulse in them, which was taken for something else in part.
 BEFORE_KNOWN = 0.02
-SHAPE = 0.05  # of its height, by which it is no rectangle
-# s before the closing, of a pulse whose beginning is sought beside the flow of a pilot valve
-USUAL_END = 0.25e-3
+SHAPE = 0.05  # of its height, by which a pulse may differ from a rectangle
+USUAL_END = 0.25e-3  # s before the closing; assumed while the beginning is sought beside a pilot valve's flow
 
 Innovations = Callable[[Window], NDArray[np.float64]]
 
@@ -48,7 +49,7 @@ def with_step(window: Window, first: int, height: float) -> Window:
 
 @dataclass(frozen=True)
 class CoilPulse:
-    """Pulse of a height [p_0], from so many samples before every opening until so many before its closing."""
+    """Pulse of a height [p_0], from `before` samples before an opening until `until` samples before its closing."""
 
     height: float
     before: int
@@ -65,31 +66,31 @@ class CoilPulse:
 
 
 def pulse_ends(interval: float) -> NDArray[np.int64]:
-    """Samples before a closing at which the end of the pulse is sought; interval: of samples [s]."""
+    """Grid of ends of the pulse, in samples before the closing; interval: of samples [s]."""
     earliest, latest, step = (round(t / interval) for t in (EARLIEST_END, LATEST_END, END_STEP))
     return np.arange(latest, earliest, max(step, 1))
 
 
 @dataclass(frozen=True, eq=False)
 class CoilCurrent:
-    """The pulse that is taken out, None: nothing, and the sums over events by which its end is sought.
+    """The pulse that is taken out, and the sums over events by which its end is found.
 
-    products: of innovations and of a pulse of 1, all else fitted, by end, squares: those of the pulse, both empty
-    before any event; covariance: of theta (m, m), by the uncertainty of the pulse, None: 0.
+    A pulse of height 1 changes the innovations by its response; of that the part counts which theta cannot imitate.
     """
 
+    # of the response and the innovations, (ends,), and of the response with itself; empty before the first event
     products: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     squares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    pulse: CoilPulse | None = None
-    covariance: NDArray[np.float64] | None = None
+    pulse: CoilPulse | None = None  # None: nothing is taken out yet
+    covariance: NDArray[np.float64] | None = None  # of theta (m, m), by the uncertainty of the pulse; None: 0
 
     @property
     def unsure(self) -> NDArray[np.float64] | float:
-        """Covariance of theta (m, m) by the uncertainty of the pulse, or 0."""
+        """Covariance of theta (m, m) by the uncertainty of the pulse; 0 while nothing is taken out."""
         return 0.0 if self.covariance is None else self.covariance
 
     def undone(self, window: Window) -> Window:
-        """A window without the pulse."""
+        """Window without the pulse, if that is known."""
         return window if self.pulse is None else self.pulse.taken_out(window)
 
     def after(
@@ -100,21 +101,21 @@ class CoilCurrent:
         other: OtherColumns,
         ends: NDArray[np.int64],
     ) -> "CoilCurrent":
-        """Adds an event as it was recorded, at whose openings there is such an edge.
+        """Value after an event as it was recorded, with such an edge before its openings.
 
-        innovations: (n,) of a window, in standard deviations, 0 where they do not count; other: columns by theta.
+        innovations: of a window (n,), in standard deviations, 0 where they do not count; other: columns of theta.
         """
         is_begun = self.products.size == ends.size
         products = REMEMBERED * self.products if is_begun else np.zeros(ends.size)
         squares = REMEMBERED * self.squares if is_begun else np.zeros(ends.size)
         innovations_of_event = innovations(window)
-        left = np.clip(innovations_of_event, -CLIP, CLIP)
+        clipped = np.clip(innovations_of_event, -CLIP, CLIP)
         pulses = (CoilPulse(edge.height, edge.before, int(end)) for end in ends)
         without = [innovations(pulse.taken_out(window)) for pulse in pulses]
         shapes = (innovations_of_event - np.array(without)).T / edge.height  # (n, ends), of a pulse of 1
-        taken = other.pull(shapes).T
-        alone = shapes - other.slopes @ taken.T
-        products += alone.T @ left
+        pull = other.pull(shapes).T  # (ends, m), of theta
+        alone = shapes - other.slopes @ pull.T
+        products += alone.T @ clipped
         squares += np.einsum("ij,ij->j", alone, shapes)
         heights = products / squares
         explained = 0.5 * heights * products
@@ -126,24 +127,24 @@ class CoilCurrent:
             products *= BEFORE_KNOWN
             squares *= BEFORE_KNOWN
         pulse = CoilPulse(float(heights[best]), edge.before, int(ends[best]))
-        # by how much theta differs where the pulse ends elsewhere, or is of another height
-        apart = heights[:, np.newaxis] * taken - heights[best] * taken[best]
+        # difference of theta (ends, m) if the pulse ends elsewhere; below also that by another height
+        difference = heights[:, np.newaxis] * pull - heights[best] * pull[best]
         variances = 1.0 / squares + (SHAPE * heights) ** 2
         shares = (weights / weights.sum())[:, np.newaxis]
-        covariance = apart.T @ (shares * apart) + taken.T @ (shares * variances[:, np.newaxis] * taken)
+        covariance = difference.T @ (shares * difference) + (pull.T * variances * shares[:, 0]) @ pull
         return CoilCurrent(products, squares, pulse, covariance)
 
 
 @dataclass(frozen=True, eq=False)
 class Energizing:
-    """Findings of events about the coil's pulse, which is taken out of them once it is known."""
+    """What the events so far show of the coil's pulse, which is taken out of them once it is known."""
 
     edges: EdgeSearch = field(default_factory=EdgeSearch)
     current: CoilCurrent = field(default_factory=CoilCurrent)
 
     @property
     def is_known(self) -> bool:
-        """Whether the pulse is taken out."""
+        """Whether the pulse is known, and so taken out."""
         return self.current.pulse is not None
 
     def after(
@@ -156,10 +157,10 @@ class Energizing:
         interval: float,
         flowing: bool,
     ) -> tuple["Energizing", bool]:
-        """Adds a fitted event as it was recorded; returns whether something was in it that was not taken out, too.
+        """Value after a fitted event as it was recorded, and whether the event has a pulse that was not taken out.
 
-        sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before
-        any event; interval: of samples [s]; flowing: whether a pilot valve's flow is in it.
+        sigma: of the innovations [p_0]; cost_of: a window's cost; prior: standard deviations (m,) of theta before any
+        event; interval: of samples [s]; flowing: whether the flow of a pilot valve is in the event.
         """
         places = edge_places(interval)
         first = window.opening - places.longest
@@ -167,7 +168,7 @@ class Energizing:
             return self, False
         theta = fit.linearisation.theta
 
-        def left(window: Window) -> NDArray[np.float64]:
+        def standardised(window: Window) -> NDArray[np.float64]:
             """Innovations in standard deviations, at the fit."""
             cost = cost_of(window)
             cost.value(theta)
@@ -177,17 +178,17 @@ class Energizing:
 
         other = partial(OtherColumns.of, fit.slopes / sigma, prior)  # seldom needed
         event = window if flowing else window.until(window.opening)
-        innovations = left(event)
+        innovations = standardised(event)
         if flowing:
             until = int(np.flatnonzero(window.inputs[:, 1] > 0.0)[-1]) - round(USUAL_END / interval)
-            response = left(with_step(with_step(event, first, sigma), until, -sigma)) - innovations
+            response = standardised(with_step(with_step(event, first, sigma), until, -sigma)) - innovations
             sums = sums_beside_flow(window.opening, innovations, response, other(), places)
         else:
-            response = left(with_step(event, first, sigma)) - innovations
+            response = standardised(with_step(event, first, sigma)) - innovations
             sums = sums_at_rest(innovations, response, places)
         edges = self.edges.after(sums, sigma)
         edge = edges.edge(places)
         if edge is None:
             return Energizing(edges), self.is_known
-        current = self.current.after(window, edge, left, other(), pulse_ends(interval))
+        current = self.current.after(window, edge, standardised, other(), pulse_ends(interval))
         return Energizing(edges, current), not self.is_known

@@ -14,7 +14,6 @@ import numpy as np
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of, sensor_lag
-from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.adequacy import (
     Objection,
@@ -35,6 +34,7 @@ from observer_rt.engine.learning.posterior.reader import EventReader
 from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
 from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.stream.state import Reason
+from observer_rt.foundation.units import Z_95
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ def _objections(
         learned.belief.sigma[Parameter.LINE_PRESSURE_GAIN],
     )
     pressure = float(window.inputs[:, 0].mean()) * reader.pressure_scale
-    if abs(gain) > c.INTERVAL * reader.calibration.gain > 0.0:
+    if abs(gain) > Z_95 * reader.calibration.gain > 0.0:
         offset = math.inf
     reasons += sensor_objections(offset, sensor_lag(theta), untold * pressure)
     if state.lag_doubt.is_relevant:

@@ -16,6 +16,7 @@ from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.velocity import FLOWS
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
+from observer_rt.foundation.units import Z_95
 
 LEAD = 15  # samples before the opening
 LEAST = 1e-13  # m3, of which shares are taken
@@ -101,7 +102,7 @@ class Shares(NamedTuple):
     @property
     def agreement(self) -> float:
         """Share within which hypotheses agree on a mass."""
-        return c.INTERVAL * self.from_belief + c.OWN_SHARE
+        return Z_95 * self.from_belief + c.OWN_SHARE
 
 
 def shares_of(mass: EventMass, account: Account, explained: ExplainedEvent, systematic: float) -> Shares:

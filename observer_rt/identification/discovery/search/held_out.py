@@ -50,18 +50,18 @@ class HeldOutPoints:
     def pays(self, candidate: Candidate, smaller: Candidate) -> bool:
         """Whether a candidate explains the events held out better than a smaller one.
 
-        -2 log L must fall by more than that scatters between events. The gap of the line pressure, with nothing
-        corrected from the opening on, must not grow by more than it scatters: it says less of a small effect, but it
-        is what a model is wanted for. Where nothing can be held out nothing speaks against a candidate.
+        -2 log L must fall by more than its fall scatters between events. The open-loop gap of the line pressure must
+        not grow by more than it scatters: it shows small effects less clearly, but a small gap is what users want of
+        the model. Where no operating point can be held out, a candidate is accepted.
         """
         if not self._judged.recordings:
             return True
         after, before = self._events(candidate), self._events(smaller)
         if after is None or before is None:
             return before is None and after is not None
-        falls, scatter = _total(before.statistic - after.statistic)
-        shrinks, gap_scatter = _total(before.gap - after.gap)
-        return falls > scatter and shrinks > -gap_scatter
+        fall, scatter = _sum_with_scatter(before.statistic - after.statistic)
+        gap_fall, gap_scatter = _sum_with_scatter(before.gap - after.gap)
+        return fall > scatter and gap_fall > -gap_scatter
 
     def _events(self, candidate: Candidate) -> "_Events | None":
         if candidate.key not in self._cache:
@@ -71,25 +71,25 @@ class HeldOutPoints:
     def _judge(self, candidate: Candidate) -> "_Events | None":
         hypothesis, theta = candidate.hypothesis, candidate.theta
         if hypothesis.effects:
-            again = fit(Sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())
-            if again is None:
+            refitted = fit(Sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())
+            if refitted is None:
                 return None
-            theta = again.theta
+            theta = refitted.theta
         model = hypothesis.model(self._nominal, theta)
         judged = self._judged.judge(model)
         if judged is None:
             return None
         recordings = self._judged.recordings
-        statistic = [_by_event(recorded, one) for recorded, one in zip(recordings, judged, strict=True)]
+        statistic = [_statistic_by_event(*pair) for pair in zip(recordings, judged, strict=True)]
         gap = [_gap_by_event(recorded.measurement, model) for recorded in recordings]
         return _Events(theta, np.concatenate(statistic), np.concatenate(gap))
 
 
 @dataclass(frozen=True, eq=False)
 class _Events:
-    """Events held out (events,): -2 log L, and the mean square of the open-loop gap of the line pressure.
+    """Events held out: -2 log L and mean square [Pa2] of the line pressure's open-loop gap, both (events,).
 
-    theta: (p,), fitted to the others.
+    theta: (p,), fitted to the other events.
     """
 
     theta: NDArray[np.float64]
@@ -97,26 +97,27 @@ class _Events:
     gap: NDArray[np.float64]
 
 
-def _total(falls: NDArray[np.float64]) -> tuple[float, float]:
-    """The sum over events (events,), and its standard deviation as the events scatter; 0 with one."""
-    scatter = float(np.std(falls, ddof=1)) * math.sqrt(falls.size) if falls.size > 1 else 0.0
-    return float(np.sum(falls)), scatter
+def _sum_with_scatter(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Sum of values (events,), and its standard deviation by their scatter, which is 0 for a single event."""
+    scatter = float(np.std(values, ddof=1)) * math.sqrt(values.size) if values.size > 1 else 0.0
+    return float(np.sum(values)), scatter
 
 
 def _gap_by_event(measurement: Measurement, model: EffectiveModel) -> NDArray[np.float64]:
+    """Mean square of the line pressure's open-loop gap (events,) [Pa2]."""
     line = measurement.recording.line_pressure
     runs = simulated(measurement, model)
-    return np.array([float(np.mean((one.line_pressure - line[one.samples]) ** 2)) for one in runs])
+    return np.array([float(np.mean((run.line_pressure - line[run.samples]) ** 2)) for run in runs])
 
 
-def _by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
-    """-2 log L of the events of a recording (events,); its measured rate is shared out evenly."""
-    events: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
-    ends = np.cumsum(events)
+def _statistic_by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArray[np.float64]:
+    """-2 log L of the events of a recording (events,); that of its measured rate is divided among them evenly."""
+    sizes: Sequence[int] = [event.end - event.counted for event in recorded.measurement.events]
+    ends = np.cumsum(sizes)
     rate = (
         2.0
         * (robust_cost(judged_model.rate_z, 0, 1.0) + judged_model.rate_z.size * judged_model.rate_log_sigma)
-        / len(events)
+        / len(sizes)
     )
     return np.array(
         [
@@ -124,6 +125,6 @@ def _by_event(recorded: RecordingLikelihood, judged_model: JudgedModel) -> NDArr
             - 2.0 * robust_cost(judged_model.z, int(end), 1.0)
             + 2.0 * size * judged_model.log_sigma
             + rate
-            for size, end in zip(events, ends, strict=True)
+            for size, end in zip(sizes, ends, strict=True)
         ]
     )

@@ -51,7 +51,8 @@ class Laws:
         self._fits, self._is_adequate, self._guess = fits, adequate, guess
         self._names = [one for one in names if len(one.parameters) == 1]
         self._nothing = fits.nothing()
-        self._scored: dict[tuple[str, ...], Scores] = {}  # the last
+        self._first: Scores | None = None  # of all laws beside nothing
+        self._scored: dict[tuple[str, ...], Scores] = {}  # beside the last candidate
 
     def promise(self, about: Candidate) -> float:
         """What the best law alone would gain beside a candidate, each part of the data judged by the others."""
@@ -61,19 +62,15 @@ class Laws:
     def _effects(self) -> tuple[Effect, ...]:
         return (*library(span_of(self._fits.likelihood)), *self._names)
 
-    @cached_property
-    def _first(self) -> Scores:
-        """Scores of all laws beside nothing."""
-        return self._fits.scores(self._nothing, self._effects)
-
     def _scores(self, about: Candidate) -> Scores:
-        """Scores beside a candidate, where a first pass was made of those that it says promise most."""
+        """Scores beside a candidate; after a pass over all laws, of those only that promise most by that pass."""
         if not about.ids:
+            self._first = self._first or self._fits.scores(self._nothing, self._effects)
             return self._first
         if about.ids not in self._scored:
-            effects = self._effects
-            if "_first" in vars(self):
-                here, first = self._fits.residuals(about), self._first
+            effects, first = self._effects, self._first
+            if first is not None:
+                here = self._fits.residuals(about)
                 assert here is not None  # it was fitted
                 again = scored(first.effects, first.numbers, first.slopes, here)
                 promising = np.argsort(-again.validated)[: SHORTLIST + len(about.ids)]

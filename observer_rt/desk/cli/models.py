@@ -162,10 +162,10 @@ def discover(options: DiscoverOptions) -> None:
     from observer_rt.desk.discover_inputs import inputs_of_evidence, inputs_of_recordings
     from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
     from observer_rt.desk.simulation.simulate import two_injections
+    from observer_rt.identification.discovery import amend, folder
     from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.findings import FINDINGS
-    from observer_rt.identification.discovery.report.plan import print_plan
-    from observer_rt.identification.discovery.report.text import as_text
+    from observer_rt.identification.discovery.report.text import as_text, print_plan
     from observer_rt.identification.likelihood.reading import coverage
 
     require("jinja2", "matplotlib")
@@ -185,7 +185,7 @@ def discover(options: DiscoverOptions) -> None:
         inputs = inputs_of_recordings(
             recordings, healthy, options.model, decoder, options.from_channel, messages
         )
-    discovery.check_answer_folder(out, inputs.model, options.force)
+    folder.check_answer_folder(out, inputs.model, options.force)
     amendable = InjectorFile.read(inputs.model)
     task = discovery.DiscoveryTask(
         load_injector(inputs.model),
@@ -201,7 +201,7 @@ def discover(options: DiscoverOptions) -> None:
     make_folder("--out", out)
     for measurement in (*inputs.measured, *inputs.healthy):
         say(messages, coverage(measurement))
-    store = discovery.fits_in(out, task, inputs.stated)
+    store = folder.fits_in(out, task, inputs.stated)
     if store.taken_over:
         say(messages, f"going on with {store.taken_over} candidates fitted before")
     with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
@@ -209,14 +209,14 @@ def discover(options: DiscoverOptions) -> None:
             findings = discovery.answer(task, store, progress)
         except KeyboardInterrupt:
             raise InterruptionError(
-                f"interrupted; {len(store)} fitted candidates are kept in {out / discovery.FITS}\n"
+                f"interrupted; {len(store)} fitted candidates are kept in {out / folder.FITS}\n"
                 "  remedy: give the same command again to go on"
             ) from None
     if options.plan:
         with progress_bar(messages, "planning what to measure next", 1.0) as progress:
             findings = discovery.planned(findings, task, two_injections, progress)
     findings = replace(findings, seconds=time.monotonic() - begin)
-    document = discovery.write_findings(out, task, findings, amendable)
+    document = folder.write_findings(out, task, findings, amendable)
     if findings.not_accepted:
         say(messages, f"warning: {findings.not_accepted}")
     if options.json:
@@ -226,11 +226,11 @@ def discover(options: DiscoverOptions) -> None:
         if options.plan:
             print_plan(findings.plan, results())
         written = {
-            discovery.AMENDED: findings.amended_model is not None,
-            discovery.PLAN: findings.plan is not None,
+            amend.AMENDED: findings.amended_model is not None,
+            folder.PLAN: findings.plan is not None,
         }
         more = [name for name, is_there in written.items() if is_there]
-        say(messages, f"{out}: {', '.join([discovery.REPORT, FINDINGS, *more])}")
+        say(messages, f"{out}: {', '.join([folder.REPORT, FINDINGS, *more])}")
 
 
 @dataclass(frozen=True)

@@ -36,8 +36,9 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.outputs import make_folder, write_text
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-from observer_rt.identification.discovery.discover import AMENDED, REPORT
+from observer_rt.identification.discovery.amend import AMENDED
 from observer_rt.identification.discovery.findings import FINDINGS
+from observer_rt.identification.discovery.folder import REPORT
 
 BEFORE, AFTER = 18, 12  # injections
 LOG, JOURNAL, FOUND = "observer.log", "injections.sqlite", "missing"

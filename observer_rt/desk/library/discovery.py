@@ -20,17 +20,10 @@ from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.identification.discovery.discover import (
-    AMENDED,
-    REPORT,
-    DiscoveryTask,
-    answer,
-    check_answer_folder,
-    planned,
-    refuse_incomparable,
-    write_findings,
-)
+from observer_rt.identification.discovery.amend import AMENDED
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer, planned, refuse_incomparable
 from observer_rt.identification.discovery.findings import Findings
+from observer_rt.identification.discovery.folder import REPORT, check_answer_folder, write_findings
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.words.law_words import law_text

@@ -12,8 +12,8 @@ import numpy as np
 from observer_rt.config.injector_file import InjectorFile, section_of, tables_in_force
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.identification.discovery.findings import starts_anew
-from observer_rt.identification.discovery.search.hypothesis import Sizing, minimum_from
-from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Size, Verdict
+from observer_rt.identification.discovery.search.candidates import Size, minimum_from, sizing
+from observer_rt.identification.discovery.search.results import Discovery, FittedEffect, Verdict
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -25,6 +25,7 @@ from observer_rt.model.stability import in_stable_cells
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.term import Term
 
+AMENDED = "amended.toml"  # name of its file
 ORIGIN = "observer-rt discover"
 REMAINDER = "remainder"
 
@@ -148,15 +149,10 @@ def _totals(
 ) -> dict[str, dict[str, Size]]:
     """Parameters of the effects found, fitted to a model without them. again: those that were in force, SI."""
     base, hypothesis = effective_model(others), discovery.named.hypothesis
-    start = np.concatenate(
-        [
-            values + np.array(again.get(effect.id, [0.0] * values.size))
-            for effect, values in zip(
-                hypothesis.effects, hypothesis.split(discovery.named.theta), strict=True
-            )
-        ]
-    )
-    fitted = minimum_from(Sizing(joint_likelihood(measured, base, healthy), base, hypothesis), [start])
+    before = [np.array(again.get(effect.id, 0.0 * values)) for effect, values, _ in discovery.named.parts]
+    start = discovery.named.theta + np.concatenate(before)
+    problem = sizing(joint_likelihood(measured, base, healthy), base, hypothesis)
+    fitted = minimum_from(problem, hypothesis.ranges(), [start])
     if fitted is None:
         raise RunError(f"{', '.join(again)}: the size in force and the one found make no model together")
     spread = math.sqrt(max(1.0, float(np.mean(fitted.residuals.z**2))))

@@ -1,60 +1,49 @@
-"""Runs a discovery: checks, finds, names, adds and shows; writes its folder."""
+"""Runs a discovery: checks, finds, names, adds and shows, and plans the measurement that would decide."""
 
-import hashlib
-import json
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import date, datetime
-from pathlib import Path
+from datetime import date
+from functools import partial
 
-from observer_rt.config.injector_file import InjectorFile
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation import file_kinds
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.files import file_errors
-from observer_rt.foundation.outputs import check_own_file, write_text
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import (
+    AMENDED,
     ORIGIN,
     accepted,
     amended_effects,
-    stable_cells,
-    write_amended,
 )
 from observer_rt.identification.discovery.findings import (
-    FINDINGS,
     Findings,
-    ModelSource,
     is_level_measured,
     is_like_inertance,
     remedies,
 )
 from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
-from observer_rt.identification.discovery.report.page import report
-from observer_rt.identification.discovery.rivals import next_measurement
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
-from observer_rt.identification.discovery.search.first_guess import first_guess
+from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import FitMemory
-from observer_rt.identification.discovery.search.in_part import variance_by_phase
-from observer_rt.identification.discovery.search.results import Candidate, Cell, Discovery, Part, Verdict
-from observer_rt.identification.discovery.search.store import FitStore, problem_key
+from observer_rt.identification.discovery.search.laws import first_guess
+from observer_rt.identification.discovery.search.proposals import variance_by_phase
+from observer_rt.identification.discovery.search.results import Cell, Discovery, Part, Verdict, probabilities
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.discovery.standstill import standstill_checks
-from observer_rt.identification.discovery.words.sentences import headline
+from observer_rt.identification.discovery.words.sentences import candidate_words, headline, proposal_words
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
-from observer_rt.identification.planning.plan import SimulateInjections, write_schedule
+from observer_rt.identification.planning.plan import MeasurementPlan, Planner, SimulateInjections, points_for
+from observer_rt.identification.planning.separation import Rival, known_of
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
-from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import EffectInForce, InjectorParameters
@@ -90,16 +79,6 @@ _OTHER_RATE = (
     "The model was fitted at {:g} kHz: what its fit leaves of the healthy injector says nothing at another sample "
     "rate. Fit at this rate, or give healthy recordings by --healthy."
 )
-AMENDED, REPORT, FITS = "amended.toml", "report.html", "fits.jsonl"
-PLAN = "plan.csv"
-ANSWER = (REPORT, FINDINGS, AMENDED, PLAN)
-_KINDS = {
-    REPORT: None,
-    FINDINGS: file_kinds.FINDINGS,
-    AMENDED: None,
-    PLAN: file_kinds.PLAN,
-    FITS: file_kinds.FITS,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,6 +231,50 @@ def planned(
     return replace(findings, plan=plan)
 
 
+def next_measurement(
+    discovery: Discovery,
+    measured: Sequence[Measurement],
+    nominal: EffectiveModel,
+    healthy: Healthy,
+    simulate: SimulateInjections,
+    progress: Callable[[float], None],
+) -> MeasurementPlan | None:
+    """Plans what to measure next after a discovery in recordings; None where the answer is not ambiguous.
+
+    healthy: what the model leaves of the healthy injector; progress is given the share done.
+    """
+    if discovery.verdict is not Verdict.AMBIGUOUS:
+        return None
+    rivals = rivals_of(discovery, nominal)
+    measured = [with_healthy_offset(one, healthy) for one in measured]
+    known_recordings = known_of(measured, joint_likelihood(measured, nominal, healthy.shape), rivals)
+    planner = Planner(
+        rivals, nominal, known_recordings, simulate, lambda behind: probabilities([0.0, *behind])[0]
+    )
+    return planner.plan(points_for(measured), len(os.sched_getaffinity(0)), progress)
+
+
+def rivals_of(discovery: Discovery, nominal: EffectiveModel) -> list[Rival]:
+    """Explanations that an ambiguous answer leaves, the leading one first."""
+    tied = (discovery.named.ids, *discovery.rivals)
+    left = [(_words(one), one) for ids in tied for one in discovery.ranking if one.ids == ids]
+    left += [(proposal_words(one), one.candidate) for one in discovery.proposals]
+    return [
+        Rival(
+            words,
+            partial(one.hypothesis.model, nominal),
+            one.theta,
+            one.hypothesis.ranges(),
+            one.price - left[0][1].price,
+        )
+        for words, one in left
+    ]
+
+
+def _words(candidate: Candidate) -> str:
+    return candidate_words(candidate) if candidate.ids else "the model as it is"
+
+
 def _remembered(nominal: EffectiveModel, recordings: Sequence[Measurement]) -> tuple[Healthy, str]:
     """Reads the healthy injector from a fitted model, with a warning about that fit, empty without one."""
     fitted = nominal.injector.baseline
@@ -282,68 +305,3 @@ def _judged_by_healthy(
         f"On the healthy recordings discovery says '{headline(discovery)}': the model itself is not that of this "
         f"injector, and what is named here may be its error. {_FIRST[discovery.verdict]}"
     )
-
-
-def check_answer_folder(folder: Path, model: Path | None, force: bool) -> None:
-    """Check the folder of an answer about a model's file. force: an earlier one, known by its findings, may be there.
-
-    Raises `UserError` where that model, an answer or a file of another kind would be replaced.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise UserError(f"--out {folder}", "is a file", "name a folder")
-    if model is not None and (folder / AMENDED).resolve() == model.resolve():
-        raise UserError(
-            f"--out {folder}",
-            f"holds the model to be amended as {AMENDED}",
-            "name another folder, or copy the model",
-        )
-    for name, kind in _KINDS.items():
-        if (folder / name).exists():
-            check_own_file("--out", folder / name, kind)
-    existing = [name for name in ANSWER if (folder / name).exists()]
-    if existing and not (force and FINDINGS in existing):
-        more = ", or add --force to replace what is there" if FINDINGS in existing else ""
-        raise UserError(
-            f"--out {folder}", f"holds {', '.join(existing)} already", f"name another folder{more}"
-        )
-
-
-def fits_in(folder: Path, task: DiscoveryTask, stated: Sequence[SizedEffect]) -> FitStore:
-    """Store of a search's fits, with those of an interrupted one."""
-    parts = [
-        f"{sha256} {one.recording.samples}"  # of a long one the command decides how much is stored
-        for sha256, one in zip(task.hashes.values(), task.measured, strict=True)
-    ]
-    parts += [  # what is taken out of the likelihood comes of these
-        hashlib.sha256(one.recording.line_pressure.tobytes()).hexdigest() for one in task.healthy
-    ]
-    with file_errors(folder):
-        return FitStore(folder / FITS, problem_key(task.parameters, parts, stated))
-
-
-def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, injector: InjectorFile) -> str:
-    """Everything into the folder, and back what findings.json says.
-
-    What an earlier run left there and this one does not make is removed.
-    """
-    in_force = (
-        *(effect.id for effect in task.parameters.effects),
-        *(f"{term.equation}: {term.law}" for term in task.parameters.terms),
-    )
-    model = ModelSource(injector.name, injector.sha256, in_force)
-    written = replace(findings, model=model, made=datetime.now(), folder=str(folder))
-    text = json.dumps(written.as_json(), indent=2)
-    with file_errors(folder):
-        write_text(folder / FINDINGS, text + "\n")
-        write_text(folder / REPORT, report(written))
-        (folder / PLAN).unlink(missing_ok=True)
-        if written.plan is not None:
-            write_schedule(folder / PLAN, written.plan)
-        if written.amended_model is not None:
-            cells = stable_cells(task.parameters, written.in_force, task.measured)
-            write_amended(
-                folder / AMENDED, injector, written.in_force, cells, written.terms, written.remainder
-            )
-        else:
-            (folder / AMENDED).unlink(missing_ok=True)
-    return text

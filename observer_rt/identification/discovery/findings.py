@@ -15,13 +15,8 @@ from observer_rt.foundation.documents import Entry, Inside, key
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
-from observer_rt.identification.discovery.search.results import (
-    Candidate,
-    Cell,
-    Discovery,
-    LargestMisfit,
-    Verdict,
-)
+from observer_rt.identification.discovery.search.candidates import Candidate
+from observer_rt.identification.discovery.search.results import Cell, Discovery, LargestMisfit, Verdict
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.discovery.words.entries import (

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, cells_of
-from observer_rt.identification.discovery.search.results import Candidate, Cell, Discovery
+from observer_rt.identification.discovery.search.candidates import Candidate
+from observer_rt.identification.discovery.search.results import Cell, Discovery
 from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, JointLikelihood, Signal
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
 from observer_rt.identification.likelihood.open_loop import (
@@ -137,89 +138,66 @@ def _point(
     refitted: EffectiveModel,
     amended: EffectiveModel,
 ) -> PointGap:
-    before, after, reference = (simulated(measurement, model) for model in (nominal, refitted, amended))
-    noisy = [simulated(noisier(measurement, seed), refitted) for seed in range(NOISE_RUNS)]
-    noise = measurement.noise.line_pressure
-    line = measurement.recording.line_pressure
-    pressure = Gap(
-        rms([one.line_pressure - line[one.samples] for one in before]),
-        rms([one.line_pressure - line[one.samples] for one in after]),
-        math.hypot(rms(_moves(noisy, after, "line_pressure")), noise),
+    density, is_measured = amended.coefficients.density, measurement.recording.injection_rate is not None
+    true_masses = np.array(
+        [measured_mass(measurement, one, density) for one in simulated(measurement, nominal)]
+        if is_measured
+        else [mass(measurement, one, density) for one in simulated(measurement, amended)]
     )
-    models = nominal, refitted, amended
-    mass_gap, injected = _mass_gap(measurement, models, (before, after, reference), noisy)
-    return PointGap(pressure, _rate_gap(measurement, before, after, noisy), mass_gap, injected, number)
-
-
-def _rate_gap(
-    measurement: Measurement,
-    before: Sequence[SimulatedInjection],
-    after: Sequence[SimulatedInjection],
-    noisy: Sequence[Sequence[SimulatedInjection]],
-) -> Gap | None:
-    measured = measurement.recording.injection_rate
-    if measured is None:
-        return None
-    spraying = [in_mass_window(measurement, one.event, one.rate_samples) for one in before]
-
-    def in_window(parts: Sequence[NDArray[np.float64]]) -> float:
-        return rms(
-            [part[s] for part, s in zip(parts, [*spraying] * (len(parts) // len(spraying)), strict=True)]
+    before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
+    noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
+    own_errors = {"line_pressure": [measurement.noise.line_pressure], "mass": [0.0]}
+    if is_measured:
+        rate = [one.rate[_injecting(measurement, one)] for one in simulated(measurement, refitted)]
+        own_errors["injection_rate"] = [measurement.rate_noise, GAIN_ERROR * rms(np.concatenate(rate))]
+        own_errors["mass"] = [GAIN_ERROR * float(np.mean(true_masses))]
+    gaps = {
+        name: Gap(
+            rms(before[name]),
+            rms(after[name]),
+            math.hypot(*own, rms(np.concatenate([one[name] - after[name] for one in noisy]))),
         )
-
-    floor = (
-        measurement.rate_noise,
-        in_window(_moves(noisy, after, "rate")),
-        GAIN_ERROR * in_window([one.rate for one in after]),
-    )
-    return Gap(
-        in_window([one.rate - measured[one.rate_samples] for one in before]),
-        in_window([one.rate - measured[one.rate_samples] for one in after]),
-        math.hypot(*floor),
+        for name, own in own_errors.items()
+    }
+    return PointGap(
+        gaps["line_pressure"],
+        gaps.get("injection_rate"),
+        gaps["mass"],
+        float(np.mean(true_masses)),
+        number,
     )
 
 
-def _mass_gap(
-    measurement: Measurement,
-    models: tuple[EffectiveModel, EffectiveModel, EffectiveModel],
-    runs: tuple[Sequence[SimulatedInjection], Sequence[SimulatedInjection], Sequence[SimulatedInjection]],
-    noisy: Sequence[Sequence[SimulatedInjection]],
-) -> tuple[Gap, float]:
-    """The gap in mass, and the mean mass it belongs to [kg]. models, runs: nominal, refitted, reference."""
-    nominal, refitted, amended = models
-    before, after, reference = runs
+def _errors(
+    measurement: Measurement, model: EffectiveModel, true_masses: NDArray[np.float64], seed: int | None = None
+) -> dict[str, NDArray[np.float64]]:
+    """A model minus a recording, event after event: line pressure (n,), rate while fuel is injected (m,), where it
+    was measured, masses (events,) minus the true ones [SI].
 
-    def masses(model: EffectiveModel, ones: Sequence[SimulatedInjection]) -> NDArray[np.float64]:
-        return np.array([mass(measurement, one, model.coefficients.density) for one in ones])
-
-    of_after = masses(refitted, after)
-    if measurement.recording.injection_rate is None:
-        truth, gain_error = masses(amended, reference), 0.0
-    else:
-        density = amended.coefficients.density
-        truth = np.array([measured_mass(measurement, one, density) for one in before])
-        gain_error = GAIN_ERROR * float(np.mean(truth))
-    moves = [masses(refitted, ones) - of_after for ones in noisy]
-    gap = Gap(
-        rms([masses(nominal, before) - truth]), rms([of_after - truth]), math.hypot(rms(moves), gain_error)
-    )
-    return gap, float(np.mean(truth))
+    seed: of noise that is added to what the model is driven with.
+    """
+    line, rate = measurement.recording.line_pressure, measurement.recording.injection_rate
+    runs = simulated(measurement if seed is None else noisier(measurement, seed), model)
+    masses = np.array([mass(measurement, one, model.coefficients.density) for one in runs])
+    errors = {
+        "line_pressure": np.concatenate([one.line_pressure - line[one.samples] for one in runs]),
+        "mass": masses - true_masses,
+    }
+    if rate is not None:
+        inside = [_injecting(measurement, one) for one in runs]
+        errors["injection_rate"] = np.concatenate(
+            [(one.rate - rate[one.rate_samples])[part] for one, part in zip(runs, inside, strict=True)]
+        )
+    return errors
 
 
-def _moves(
-    noisy: Sequence[Sequence[SimulatedInjection]], quiet: Sequence[SimulatedInjection], name: str
-) -> list[NDArray[np.float64]]:
-    """By how much noise moves a result, event after event."""
-    return [
-        getattr(one, name) - getattr(still, name)
-        for ones in noisy
-        for one, still in zip(ones, quiet, strict=True)
-    ]
+def _injecting(measurement: Measurement, injection: SimulatedInjection) -> NDArray[np.bool_]:
+    return in_mass_window(measurement, injection.event, injection.rate_samples)
 
 
-def rms(parts: Sequence[NDArray[np.float64]]) -> float:
-    """Root mean square of all parts together."""
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+def rms(values: NDArray[np.float64]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _together(gaps: Sequence[Gap]) -> Gap:

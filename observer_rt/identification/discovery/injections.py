@@ -12,7 +12,7 @@ from pydantic import computed_field
 from observer_rt.foundation.documents import Entry, Figure, Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
 from observer_rt.identification.discovery.gaps import ModelGaps, PointGap, rms
-from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, simulated
 from observer_rt.model.effective import EffectiveModel
@@ -81,7 +81,7 @@ def _overlay(
 def _missed(measurement: Measurement, simulated_injection: SimulatedInjection) -> float:
     """Rms of the line pressure's gap on an event [Pa]."""
     return rms(
-        [simulated_injection.line_pressure - measurement.recording.line_pressure[simulated_injection.samples]]
+        simulated_injection.line_pressure - measurement.recording.line_pressure[simulated_injection.samples]
     )
 
 

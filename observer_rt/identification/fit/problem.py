@@ -193,7 +193,7 @@ def values_of(injector: InjectorParameters, free: Sequence[FreeParameter]) -> ND
 
 
 class Calibration:
-    """A `bounded_fit.Problem`. theta: (p + folds,) parameters on their scales, then an offset [MPa] of each fold.
+    """Its residuals are a problem. theta: (p + folds,) parameters on their scales, then an offset [MPa] of each fold.
 
     What a fold's residuals depend on is its own offset only, so those of the others are taken from memory.
     """
@@ -292,18 +292,6 @@ class Calibration:
         """Residuals of one fold, without the prior."""
         judged = self.judge(theta, number)
         return None if judged is None else _joined(self._groups(number, judged))
-
-
-@dataclass(frozen=True)
-class OneFold:
-    """A `bounded_fit.Problem`: what one fold says of theta."""
-
-    calibration: Calibration
-    number: int
-
-    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Residuals of this fold."""
-        return self.calibration.residuals_of(theta, self.number)
 
 
 def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -13,17 +14,14 @@ from observer_rt.engine.estimation.phases import (
     BLOCKS,
     Phase,
     PhaseStatistics,
-    no_statistics,
-    phase_statistics,
 )
 from observer_rt.foundation.documents import DocumentPart, Number
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.fit.cross_validation import Fold
-from observer_rt.identification.fit.problem import INERTANCE, Calibration, OneFold
+from observer_rt.identification.fit.problem import INERTANCE, Calibration
 from observer_rt.identification.likelihood.bounded_fit import Quadratic, linearise
 from observer_rt.identification.likelihood.likelihood import (
-    JointLikelihood,
     JudgedModel,
     Pool,
     RecordingLikelihood,
@@ -87,24 +85,15 @@ def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
     return math.sqrt(max(_chi2(statistics, phase) - 1.0, 0.0) / samples)
 
 
-def line_statistics(recorded: RecordingLikelihood, judged_model: JudgedModel) -> PhaseStatistics:
-    """Statistics of the line pressure of a fold."""
-    return phase_statistics(judged_model.z, 1.0, recorded.phases, 0)
-
-
 def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
     """Pools the line pressure of folds."""
-    total = no_statistics()
-    for recorded, judged_model in zip(recordings, judged, strict=True):
-        total = total.faded(1.0, line_statistics(recorded, judged_model))
-    return unexplained(total)
+    return unexplained(pool_of(recordings, judged)[Signal.LINE_PRESSURE])
 
 
 def worst_folds(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
     """In each phase that of the fold with the most left: what the model gets wrong goes with the operating point."""
     of_folds = [
-        unexplained(line_statistics(recorded, one))
-        for recorded, one in zip(calibration.recordings, judged, strict=True)
+        pooled([recorded], [one]) for recorded, one in zip(calibration.recordings, judged, strict=True)
     ]
 
     def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
@@ -152,7 +141,7 @@ def without(calibration: Calibration, at: Quadratic, left_out: Sequence[int]) ->
     for number in left_out:
         own = calibration.residuals_of(at.theta, number)
         assert own is not None  # the minimum has it
-        alone = linearise(OneFold(calibration, number), at.theta, own, calibration.ranges)
+        alone = linearise(partial(calibration.residuals_of, number=number), at.theta, own, calibration.ranges)
         information -= alone.information
         gradient -= alone.gradient
     held = [len(calibration.free) + number for number in left_out]
@@ -320,9 +309,7 @@ def _seen(
         return None
     models = [calibration.model(offsets, number) for number in range(len(folds))]
     runs = [simulated(fold.measurement, model) for fold, model in zip(folds, models, strict=True)]
-    return _ModelOnFolds(
-        folds, pool_of(JointLikelihood(calibration.recordings), judged), judged, models, runs
-    )
+    return _ModelOnFolds(folds, pool_of(calibration.recordings, judged), judged, models, runs)
 
 
 def _masses(before: _ModelOnFolds | None, after: _ModelOnFolds) -> Iterator[InjectedMass]:

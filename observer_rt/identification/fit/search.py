@@ -122,7 +122,7 @@ def _fit(
     start: InjectorParameters, free: Sequence[FreeParameter], folds: Sequence[Fold], iterations: int
 ) -> tuple[Calibration, Minimum | None]:
     calibration = Calibration(start, free, folds)
-    return calibration, fit(calibration, calibration.centre, calibration.ranges, iterations)
+    return calibration, fit(calibration.residuals, calibration.centre, calibration.ranges, iterations)
 
 
 def settled(

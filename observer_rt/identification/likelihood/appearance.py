@@ -11,9 +11,9 @@ from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit, 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.identification.likelihood.healthy_shape import expected_of, stretches
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.windows import expected_of, stretches
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
 from observer_rt.model.effect import Effect
 from observer_rt.model.effective import EffectiveModel

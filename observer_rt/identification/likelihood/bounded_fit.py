@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +47,8 @@ class Residuals:
         return max(1.0, self.squares / self.z.size)
 
 
-class Problem(Protocol):
-    """Residuals as a function of parameters theta (p,)."""
-
-    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        """Residuals at theta; None where the model has no solution."""
+Problem = Callable[[NDArray[np.float64]], Residuals | None]
+"""Residuals as a function of parameters theta (p,); None where the model has no solution."""
 
 
 @dataclass(frozen=True)
@@ -89,13 +85,13 @@ def linearise(
     roots, weighted = np.sqrt(weights), weights * here.z
     slopes = np.zeros((here.z.size, p), order="F")  # filled by columns
     spreads = np.zeros((here.counts.size, p))
-    gradient = np.zeros(p)
+    gradient, unit = np.zeros(p), np.eye(p)
     for j, bounds in enumerate(ranges):
         step = bounds.step if theta[j] + bounds.step <= bounds.highest else -bounds.step
-        moved = _moved_residuals(problem, theta, j, step)
+        moved = problem(theta + step * unit[j])
         if moved is None and theta[j] - step >= bounds.lowest:
             step = -step
-            moved = _moved_residuals(problem, theta, j, step)
+            moved = problem(theta + step * unit[j])
         if moved is None:
             continue
         slope = (moved.z - here.z) / step
@@ -117,12 +113,6 @@ def _squares(slopes: NDArray[np.float64]) -> NDArray[np.float64]:
         block = slopes[first : first + rows]
         total += block.T @ block
     return total
-
-
-def _moved_residuals(problem: Problem, theta: NDArray[np.float64], j: int, step: float) -> Residuals | None:
-    shifted = theta.copy()
-    shifted[j] += step
-    return problem.residuals(shifted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +156,7 @@ def fit(
     """
     theta = np.clip(start, [r.lowest for r in ranges], [r.highest for r in ranges])
     is_start = at_start is not None and np.array_equal(theta, start)
-    residuals = at_start if is_start else problem.residuals(theta)
+    residuals = at_start if is_start else problem(theta)
     if residuals is None:
         return None
     damping, converged = FIRST_DAMPING, False
@@ -223,7 +213,7 @@ def _lower(
             damping *= MORE_DAMPING  # a bound bends the step: a shorter one may stay inside
             continue
         theta = clipped
-        trial = problem.residuals(theta)
+        trial = problem(theta)
         if trial is not None and math.isfinite(trial.statistic) and trial.statistic < here.statistic:
             return (theta, trial), damping * LESS_DAMPING
         damping *= MORE_DAMPING

@@ -14,15 +14,14 @@ from observer_rt.engine.stream.front_end import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.identification.likelihood.bounded_fit import Residuals
-from observer_rt.identification.likelihood.healthy_shape import expected_of
-from observer_rt.identification.likelihood.lift_noise import LiftNoise
+from observer_rt.identification.likelihood.channel_noise import LiftNoise, rail_on_time, smoothing_of
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SPARE_SUBSTEPS
-from observer_rt.identification.likelihood.rail_pressure import rail_on_time, smoothing_of
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,
     batch_of,
+    expected_of,
     followed,
     latest,
     phases,
@@ -68,7 +67,7 @@ class RecordingLikelihood:
         self._latest = latest(measurement)
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
-        self._substeps = min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS)
+        self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
         self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
         self._nominal = nominal
         self._nominal_rail = rail_on_time(measurement, nominal.inputs)
@@ -153,6 +152,8 @@ class RecordingLikelihood:
         return np.asarray(innovation[self._rows.counted] / schedule.innovation_sigma)
 
     def _substeps_of(self, model: EffectiveModel) -> int:
+        if (model.injector, model.departures) == (self._nominal.injector, self._nominal.departures):
+            return self._substeps  # of all that differ by laws, or by the bench
         rate = self.measurement.recording.sample_rate
         return max(self._substeps, substeps_needed(model.injector, rate, model.departures))
 
@@ -310,10 +311,10 @@ def phases_by_signal(recorded: RecordingLikelihood) -> dict[Signal, NDArray[np.i
     return {Signal.LINE_PRESSURE: recorded.phases, Signal.INJECTION_RATE: recorded.rate_phases}
 
 
-def pool_of(likelihood: JointLikelihood, judged: Sequence[JudgedModel]) -> Pool:
+def pool_of(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> Pool:
     """Statistics of all recordings together."""
     pool: dict[Signal, PhaseStatistics] = {}
-    for recorded, judged_model in zip(likelihood.recordings, judged, strict=True):
+    for recorded, judged_model in zip(recordings, judged, strict=True):
         for signal, z in normalised(judged_model).items():
             statistics = phase_statistics(z, 1.0, phases_by_signal(recorded)[signal], 0)
             pool[signal] = pool.get(signal, no_statistics()).faded(1.0, statistics)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.foundation.documents import key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.likelihood.channel_noise import smoothing_of
 from observer_rt.identification.likelihood.measurement import JudgedEvent, Measurement
-from observer_rt.identification.likelihood.rail_pressure import smoothing_of
 from observer_rt.identification.likelihood.windows import (
     Rows,
     TrueInputs,

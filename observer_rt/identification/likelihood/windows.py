@@ -13,10 +13,12 @@ from observer_rt.core.learning.phases import phases_of
 from observer_rt.core.learning.predictor import follow
 from observer_rt.core.model.model import rest_state
 from observer_rt.core.stream.stream import dead_band
+from observer_rt.engine.estimation.healthy_shape import EventStretch, expected
 from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE
 from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
 from observer_rt.engine.estimation.scalars import nothing_learned
 from observer_rt.engine.observer import SETTLE
+from observer_rt.identification.likelihood.channel_noise import rail_on_time
 from observer_rt.identification.likelihood.measurement import (
     MARGIN,
     START_MEAN,
@@ -25,7 +27,7 @@ from observer_rt.identification.likelihood.measurement import (
     shut_mask,
 )
 from observer_rt.identification.likelihood.openings import Opening, openings_without_lag, without_lag
-from observer_rt.identification.likelihood.rail_pressure import rail_on_time
+from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import Coefficients, EffectiveModel, InputTerms
 from observer_rt.model.forcing import Clock
 
@@ -255,3 +257,30 @@ def phases(measurement: Measurement, batch: Batch) -> NDArray[np.int8]:
 def latest(measurement: Measurement) -> int:
     """Number of samples by which the line pressure may be late."""
     return round(MARGIN / measurement.interval)
+
+
+def stretches(measurement: Measurement) -> tuple[EventStretch, ...]:
+    """The counted samples of every event; edges are where the ramps of the lift meet 0."""
+    return tuple(
+        EventStretch(
+            event.end - event.counted, measurement.interval, measurement.rail_pressure, _edges(event)
+        )
+        for event in measurement.events
+    )
+
+
+def expected_of(shape: HealthyShape, measurement: Measurement) -> NDArray[np.float64]:
+    """Mean innovation [Pa] of a healthy injector at the counted samples (n,) of a recording."""
+    return np.concatenate([expected(shape, stretch) for stretch in stretches(measurement)])
+
+
+def _edges(event: JudgedEvent) -> tuple[tuple[float, float], ...]:
+    edges = []
+    for opening in event.openings:
+        opens, shuts = float(opening.first), float(opening.last)
+        if opening.rising.slope > 0.0:
+            opens -= opening.rising.lift / opening.rising.slope
+        if opening.falling.slope > 0.0:
+            shuts += opening.falling.lift / opening.falling.slope
+        edges.append((opens - event.counted, shuts - event.counted))
+    return tuple(edges)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.likelihood.bounded_fit import Range, Residuals, fit, linearise
-from observer_rt.identification.likelihood.likelihood import JointLikelihood, RecordingLikelihood
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.effective import EffectiveModel
 
@@ -64,19 +64,9 @@ def known_of(
 def _root(likelihood: JointLikelihood, rival: Rival) -> NDArray[np.float64]:
     here = likelihood.residuals(rival.model(rival.theta))
     assert here is not None  # it was fitted to them
-    information = linearise(_Refit(likelihood, rival), rival.theta, here, rival.ranges).information
-    values, vectors = np.linalg.eigh(information)
+    again = linearise(lambda theta: likelihood.residuals(rival.model(theta)), rival.theta, here, rival.ranges)
+    values, vectors = np.linalg.eigh(again.information)
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
-
-
-class _Refit:
-    """The recordings as a problem of a rival's sizes."""
-
-    def __init__(self, likelihood: JointLikelihood, rival: Rival) -> None:
-        self._likelihood, self._rival = likelihood, rival
-
-    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        return self._likelihood.residuals(self._rival.model(theta))
 
 
 class Prospect:
@@ -96,6 +86,7 @@ class Prospect:
         if own is None:
             raise ArithmeticError("a rival has no finite solution at this operating point")
         self._own = own
+        self._judged: dict[tuple[Rival, tuple[float, ...]], JudgedModel | None] = {}
         self.injections = sum(len(event.openings) for event in measurement.events)
         """Number of injections."""
         self.mass = float(np.sum(own.masses)) / self.injections
@@ -109,51 +100,38 @@ class Prospect:
         root: of the information on its sizes; injections: how many are measured.
         """
         repeats = injections / self.injections
-        minimum = fit(
-            _Absorbing(self, rival, root / np.sqrt(repeats), what, repeats),
-            rival.theta,
-            rival.ranges,
-            REFITTED,
-        )
+
+        def absorbed(theta: NDArray[np.float64]) -> Residuals | None:
+            """Of the prospect and, by their information, of the recordings."""
+            judged = self._judged_at(rival, theta)
+            if judged is None:
+                return None
+            recorded = root / np.sqrt(repeats) @ (theta - rival.theta)
+            z = np.concatenate([*self._departures(judged, what, repeats), recorded])
+            return Residuals(z, np.array([z.size]), np.zeros(1))
+
+        minimum = fit(absorbed, rival.theta, rival.ranges, REFITTED)
         return np.inf if minimum is None else repeats * minimum.statistic
 
-    def departures(
-        self, model: EffectiveModel, what: MeasuredQuantity, repeats: float
-    ) -> NDArray[np.float64] | None:
-        """Normalised residuals (n,) of a model beyond those of the truth; what repetition does not lessen, as if it
+    def _judged_at(self, rival: Rival, theta: NDArray[np.float64]) -> JudgedModel | None:
+        """A rival with these sizes, whatever is measured of it: judged once."""
+        key = rival, tuple(theta.tolist())
+        if key not in self._judged:
+            self._judged[key] = self._likelihood.judge(rival.model(theta))
+        return self._judged[key]
+
+    def _departures(
+        self, judged: JudgedModel, what: MeasuredQuantity, repeats: float
+    ) -> list[NDArray[np.float64]]:
+        """Normalised residuals of a model beyond those of the truth; what repetition does not lessen, as if it
         counted once in `repeats`."""
-        runs = self._likelihood.judge(model)
-        if runs is None:
-            return None
-        once = np.sqrt(repeats)
-        parts = [runs.z - self._own.z]
+        once, own = np.sqrt(repeats), self._own
+        parts = [judged.z - own.z]
         if what is MeasuredQuantity.MASS:
-            share = (np.sum(runs.masses) / np.sum(self._own.masses) - 1.0) / MASS_ERROR
+            share = (np.sum(judged.masses) / np.sum(own.masses) - 1.0) / MASS_ERROR
             parts.append(np.array([share / once]))
         elif what is MeasuredQuantity.RATE:
-            rate = runs.rate_z - self._own.rate_z
+            rate = judged.rate_z - own.rate_z
             rate[-1] /= once  # its gain error
             parts.append(rate)
-        return np.concatenate(parts)
-
-
-class _Absorbing:
-    """A rival's sizes fitted to the prospect and, by their information, to the recordings."""
-
-    def __init__(
-        self,
-        prospect: Prospect,
-        rival: Rival,
-        root: NDArray[np.float64],
-        what: MeasuredQuantity,
-        repeats: float,
-    ) -> None:
-        self._prospect, self._rival, self._root = prospect, rival, root
-        self._what, self._repeats = what, repeats
-
-    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        departures = self._prospect.departures(self._rival.model(theta), self._what, self._repeats)
-        if departures is None:
-            return None
-        z = np.concatenate([departures, self._root @ (theta - self._rival.theta)])
-        return Residuals(z, np.array([z.size]), np.zeros(1))
+        return parts

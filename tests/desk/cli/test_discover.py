@@ -13,8 +13,8 @@ import observer_rt.identification.discovery.discover
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.errors import RunError
+from observer_rt.identification.discovery.folder import FitStore
 from observer_rt.identification.discovery.search.fits import Fit
-from observer_rt.identification.discovery.search.store import FitStore
 from tests.desk.cli.conftest import Command
 from tests.device import simulated
 

@@ -12,7 +12,8 @@ from observer_rt.identification.discovery.findings import (
     is_like_inertance,
 )
 from observer_rt.identification.discovery.report.text import as_text
-from observer_rt.identification.discovery.search.results import Size, Verdict
+from observer_rt.identification.discovery.search.candidates import Size
+from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model, sized
 from tests.baselines import baseline

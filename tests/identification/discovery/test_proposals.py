@@ -18,10 +18,9 @@ from observer_rt.identification.discovery.discover import DiscoveryTask, answer
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.report.page import report
 from observer_rt.identification.discovery.report.text import as_text
-from observer_rt.identification.discovery.search.in_part import with_parts
+from observer_rt.identification.discovery.search.proposals import with_parts
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
-from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import effective_model
@@ -122,9 +121,7 @@ def less(accepted: Findings, plugged: DiscoveryTask) -> Discovery:
     """The same, had the law left something."""
     discovery = Discovery(**{field.name: getattr(accepted, field.name) for field in fields(Discovery)})
     left = replace(discovery.proposals[0], adequate=False, held_out=(2e6, 0.5e6))
-    parts = with_parts(
-        [left], joint_likelihood(plugged.measured, effective_model(NOMINAL)), effective_model(NOMINAL)
-    )
+    parts = with_parts([left], plugged.measured, effective_model(NOMINAL))
     return replace(discovery, accepted=0, proposals=parts)
 
 

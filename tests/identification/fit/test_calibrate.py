@@ -141,7 +141,9 @@ def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
     calibration = Calibration(NOMINAL, free, folds)
     here = calibration.residuals(calibration.centre)
     assert here is not None
-    sure = certainty(calibration, linearise(calibration, calibration.centre, here, calibration.ranges), 1.0)
+    sure = certainty(
+        calibration, linearise(calibration.residuals, calibration.centre, here, calibration.ranges), 1.0
+    )
     assert sure.undetermined is not None
     assert sure.directions[-1].sigma > 20.0 * sure.directions[-2].sigma
 

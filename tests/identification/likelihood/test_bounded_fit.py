@@ -1,8 +1,5 @@
 """Bounded maximum likelihood by finite differences."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -13,16 +10,6 @@ N = 4000
 RNG = np.random.default_rng(5)
 NOISE = RNG.normal(size=N)
 REGRESSORS = RNG.normal(size=(N, 2))
-
-
-@dataclass
-class Problem:
-    """Residuals by a function; None where it says so."""
-
-    function: Callable[[NDArray[np.float64]], Residuals | None]
-
-    def residuals(self, theta: NDArray[np.float64]) -> Residuals | None:
-        return self.function(theta)
 
 
 def _residuals(z: NDArray[np.float64], log_sigma: float = 0.0) -> Residuals:
@@ -43,7 +30,7 @@ def _minimum(result: Minimum | None) -> Minimum:
 
 def test_a_linear_problem_is_solved_as_by_least_squares() -> None:
     expected = np.linalg.lstsq(REGRESSORS, REGRESSORS @ [2.0, -1.0] - NOISE, rcond=None)[0]
-    minimum = _minimum(fit(Problem(_line), np.zeros(2), WIDE))
+    minimum = _minimum(fit(_line, np.zeros(2), WIDE))
     assert minimum.converged
     assert minimum.at.theta == pytest.approx(expected, abs=2e-3)
     covariance = np.linalg.inv(REGRESSORS.T @ REGRESSORS)
@@ -51,7 +38,7 @@ def test_a_linear_problem_is_solved_as_by_least_squares() -> None:
 
 
 def test_a_bound_holds_and_the_other_parameter_is_fitted_beside_it() -> None:
-    minimum = _minimum(fit(Problem(_line), np.zeros(2), (Range(-50.0, 1.0, 1e-4), WIDE[1])))
+    minimum = _minimum(fit(_line, np.zeros(2), (Range(-50.0, 1.0, 1e-4), WIDE[1])))
     remaining = REGRESSORS @ [2.0, -1.0] - NOISE - REGRESSORS[:, 0]
     (expected,) = np.linalg.lstsq(REGRESSORS[:, 1:], remaining, rcond=None)[0]
     assert minimum.at.theta == pytest.approx([1.0, expected], abs=2e-3)
@@ -63,7 +50,7 @@ def test_a_spread_is_a_parameter_as_any_other() -> None:
     def spread(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(data / np.exp(theta[0]), float(theta[0]))
 
-    minimum = _minimum(fit(Problem(spread), np.zeros(1), (Range(-5.0, 5.0, 1e-5),)))
+    minimum = _minimum(fit(spread, np.zeros(1), (Range(-5.0, 5.0, 1e-5),)))
     assert np.exp(minimum.at.theta[0]) == pytest.approx(np.sqrt(np.mean(data**2)), rel=2e-3)
     assert minimum.sigmas()[0] == pytest.approx(1.0 / np.sqrt(2.0 * N), rel=0.03)
 
@@ -75,7 +62,7 @@ def test_outliers_move_the_result_little() -> None:
     def level(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(spiked - theta[0])
 
-    minimum = _minimum(fit(Problem(level), np.array([5.0]), (Range(-9.0, 9.0, 1e-4),)))
+    minimum = _minimum(fit(level, np.array([5.0]), (Range(-9.0, 9.0, 1e-4),)))
     assert abs(minimum.at.theta[0] - NOISE.mean()) < 0.06  # the mean moves by 0.6
 
 
@@ -85,7 +72,7 @@ def test_a_curved_problem_is_solved_from_afar() -> None:
     def decay(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(NOISE + 50.0 * (np.exp(-3.0 * time) - np.exp(-theta[0] * time)))
 
-    minimum = _minimum(fit(Problem(decay), np.array([30.0]), (Range(0.0, 100.0, 1e-5),)))
+    minimum = _minimum(fit(decay, np.array([30.0]), (Range(0.0, 100.0, 1e-5),)))
     assert minimum.at.theta[0] == pytest.approx(3.0, abs=4 * minimum.sigmas()[0])
 
 
@@ -93,7 +80,7 @@ def test_what_the_data_do_not_see_has_no_limit() -> None:
     def blind(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(NOISE - theta[0])
 
-    minimum = _minimum(fit(Problem(blind), np.array([1.0, 7.0]), WIDE))
+    minimum = _minimum(fit(blind, np.array([1.0, 7.0]), WIDE))
     assert minimum.at.theta[1] == 7.0
     assert np.isinf(minimum.sigmas()[1])
 
@@ -102,9 +89,9 @@ def test_steps_into_the_insoluble_are_shortened() -> None:
     def fragile(theta: NDArray[np.float64]) -> Residuals | None:
         return None if theta[0] > 2.5 else _residuals(NOISE + 0.01 * (theta[0] - 2.0) ** 3 + theta[0] - 2.0)
 
-    minimum = _minimum(fit(Problem(fragile), np.array([-20.0]), (Range(-50.0, 50.0, 1e-5),)))
+    minimum = _minimum(fit(fragile, np.array([-20.0]), (Range(-50.0, 50.0, 1e-5),)))
     assert minimum.at.theta[0] == pytest.approx(2.0, abs=0.1)
-    assert fit(Problem(fragile), np.array([3.0]), (Range(-50.0, 50.0, 1e-5),)) is None
+    assert fit(fragile, np.array([3.0]), (Range(-50.0, 50.0, 1e-5),)) is None
 
 
 def test_a_bound_on_the_way_does_not_end_the_search() -> None:
@@ -114,9 +101,7 @@ def test_a_bound_on_the_way_does_not_end_the_search() -> None:
     def slanted(theta: NDArray[np.float64]) -> Residuals:
         return _residuals(NOISE + nearly @ (theta - np.array([4.0, 1.0])))
 
-    minimum = _minimum(
-        fit(Problem(slanted), np.array([1.2, 1.5]), (Range(-50.0, 50.0, 1e-4), Range(0.9, 2.0, 1e-4)))
-    )
+    minimum = _minimum(fit(slanted, np.array([1.2, 1.5]), (Range(-50.0, 50.0, 1e-4), Range(0.9, 2.0, 1e-4))))
     assert minimum.statistic < _residuals(NOISE).statistic + 0.1
 
 
@@ -128,7 +113,7 @@ def test_slopes_at_the_minimum_are_not_had_before_they_are_wanted() -> None:
         return _line(theta)
 
     start = np.zeros(2)
-    minimum = _minimum(fit(Problem(noted), start, WIDE, 1, _line(start)))
+    minimum = _minimum(fit(noted, start, WIDE, 1, _line(start)))
     assert len(asked) == 3  # two slopes at the start, where the residuals are known, and the step
     assert np.array_equal(asked[-1], minimum.theta)
     assert np.isfinite(minimum.sigmas()).all()
@@ -138,5 +123,5 @@ def test_slopes_at_the_minimum_are_not_had_before_they_are_wanted() -> None:
 def test_residuals_known_at_a_start_out_of_bounds_are_not_those_within() -> None:
     bounds = (Range(0.0, 5.0, 1e-4), Range(-5.0, 5.0, 1e-4))
     start = np.array([-9.0, 0.0])
-    minimum = _minimum(fit(Problem(_line), start, bounds, 0, _line(start)))
+    minimum = _minimum(fit(_line, start, bounds, 0, _line(start)))
     assert np.array_equal(minimum.residuals.z, _line(np.zeros(2)).z)

@@ -10,9 +10,8 @@ from observer_rt.desk.simulation import schedule
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.engine.learning.healthy import NOT_FITTED
 from observer_rt.files.signals.recording import Recording
-from observer_rt.identification.discovery.rivals import next_measurement
-from observer_rt.identification.discovery.search.outcome import SURE
-from observer_rt.identification.discovery.search.results import Discovery, Verdict
+from observer_rt.identification.discovery.discover import next_measurement
+from observer_rt.identification.discovery.search.results import SURE, Discovery, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.planning.plan import (

@@ -10,15 +10,15 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery import gaps, numbers
 from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
 from observer_rt.identification.discovery.numbers import sign
-from observer_rt.identification.discovery.report import figures, gap_map, plan, tables, text
-from observer_rt.identification.discovery.search.first_guess import guess_words
+from observer_rt.identification.discovery.report import figures, tables, text
+from observer_rt.identification.discovery.search.laws import guess_words
 from observer_rt.identification.discovery.search.results import Verdict
 from observer_rt.identification.discovery.words import law_words, sentences
 from observer_rt.identification.discovery.words.sentences import candidate_words, proposal_words, where_words
 from observer_rt.model.effects import VOCABULARY
 
 _PAGES = templates_of(__package__)
-for _module in (units, numbers, gaps, sentences, text, tables, figures, gap_map, law_words, plan):
+for _module in (units, numbers, gaps, sentences, text, tables, figures, law_words):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
 _PAGES.globals |= {"learned_figure": learned_figure, "guess_words": guess_words}

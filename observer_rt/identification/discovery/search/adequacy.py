@@ -7,8 +7,9 @@ import numpy as np
 
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for_naming
+from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.discovery.search.results import Candidate, Cell
+from observer_rt.identification.discovery.search.results import Cell
 from observer_rt.identification.likelihood.likelihood import (
     JointLikelihood,
     JudgedModel,

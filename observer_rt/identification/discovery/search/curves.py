@@ -1,7 +1,7 @@
-"""Laws made to measure: a free curve over one variable, and the simple form that comes nearest to it.
+"""Laws made to measure: a free curve over one variable, and the simple form that comes nearest to it; waves.
 
 A curve is a sum of hats, each a term of its own: what they do to the innovations, linearised, says what any law over
-that variable would gain.
+that variable would gain. Oscillations of a fixed frequency stand out of the spectrum of the residuals.
 """
 
 import math
@@ -13,18 +13,31 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from observer_rt.identification.discovery.search.scores import Scores
-from observer_rt.identification.discovery.search.waves import turned
 from observer_rt.model.effect import Effect
-from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
+from observer_rt.model.term_effect import LETTERS, FormNumber, TermLaw, term_effect
+from observer_rt.model.terms.law import Law
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import TermEquation
+from observer_rt.model.terms.variable import Variable
 
 Floats = NDArray[np.float64]
 
 MOST_LAWS = 4  # made at once
 MOST_OF_CURVE = 3  # over one variable, each of another shape
+LOWEST, HIGHEST = 200.0, 0.4  # Hz, and share of the sample rate
+PADDED = 4  # zero padding: times as many frequencies as samples
+AROUND = 500.0  # Hz: width of the running median of the spectrum
+STANDS_OUT = 8.0  # times the median: least power of a line
+LARGEST = 5.0  # standard deviations: residuals are clipped, since transients would hide an oscillation
+APART = 50.0  # Hz: least distance of two lines
+MOST_LINES = 2
+TIMES = 6  # knots over the time of recordings
+GATES = (Variable.OPEN, Variable.CLOSED, Variable.OPENING, Variable.CLOSING)
+SWINGING = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.CHAMBER_PRESSURE)
+"""Equations that may hold an oscillating term; not outflows, since fuel would flow back half of the time."""
 
 
 class Shape(Enum):
@@ -149,6 +162,27 @@ CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
 """Curves of an equation: over what, and a factor before it."""
 
 
+def axis_of(law: Law, reach: tuple[float, float]) -> tuple[Axis, list[Variable]] | None:
+    """The one variable of a law beside its gates, and these; None of one that remembers, or has several.
+
+    reach: time [s] and number of injections of the recordings.
+    """
+    time, injections = reach
+    gates = [gate for gate in GATES if gate in law.variables]
+    counted = tuple(float(number) for number in range(1, round(injections) + 1))
+    spread = tuple(np.linspace(0.0, time, TIMES).tolist())
+    axes = (
+        *AXES,
+        Axis("injection_number", counted, "injection", "-", 1.0, {"injection_number": (0.0, 1.0)}),
+        Axis("time", spread, "time", "s", 1.0, {"time": (0.0, 1.0)}),
+    )
+    words = {variable.word for variable in law.variables if variable not in gates}
+    fitting = (axis for axis in axes if words and words <= set(axis.of) and len(axis.knots) > 1)
+    swings = Variable.TIME in law.variables and "sin(" in str(law)  # by the clock: no curve has enough points
+    axis = None if law.remembers or swings else next(fitting, None)
+    return None if axis is None else (axis, gates)
+
+
 @dataclass(frozen=True)
 class Form:
     """A law of a variable u; numbers: by `LETTERS`, what each is tried with, and between what it may be."""
@@ -249,3 +283,56 @@ def _laws(curve: FreeCurve) -> list[tuple[float, Effect]]:
                 term_effect(equation, curve.factor + law, tried[best]),
             )
     return sorted(laws_by_shape.values(), key=lambda item: -item[0])[:MOST_OF_CURVE]
+
+
+def waves(frequencies: Sequence[float], longest: float) -> list[tuple[Effect, Effect]]:
+    """Sine and cosine terms of every frequency [Hz] in every equation; longest: longest recording [s]."""
+    pairs = []
+    for frequency in frequencies:
+        # a recording of length T resolves a frequency to 1/T
+        numbers = FormNumber(frequency, frequency - 1.0 / longest, frequency + 1.0 / longest)
+        for equation in SWINGING:
+            sine, cosine = (
+                term_effect(
+                    equation, "sin(6.283185307*A[Hz]*time + W)", (numbers, FormNumber(phase, -4.0, 4.0))
+                )
+                for phase in (0.0, 0.5 * math.pi)
+            )
+            pairs.append((sine, cosine))
+    return pairs
+
+
+def turned(sine: Effect, swings: Sequence[float]) -> Effect:
+    """One term with a phase, for these amplitudes of the sine and cosine terms."""
+    law = sine.apply
+    assert isinstance(law, TermLaw)
+    frequency, phase = law.numbers
+    angle = math.atan2(swings[1], swings[0])
+    return term_effect(law.equation, law.form, (frequency, phase._replace(value=angle)))
+
+
+def lines(
+    left: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], interval: float
+) -> list[float]:
+    """Frequencies [Hz] that stand out of the spectrum of the residuals, the strongest first.
+
+    left: normalised residuals (n,) of each recording; times: theirs [s] (n,), whole numbers of intervals apart.
+    """
+    size = 1 << math.ceil(math.log2(PADDED * max(one[-1] - one[0] for one in times) / interval))
+    power = np.zeros(size // 2 + 1)
+    for values, when in zip(left, times, strict=True):
+        grid = np.zeros(size)
+        grid[np.rint((when - when[0]) / interval).astype(np.int64)] = np.clip(values, -LARGEST, LARGEST)
+        power += np.abs(np.fft.rfft(grid)) ** 2
+    step = 1.0 / (size * interval)
+    coarse = 8  # every 8th bin is enough for the median
+    background = np.repeat(median_filter(power[::coarse], max(3, round(AROUND / step / coarse))), coarse)
+    power = np.where(power > STANDS_OUT * background[: power.size], power, 0.0)
+    first, last = round(LOWEST / step), round(HIGHEST / (interval * step))
+    power[:first] = power[last:] = 0.0
+    frequencies: list[float] = []
+    while len(frequencies) < MOST_LINES and power.any():
+        top = int(np.argmax(power))
+        frequencies.append(top * step)
+        power[max(0, top - round(APART / step)) : top + round(APART / step)] = 0.0
+    return frequencies

@@ -11,13 +11,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.hypothesis import (
+from observer_rt.identification.discovery.search.candidates import (
+    Candidate,
     Hypothesis,
-    Sizing,
     equation_of,
     minimum_from,
 )
-from observer_rt.identification.discovery.search.results import Candidate
 from observer_rt.identification.discovery.search.scores import (
     WHOLE,
     Scores,
@@ -30,6 +29,7 @@ from observer_rt.identification.likelihood import appearance
 from observer_rt.identification.likelihood.bounded_fit import (
     MAX_ITERATIONS,
     Minimum,
+    Problem,
     Residuals,
     fit,
     linearise,
@@ -56,11 +56,13 @@ MOST_NAMED = 3  # numbers within a law that has a name: a table has more
 SAME = 0.998  # cosine of two signatures of one equation, from which on they stand for one
 NEAR = 40.0  # of -2 log L beyond which a candidate takes nothing from the confidence in another
 
-KEPT = 24  # candidates whose residuals are kept
+KEPT_SAMPLES = 20_000_000  # judged ones that are kept, 160 MB of them, so that nothing is simulated twice
+LEAST_KEPT = 24  # judged models, however long recordings are
 
 ROUGH, FREED = "rough", "freed"
 
 _TINY = 1e-30
+_UNKNOWN: list[JudgedModel] = []
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
@@ -95,6 +97,8 @@ class Fitter:
         self.signatures: dict[str, appearance.Signature] = {}
         self._sigmas: dict[_Key, NDArray[np.float64]] = {}
         self._judged: dict[_Key, list[JudgedModel] | None] = {}
+        samples = sum(one.phases.size + one.rate_phases.size for one in likelihood.recordings)
+        self._most_kept = max(LEAST_KEPT, KEPT_SAMPLES // samples)
         self._pools: dict[_Key, Pool | None] = {}
         self._failed: set[tuple[str, ...]] = set()
 
@@ -124,24 +128,38 @@ class Fitter:
 
     def judged(self, candidate: Candidate) -> list[JudgedModel] | None:
         """A candidate on every recording; None without a solution."""
-        runs = self._judged.get(candidate.key)
-        if runs is None and candidate.key not in self._judged:
-            runs = self._judged[candidate.key] = self.likelihood.judge(candidate.model(self.nominal))
-            for old in list(self._judged)[:-KEPT]:
-                self._judged.pop(old, None)
-        return runs
+        return self._judged_at(candidate.hypothesis, candidate.theta)
+
+    def _judged_at(self, hypothesis: Hypothesis, theta: NDArray[np.float64]) -> list[JudgedModel] | None:
+        key = hypothesis.ids, tuple(theta.tolist())
+        if (kept := self._judged.get(key, _UNKNOWN)) is not _UNKNOWN:
+            return kept
+        judged = self._judged[key] = self.likelihood.judge(hypothesis.model(self.nominal, theta))
+        for old in list(self._judged)[: -self._most_kept]:
+            self._judged.pop(old, None)
+        return judged
 
     def pool(self, candidate: Candidate) -> Pool | None:
         """What a candidate leaves by signal and phase; None without a solution."""
         if candidate.key not in self._pools:
             judged = self.judged(candidate)
-            self._pools[candidate.key] = None if judged is None else pool_of(self.likelihood, judged)
+            self._pools[candidate.key] = (
+                None if judged is None else pool_of(self.likelihood.recordings, judged)
+            )
         return self._pools[candidate.key]
 
     def residuals(self, candidate: Candidate) -> Residuals | None:
         """What a candidate leaves; None without a solution."""
-        judged = self.judged(candidate)
-        return None if judged is None else residuals_of(judged)
+        return self._problem(candidate.hypothesis)(candidate.theta)
+
+    def _problem(self, hypothesis: Hypothesis) -> Problem:
+        """That of finding the sizes of a hypothesis' effects."""
+
+        def residuals(theta: NDArray[np.float64]) -> Residuals | None:
+            judged = self._judged_at(hypothesis, theta)
+            return None if judged is None else residuals_of(judged)
+
+        return residuals
 
     def sigmas(self, candidate: Candidate) -> NDArray[np.float64]:
         """Standard deviations of a candidate's sizes by noise, from the information there; inf where it has none."""
@@ -150,14 +168,11 @@ class Fitter:
             if residuals is None or not candidate.hypothesis.effects:
                 return np.full(len(candidate.sizes), np.inf)
             information = linearise(
-                self._sizing(candidate.hypothesis), candidate.theta, residuals, candidate.hypothesis.ranges()
+                self._problem(candidate.hypothesis), candidate.theta, residuals, candidate.hypothesis.ranges()
             ).information
             spread = np.sqrt(max(1.0, float(np.mean(residuals.z**2))))
             self._sigmas[candidate.key] = sigmas_of(information) * spread
         return self._sigmas[candidate.key]
-
-    def _sizing(self, hypothesis: Hypothesis) -> Sizing:
-        return Sizing(self.likelihood, self.nominal, hypothesis)
 
     def map(self, work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
         """Results of `work` in the order of the items; an interruption does not wait for those not begun."""
@@ -178,7 +193,7 @@ class Fitter:
         def signature(effect: Effect) -> Signature | None:
             both, probed = about.hypothesis.with_effect(effect), list[tuple[float, Signature]]()
             for sizes in _probes(effect, both.ranges()[-1].step if effect.parameters else WHOLE):
-                moved = self._sizing(both).residuals(np.append(about.theta, sizes[: len(effect.parameters)]))
+                moved = self._problem(both)(np.append(about.theta, sizes[: len(effect.parameters)]))
                 if moved is not None:
                     slope = np.asarray(weights * (here.z - moved.z) / sizes[0], np.float32)
                     gain = max(float(slope @ left) * math.copysign(1.0, sizes[0]), 0.0) ** 2
@@ -202,9 +217,9 @@ class Fitter:
 
     def _law(self, hypothesis: Hypothesis, start: NDArray[np.float64]) -> Candidate | None:
         def minimum_of_law() -> Minimum | None:
-            sizing, ranges = self._sizing(hypothesis), hypothesis.ranges()
+            problem, ranges = self._problem(hypothesis), hypothesis.ranges()
             for share in (1.0, 0.3):  # of what was scored, should the model have no solution there
-                minimum = fit(sizing, share * start, ranges, LAW_ITERATIONS)
+                minimum = fit(problem, share * start, ranges, LAW_ITERATIONS)
                 if minimum is not None:
                     return None if _has_twins(hypothesis, minimum) else minimum
             return None
@@ -223,15 +238,14 @@ class Fitter:
         )
         if len(freed.parameters) == len(candidate.sizes):
             return None
-        parts = zip(freed.effects, candidate.hypothesis.split(candidate.theta), strict=True)
         start = [
             np.append(sizes, [p.starts[0] for p in effect.parameters[sizes.size :]])
-            for effect, sizes in parts
+            for effect, (_, sizes, _) in zip(freed.effects, candidate.parts, strict=True)
         ]
         fit_of_form = self._remembered(
             freed,
             (*candidate.ids, FREED),
-            lambda: fit(self._sizing(freed), np.concatenate(start), freed.ranges(), FREED_ITERATIONS),
+            lambda: fit(self._problem(freed), np.concatenate(start), freed.ranges(), FREED_ITERATIONS),
         )
         if fit_of_form is None:
             return None
@@ -298,7 +312,9 @@ class Fitter:
             return self._remembered(
                 hypothesis,
                 key,
-                lambda: minimum_from(self._sizing(hypothesis), starts, max_iterations, further),
+                lambda: minimum_from(
+                    self._problem(hypothesis), hypothesis.ranges(), starts, max_iterations, further
+                ),
             )
 
         return [one for one in self.map(fitted, tasks) if one is not None]

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import robust_cost
-from observer_rt.identification.discovery.search.hypothesis import Sizing
-from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.identification.discovery.search.candidates import Candidate, sizing
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
 from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
@@ -71,7 +70,7 @@ class HeldOutPoints:
     def _judge(self, candidate: Candidate) -> "_Events | None":
         hypothesis, theta = candidate.hypothesis, candidate.theta
         if hypothesis.effects:
-            refitted = fit(Sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())
+            refitted = fit(sizing(self._fitted, self._nominal, hypothesis), theta, hypothesis.ranges())
             if refitted is None:
                 return None
             theta = refitted.theta

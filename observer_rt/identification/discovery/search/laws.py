@@ -1,26 +1,37 @@
-"""Laws beside a candidate: of one linearised pass the best are refitted; others are made for its residuals."""
+"""Laws beside a candidate: of one linearised pass the best are refitted; others are made for its residuals.
 
-from collections.abc import Sequence
+The first guess, the law of nozzle or seat that stands out of what the network learned, says which law is refitted
+first, and no more: it comes of the same recordings, and as prior odds would count them twice.
+"""
+
+from collections.abc import Iterable, Sequence
 from functools import cached_property, partial
 from itertools import combinations
 from operator import attrgetter
 
 import numpy as np
 
+from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
+from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.identification.discovery.search.adequacy import Adequacy
-from observer_rt.identification.discovery.search.curves import CURVES, Axis, free_curves, made_to_measure
-from observer_rt.identification.discovery.search.first_guess import Guess, is_guessed
+from observer_rt.identification.discovery.search.candidates import UNNAMED, Candidate, Hypothesis, equation_of
+from observer_rt.identification.discovery.search.curves import (
+    CURVES,
+    Axis,
+    axis_of,
+    free_curves,
+    lines,
+    made_to_measure,
+    waves,
+)
 from observer_rt.identification.discovery.search.fits import SAME, Fitter
-from observer_rt.identification.discovery.search.hypothesis import Hypothesis, equation_of
-from observer_rt.identification.discovery.search.law_evidence import axis_of
 from observer_rt.identification.discovery.search.library import library, span_of
-from observer_rt.identification.discovery.search.results import UNNAMED, Candidate
 from observer_rt.identification.discovery.search.scores import Scores, scored
 from observer_rt.identification.discovery.search.tables import NONE, tables, validated
-from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import COMPONENTS, TermLaw, term_effect
 from observer_rt.model.terms.term import TermEquation
+from observer_rt.model.terms.variable import Variable
 
 MOST_TOGETHER = 3
 REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
@@ -42,6 +53,16 @@ _ALIKE = (
 )
 """Equations of which some laws do the same to the line pressure, or nearly."""
 _EVERY = [(equation, *one) for equation, curves in CURVES.items() for one in curves]
+EQUATIONS = {NOZZLE: TermEquation.NOZZLE_FLOW, SEAT: TermEquation.SEAT_FLOW}
+VARIABLES = {
+    "pressure_drop_MPa": Variable.SAC_PRESSURE,
+    "seat_area_mm2": Variable.NEEDLE_LIFT,
+    "time_since_opening_ms": Variable.TIME_SINCE_OPENING,
+    "rail_pressure_MPa": Variable.RAIL_PRESSURE,
+}
+
+
+Guess = LearnedCurve | None
 
 
 class Laws:
@@ -194,3 +215,24 @@ class Laws:
         ]
         worth.sort(reverse=True)
         return [rows for gain, rows in worth[:REFITTED_PAIRS] if gain > limit]
+
+
+def first_guess(curves: Iterable[LearnedCurve]) -> Guess:
+    """The curve furthest from level, in units of its interval; None where all may be level."""
+    return max((one for one in curves if one.bend > 1.0), key=lambda one: one.bend, default=None)
+
+
+def is_guessed(effect: Effect, guess: Guess) -> bool:
+    """Whether an effect is a law of the guessed flow over the guessed input."""
+    law = effect.apply
+    if guess is None or not isinstance(law, TermLaw) or law.equation is not EQUATIONS[guess.flow]:
+        return False
+    return VARIABLES[guess.variable] in law.law.variables
+
+
+def guess_words(curves: Iterable[LearnedCurve]) -> str:
+    """Names the law that the search began with."""
+    guess = first_guess(curves)
+    if guess is None:
+        return "None is further from level than its interval."
+    return f"The search began with {EQUATIONS[guess.flow].words} over {VARIABLES[guess.variable].word}."

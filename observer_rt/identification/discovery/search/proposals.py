@@ -1,41 +1,68 @@
-"""Laws that explain recordings as proposals: with intervals, consequences, gaps held out, and whether a model may
-have them."""
+"""Laws that explain recordings as proposals: intervals, consequences, gaps held out, and what a model may have.
 
+A law is drawn beside what recordings say of it: a free curve about the model with the law in force. It is judged in
+the range in which they show it, between the ends of what its inputs were there, and a margin. Of one that leaves
+something a model may have a part, what it leaves being its uncertainty.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer_rt.config.effects import term_domain
+from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import Adequacy, worst
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
+from observer_rt.identification.discovery.search.curves import GATES, Axis, Score, axis_of
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
-from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.discovery.search.law_evidence import law_curve
 from observer_rt.identification.discovery.search.library import span_of
-from observer_rt.identification.discovery.search.outcome import SearchOutcome
 from observer_rt.identification.discovery.search.results import (
     INTERVAL_MARGIN,
     TOO_FREE,
     TOO_MANY,
-    Candidate,
+    Cell,
     LawCurve,
+    Part,
     Proposal,
     Refusal,
+    SearchOutcome,
 )
-from observer_rt.identification.discovery.search.scores import Scores
-from observer_rt.identification.discovery.search.seen import seen_in
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
-from observer_rt.identification.likelihood.open_loop import consequence
-from observer_rt.model.effect import Effect
+from observer_rt.identification.likelihood.likelihood import Signal
+from observer_rt.identification.likelihood.measurement import Measurement
+from observer_rt.identification.likelihood.open_loop import consequence, mean_mass, simulated
+from observer_rt.model.baseline import PhaseFigures
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.in_force import SeenRange
-from observer_rt.model.terms.term import Term
+from observer_rt.model.terms.law import Law, Number, Values
+from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.variable import VARIABLES, Variable
+
+VAGUE = 1.0  # times what the law spans, from which on an uncertain point shows nothing
+DRAWN = 201  # points of a line
+MARGIN = 0.1  # of the range of a pressure or speed, at both ends
+FLOW_MARGIN = 1.25  # times the largest injection rate, that a flow may be, either way
+_DIGITS = 4
+_RATE = {
+    "rail_pressure": "rail_pressure_rate",
+    "line_pressure": "line_pressure_rate",
+    "needle_lift": "lift_rate",
+}
+LEAST_CLOSED = 2.0 / 3.0  # of the gap held out
+# So small that pressure and mass follow it in proportion.
+_PROBE = Term(TermEquation.NOZZLE_FLOW, Number(0.02))
+_MORE = "record more rail pressures and durations, or the injection rate as well"
 
 
 class Proposer:
@@ -90,14 +117,9 @@ class Proposer:
 
     def _curves(self, candidate: Candidate) -> tuple[LawCurve, ...]:
         """The laws of a proposal over their variables."""
-        span = span_of(self._fitter.likelihood)
-
-        def score(effects: Sequence[Effect]) -> Scores:
-            return self._fitter.scores(candidate, effects)
-
-        drawn = (
-            law_curve(term, score, candidate.spread, (span.time, span.injections)) for term in candidate.terms
-        )
+        span, score = span_of(self._fitter.likelihood), partial(self._fitter.scores, candidate)
+        reach = span.time, span.injections
+        drawn = (law_curve(term, score, candidate.spread, reach) for term in candidate.terms)
         return tuple(curve for curve in drawn if curve is not None)
 
 
@@ -110,3 +132,135 @@ def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> 
     except UserError as error:
         return Refusal(f"{error.location} {error.problem}", error.remedy)
     return None
+
+
+def law_curve(term: Term, score: Score, spread: float, reach: tuple[float, float]) -> LawCurve | None:
+    """A term with its interval, drawn; None of one that remembers, or depends on several variables.
+
+    score: of effects beside the model that has the term; spread: mean square of what that leaves; reach: time [s] and
+    number of injections of the recordings.
+    """
+    curve_axis = axis_of(term.law, reach)
+    if curve_axis is None:
+        return None
+    axis, gates = curve_axis
+    scores = score(axis.hats(term.equation, "".join(f"{gate.word}*" for gate in gates)))
+    covariance = np.linalg.pinv(scores.information, rcond=1e-9, hermitian=True)
+    off = covariance @ scores.gradient
+    sigmas = np.sqrt(np.diag(covariance) * spread)
+    knots = np.array(axis.knots)[scores.numbers]
+    drawn = np.linspace(axis.knots[0], axis.knots[-1], DRAWN)
+    low, high = term.interval or (term.coefficient, term.coefficient)
+    lines = [_law_at(term.law, axis, drawn, c) for c in (term.coefficient, low, high)]
+    half = NORMAL_975 * sigmas
+    clear = half < VAGUE * max(float(np.ptp(lines[0])), float(np.max(np.abs(lines[0]))))
+    return LawCurve(
+        term,
+        axis.words,
+        axis.unit,
+        axis.offset + axis.scale * drawn,
+        (lines[0], np.minimum(*lines[1:]), np.maximum(*lines[1:])),
+        (axis.offset + axis.scale * knots)[clear],
+        (_law_at(term.law, axis, knots, term.coefficient) + off)[clear],
+        half[clear],
+    )
+
+
+def _law_at(law: Law, axis: Axis, u: Values, c: float) -> Values:
+    """At values (n,) of its variable, all gates open."""
+    moment = {name: at_zero + slope * u for name, (at_zero, slope) in axis.of.items()}
+    moment |= {gate.word: np.ones_like(u) for gate in GATES}
+    return np.broadcast_to(law.at(moment, c), u.shape)
+
+
+def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange:
+    """Ranges of pressures, flows, speeds and what counts from an opening or the start, in the units of laws."""
+    events = [(one, event) for one in measured for event in one.events]
+    ranges = {
+        Variable.INJECTION_NUMBER: (1.0, float(max(e.clock.injections + len(e.openings) for _, e in events)))
+    }
+    ranges[Variable.TIME] = (0.0, max(e.clock.time + (e.end - e.start) * one.interval for one, e in events))
+    since = max((e.end - e.openings[-1].first) * one.interval for one, e in events)
+    ranges[Variable.TIME_SINCE_OPENING] = (0.0, since / MILLISECOND)
+    for name, unit in (
+        ("rail_pressure", MEGAPASCAL),
+        ("line_pressure", MEGAPASCAL),
+        ("needle_lift", MILLIMETRE),
+    ):
+        values = [getattr(one.recording, name)[e.start : e.end] / unit for one, e in events]
+        changes = [
+            np.diff(each) * (MILLISECOND / one.interval)
+            for each, (one, _) in zip(values, events, strict=True)
+        ]
+        ranges[VARIABLES[_RATE[name]]] = _widened(changes)
+        low, high = _widened(values)
+        ranges[VARIABLES[name]] = max(low, 0.0), high
+    del ranges[Variable.NEEDLE_LIFT]  # which may be anywhere up to its stop
+    ranges[Variable.SAC_PRESSURE] = 0.0, ranges[Variable.LINE_PRESSURE][1]
+    flow = FLOW_MARGIN * max(float(np.max(run.rate)) for one in measured for run in simulated(one, model))
+    for variable in (Variable.LINE_FLOW, Variable.SEAT_FLOW, Variable.NOZZLE_FLOW):
+        ranges[variable] = -flow / MM3_PER_MS, flow / MM3_PER_MS
+    return {
+        variable: (float(f"{low:.{_DIGITS}g}"), float(f"{high:.{_DIGITS}g}"))
+        for variable, (low, high) in ranges.items()
+        if low < high
+    }
+
+
+def _widened(values: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+    """Ends of all values, with the margin."""
+    low, high = (float(end(list(map(end, values)))) for end in (np.nanmin, np.nanmax))
+    margin = MARGIN * (high - low)
+    return low - margin, high + margin
+
+
+def with_parts(
+    proposals: Sequence[Proposal], measured: Sequence[Measurement], nominal: EffectiveModel
+) -> tuple[Proposal, ...]:
+    """Proposals, with what may be accepted of those that leave something but have no other objection."""
+    noise = float(np.mean([each.noise.line_pressure**2 for each in measured]))
+
+    def with_part(proposal: Proposal) -> Proposal:
+        before, after = (math.sqrt(max(gap**2 - noise, 0.0)) for gap in proposal.held_out)
+        if proposal.adequate or proposal.objection is not None or not before > 0.0:
+            return proposal
+        model, closed = proposal.model(nominal), 1.0 - after / before
+        mass, half = mean_mass(measured, model), _mass_half(measured, model, after)
+        refusal = _refusal_in_part(proposal, proposals, closed, half * mass)
+        return replace(proposal, part=Part(closed, after, half, refusal))
+
+    return tuple(map(with_part, proposals))
+
+
+def _refusal_in_part(
+    proposal: Proposal, proposals: Sequence[Proposal], closed: float, interval: float
+) -> Refusal | None:
+    """Objection to a proposal that closes a share of the gap, and gives masses an interval [kg]."""
+    if closed < LEAST_CLOSED:
+        return Refusal(f"it closes {max(closed, 0.0):.0%} of the gap held out, not two thirds", _MORE)
+    moved = [each.candidate.moves.mass - proposal.candidate.moves.mass for each in proposals]
+    differs = max(moved, key=abs)
+    if abs(differs) > interval:
+        return Refusal(
+            f"a law of another equation that explains as much would inject {differs / MILLIGRAM:+.2g} mg, beyond "
+            f"the interval of ±{interval / MILLIGRAM:.2g} mg",
+            "measure the injection rate or the mass",
+        )
+    return None
+
+
+def _mass_half(measured: Sequence[Measurement], model: EffectiveModel, left: float) -> float:
+    """Half width of the 95 % interval of a mass, as a share: what a change of the nozzle would make of it that
+    leaves as much in the line pressure [Pa]."""
+    moved = consequence(measured, model, model.with_term(_PROBE))
+    return left / moved.line_pressure * abs(moved.mass) / mean_mass(measured, model)
+
+
+def variance_by_phase(cells: Sequence[Cell]) -> PhaseFigures:
+    """Mean square of the line pressure's normalised innovations by phase, of the recording with the most left."""
+    worst: dict[str, float] = {}
+    for cell in cells:
+        if cell.signal is Signal.LINE_PRESSURE:
+            name = Phase(cell.phase).name
+            worst[name] = max(worst.get(name, 0.0), cell.variance)
+    return PhaseFigures.of(worst)

@@ -1,8 +1,10 @@
-"""Results of a search: candidates, fitted effects, cells of the map, proposals, the verdict. SI, but for `Size`."""
+"""Results of a search: the explanations left, fitted effects, cells of the map, proposals, the verdict. SI."""
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import combinations
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -13,25 +15,22 @@ from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Figure, Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.identification.discovery.numbers import shown, sign, significant
-from observer_rt.identification.discovery.search.hypothesis import Hypothesis
+from observer_rt.identification.discovery.search.candidates import Candidate, Size
 from observer_rt.identification.likelihood.likelihood import Signal
-from observer_rt.identification.likelihood.open_loop import NO_CONSEQUENCE, Consequence
+from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.identification.likelihood.operating_points import point_name
-from observer_rt.model.effect import EffectParameter, Equation
+from observer_rt.model.effect import Equation, Likeness
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.parameters import EffectValue, Finite
-from observer_rt.model.term_effect import TermLaw, is_term, term_of
+from observer_rt.model.term_effect import TermLaw
 from observer_rt.model.terms.in_force import SeenRange
 from observer_rt.model.terms.term import Term
 
 MOST_ENTERING = 2  # terms and effects that a model may be given: more explain anything
 # For what a steady gain does not know: errors on independent plants are that much larger.
 INTERVAL_MARGIN = 1.08
-PRICE = 10.0  # of -2 log L for each number fitted, log(n): which of two near-ties leads
-UNNAMED, FURTHER = 50.0, 50.0
-"""Prior odds, as -2 log L: of an explanation by a law without a name, and of every effect after the first."""
-_DIGITS = 8  # of printed values: far below any interval, free of conversion noise
+TEMPER = 2.0  # of -2 log L, for what no model knows of noise and line: 12 behind are odds of 1 to 20
+HIGHEST = 0.96  # of all candidates, the rest for what none of them is: of 43 that stood alone 3 were wrong
+SURE = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
 _MORE_POINTS = "record more rail pressures and durations"
 
 
@@ -42,34 +41,6 @@ class Verdict(StrEnum):
     NONE = "none"
     AMBIGUOUS = "ambiguous"
     UNKNOWN = "unknown"
-
-
-class Size(EffectValue):
-    """A fitted parameter with its 95 % interval, in its printed unit: as files have it."""
-
-    ci95: tuple[Finite, Finite]
-
-    @classmethod
-    def of(cls, parameter: EffectParameter, value: float, low: float, high: float) -> "Size":
-        """A size and the ends of its interval [SI]."""
-        value, low, high = (float(f"{si / parameter.si:.{_DIGITS}g}") for si in (value, low, high))
-        return cls(value=value, ci95=(low, high), unit=parameter.unit)
-
-    @property
-    def digits(self) -> tuple[str, str, str]:
-        """The value and the ends of its interval, digits as the interval deserves."""
-        step = significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
-        return shown(self.value, step), shown(self.ci95[0], step), shown(self.ci95[1], step)
-
-    @property
-    def value_text(self) -> str:
-        """Such as `0.301`, with the unit."""
-        return f"{self.digits[0]} {sign(self.unit)}".rstrip()
-
-    @property
-    def interval_text(self) -> str:
-        """Such as `0.295 to 0.307`, with the unit."""
-        return f"{self.digits[1]} to {self.digits[2]} {sign(self.unit)}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -87,108 +58,6 @@ class FittedEffect:
     gap_share: Figure
     moves: Consequence
     gain: Inside[float]
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A combination of effects fitted to all recordings; the nominal model is the one without effects.
-
-    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out; spread: mean square of the
-    residuals as that counts it, 1 at least. Of those in a ranking, and of proposals, also half: half widths of the
-    95 % intervals (p,); moves: what it does to the model as given; sizes_of_half: fitted to every second operating
-    point. Of those in a ranking also held_out: -2 log L so fitted and judged on the others, nan where that was not
-    done.
-    """
-
-    hypothesis: Hypothesis
-    sizes: tuple[float, ...]
-    statistic: float
-    spread: float = 1.0
-    half: tuple[float, ...] = ()
-    sizes_of_half: tuple[float, ...] = ()
-    held_out: float = math.nan
-    moves: Consequence = NO_CONSEQUENCE
-
-    @property
-    def price(self) -> float:
-        """-2 log L, what every number fitted costs, and the prior odds."""
-        numbers = PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
-        odds = UNNAMED * bool(self.terms) + FURTHER * max(len(self.ids) - 1, 0)
-        return self.statistic + numbers + odds
-
-    @property
-    def key(self) -> tuple[tuple[str, ...], tuple[float, ...]]:
-        """Effects and sizes: of two candidates with the same all else is."""
-        return self.ids, self.sizes
-
-    @property
-    def theta(self) -> NDArray[np.float64]:
-        """The sizes as a vector (p,)."""
-        return np.array(self.sizes)
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Ids of the effects."""
-        return self.hypothesis.ids
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """Ids of the effects of the vocabulary among them: those that are no terms."""
-        return tuple(effect.id for effect in self.hypothesis.effects if not is_term(effect))
-
-    @property
-    def plausible(self) -> bool:
-        """Whether every effect has a size that matters and that no bound holds back."""
-        return self.hypothesis.is_plausible(self.theta)
-
-    @property
-    def within_bounds(self) -> bool:
-        """Whether no bound holds a size back."""
-        return self.hypothesis.is_within_bounds(self.theta)
-
-    @property
-    def parameters(self) -> dict[str, dict[str, Size]]:
-        """The sizes of the effects of the vocabulary by id, their intervals cut at the bounds of physics."""
-        halves = self.hypothesis.split(np.array(self.half))
-        fitted_parameters = {}
-        for effect, sizes, half in zip(
-            self.hypothesis.effects, self.hypothesis.split(self.theta), halves, strict=True
-        ):
-            if not is_term(effect):
-                every = zip(effect.parameters, sizes.tolist(), half.tolist(), strict=True)
-                fitted_parameters[effect.id] = {
-                    p.name: Size.of(p, value, max(p.lowest, value - half), min(p.highest, value + half))
-                    for p, value, half in every
-                }
-        return fitted_parameters
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        """Terms among the effects, with 95 % intervals of their coefficients where these are known."""
-        halves = self.hypothesis.split(np.array(self.half))
-        fitted_terms = []
-        for effect, size, half in zip(
-            self.hypothesis.effects, self.hypothesis.split(self.theta), halves, strict=True
-        ):
-            # A coefficient is its only one.
-            term = term_of(effect, float(size[0])) if size.size == 1 else None
-            if term is not None:
-                low, high = term.coefficient - half, term.coefficient + half
-                fitted_terms.append(
-                    replace(term, interval=(float(low[0]), float(high[0]))) if half.size else term
-                )
-        return tuple(fitted_terms)
-
-    def model(self, nominal: EffectiveModel) -> EffectiveModel:
-        """The nominal model with these effects."""
-        return self.hypothesis.model(nominal, self.theta)
-
-    def model_without(self, number: int, nominal: EffectiveModel) -> EffectiveModel:
-        """The nominal model with all but one of these effects, the others at their sizes."""
-        parts = zip(self.hypothesis.effects, self.hypothesis.split(self.theta), strict=True)
-        for effect, sizes in (part for i, part in enumerate(parts) if i != number):
-            nominal = Hypothesis((effect,)).model(nominal, sizes)
-        return nominal
 
 
 @dataclass(frozen=True)
@@ -366,6 +235,58 @@ class Proposal:
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""
         return self.candidate.model(nominal)
+
+
+@dataclass(frozen=True, eq=False)
+class SearchOutcome:
+    """Result of the search.
+
+    winner: the best without a law, the nominal model when no name is accepted; posterior: probabilities of all
+    candidates that explain the recordings, the best first; nearest: without any, the best, and those of
+    other equations that explain as much; fitted: all candidates; threshold: the gain an effect had to exceed; ratio:
+    of the winner's worst phase to its limit, above 1 when the winner does not explain the recordings, not even with
+    an effect too small to matter.
+    """
+
+    nominal: Candidate
+    winner: Candidate
+    posterior: tuple[tuple[Candidate, float], ...]
+    nearest: tuple[Candidate, ...]
+    fitted: tuple[Candidate, ...]
+    threshold: float
+    ratio: float
+
+    @property
+    def adequate(self) -> bool:
+        """Whether the winner explains the recordings."""
+        return self.ratio <= 1.0
+
+    @property
+    def soft(self) -> bool:
+        """Whether two effects were named together that are so alike that they may be one."""
+        pairs = combinations(self.winner.hypothesis.effects, 2)
+        return any(one.is_like(other, Likeness.ALIKE) for one, other in pairs)
+
+    @property
+    def left(self) -> tuple[Candidate, ...]:
+        """The fewest explanations that together are as good as sure, the most probable first."""
+        candidates, sum_of = list[Candidate](), 0.0
+        for candidate, probability in self.posterior:
+            if sum_of >= SURE * HIGHEST:
+                break
+            candidates.append(candidate)
+            sum_of += probability
+        return tuple(candidates)
+
+    def probability(self, candidate: Candidate) -> float:
+        """Probability of an explanation; 0 for other candidates."""
+        return next((odds for other, odds in self.posterior if other.key == candidate.key), 0.0)
+
+
+def probabilities(behind: Sequence[float]) -> list[float]:
+    """Probabilities of explanations that are behind the best by these amounts of -2 log L, their prices in it."""
+    weights = [math.exp(min(0.0, -one / (2.0 * TEMPER))) for one in behind]
+    return [HIGHEST * weight / sum(weights) for weight in weights]
 
 
 @dataclass(frozen=True)

@@ -21,17 +21,14 @@ class Scores:
     """Signatures of effects in the residuals about a model, and what each alone would gain.
 
     effects: (m,), numbers: their places among those tried; information_of, gradient_of: (parts, m, m) and (parts, m)
-    of every part of the data, the gradient half of that of -2 log L, downwards; gains: (m,) of -2 log L, sizes
-    limited by bounds; validated: (m,) the same with every part of the data left out in turn; slopes: (n, m) the
-    signatures; left: weighted sum of squares of the residuals.
+    of every part of the data, the gradient half of that of -2 log L, downwards; slopes: (n, m) the signatures; left:
+    weighted sum of squares of the residuals.
     """
 
     effects: tuple[Effect, ...]
     numbers: NDArray[np.int64]
     information_of: NDArray[np.float64]
     gradient_of: NDArray[np.float64]
-    gains: NDArray[np.float64]
-    validated: NDArray[np.float64]
     slopes: Signature
     left: float
 
@@ -44,6 +41,26 @@ class Scores:
     def gradient(self) -> NDArray[np.float64]:
         """Of all data (m,)."""
         return np.asarray(self.gradient_of.sum(axis=0))
+
+    @cached_property
+    def gains(self) -> NDArray[np.float64]:
+        """Of -2 log L (m,), sizes limited by bounds."""
+        own = np.diag(self.information)
+        sizes = self._within_bounds(self.gradient / own)
+        return np.asarray(2.0 * sizes * self.gradient - sizes**2 * own)
+
+    @cached_property
+    def validated(self) -> NDArray[np.float64]:
+        """The same (m,) with every part of the data left out in turn."""
+        own, total = np.diagonal(self.information_of, axis1=1, axis2=2), np.diag(self.information)
+        sizes = self._within_bounds(
+            (self.gradient - self.gradient_of) / np.maximum(total - own, 1e-12 * total)
+        )
+        return np.asarray(np.sum(2.0 * sizes * self.gradient_of - sizes**2 * own, axis=0))
+
+    def _within_bounds(self, sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+        lowest, highest = np.array([bounds_of(one) for one in self.effects]).reshape(-1, 2).T
+        return np.clip(sizes, lowest, highest)
 
     def cosine(self, first: int, second: int) -> float:
         """Cosine of the signatures in two rows."""
@@ -58,8 +75,6 @@ class Scores:
             self.numbers[rows] - tried.start,
             self.information_of[:, rows[:, None], rows],
             self.gradient_of[:, rows],
-            self.gains[rows],
-            self.validated[rows],
             self.slopes[:, rows],
             self.left,
         )
@@ -89,19 +104,6 @@ def scored(
     parts = [slice(int(end - count), int(end)) for end, count in zip(ends, here.counts, strict=True) if count]
     information = np.array([slopes[part].T @ slopes[part] for part in parts], np.float64)
     gradient = np.array([slopes[part].T @ left[part] for part in parts], np.float64)
-    own = np.diagonal(information, axis1=1, axis2=2)
-    own_total, total = own.sum(axis=0), gradient.sum(axis=0)
-    lowest, highest = np.array([bounds_of(one) for one in effects]).reshape(-1, 2).T
-    sizes = np.clip(total / own_total, lowest, highest)
-    without = np.maximum(own_total - own, 1e-12 * own_total)
-    validated = np.clip((total - gradient) / without, lowest, highest)
     return Scores(
-        tuple(effects),
-        numbers,
-        information,
-        gradient,
-        2.0 * sizes * total - sizes**2 * own_total,
-        np.sum(2.0 * validated * gradient - validated**2 * own, axis=0),
-        slopes,
-        float(np.sum(left**2, dtype=np.float64)),
+        tuple(effects), numbers, information, gradient, slopes, float(np.sum(left**2, dtype=np.float64))
     )

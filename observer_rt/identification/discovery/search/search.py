@@ -13,13 +13,11 @@ import numpy as np
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.identification.discovery.search.adequacy import Adequacy
-from observer_rt.identification.discovery.search.first_guess import Guess
+from observer_rt.identification.discovery.search.candidates import UNNAMED, Candidate, Hypothesis
 from observer_rt.identification.discovery.search.fits import MOST_NAMED, NEAR, Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
-from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.discovery.search.laws import MOST_TOGETHER, Laws
-from observer_rt.identification.discovery.search.outcome import SearchOutcome, probabilities
-from observer_rt.identification.discovery.search.results import UNNAMED, Candidate
+from observer_rt.identification.discovery.search.laws import MOST_TOGETHER, Guess, Laws
+from observer_rt.identification.discovery.search.results import SearchOutcome, probabilities
 from observer_rt.identification.likelihood.appearance import least_gain
 from observer_rt.model.effect import Effect, Likeness
 from observer_rt.model.effects import VOCABULARY
@@ -206,9 +204,7 @@ class Search:
         if not self._baseline.appears:
             return True
         sigmas, position = self._fitter.sigmas(candidate), 0
-        for effect, values in zip(
-            candidate.hypothesis.effects, candidate.hypothesis.split(candidate.theta), strict=True
-        ):
+        for effect, values, _ in candidate.parts:
             mean, sigma = self._fitter.reference(effect)
             if values.size and abs(values[0] - mean) < math.sqrt(self._least_gain) * math.hypot(
                 float(sigmas[position]), sigma
@@ -244,10 +240,11 @@ class Search:
         for effect in best.hypothesis.effects:
             if len(best.ids) < 2:
                 break
-            index = best.hypothesis.effects.index(effect)
-            others = Hypothesis(tuple(one for one in best.hypothesis.effects if one is not effect))
-            sizes = best.hypothesis.split(best.theta)
-            start = np.concatenate(sizes[:index] + sizes[index + 1 :])
+            left = [(one, sizes) for one, sizes, _ in best.parts if one is not effect]
+            others, start = (
+                Hypothesis(tuple(one for one, _ in left)),
+                np.concatenate([one for _, one in left]),
+            )
             for smaller in self._fitter.laws([(others, start)]):
                 if smaller.statistic - best.statistic < self._needed(best, smaller, KEPT_SHARE):
                     best = smaller

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.identification.discovery.search.candidates import PRICE
 from observer_rt.identification.discovery.search.curves import SINCE, Axis, FreeCurve, Score, free_curves
-from observer_rt.identification.discovery.search.results import PRICE
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import LETTERS, FormNumber, term_effect
 

@@ -12,16 +12,15 @@ from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, healthy_for
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.search.adequacy import cells_of, worst
-from observer_rt.identification.discovery.search.first_guess import Guess
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.fits import FitMemory, Fitter, best_of_each
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
-from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.discovery.search.in_part import with_parts
-from observer_rt.identification.discovery.search.outcome import HIGHEST, TEMPER, SearchOutcome
-from observer_rt.identification.discovery.search.proposals import Proposer
+from observer_rt.identification.discovery.search.laws import Guess
+from observer_rt.identification.discovery.search.proposals import Proposer, with_parts
 from observer_rt.identification.discovery.search.results import (
+    HIGHEST,
     INTERVAL_MARGIN,
-    Candidate,
+    TEMPER,
     Cell,
     Decisive,
     Detection,
@@ -29,6 +28,7 @@ from observer_rt.identification.discovery.search.results import (
     FittedEffect,
     LargestMisfit,
     Proposal,
+    SearchOutcome,
     SmallestVisible,
     Verdict,
 )
@@ -188,7 +188,7 @@ def healthy_baseline(
         raise RunError("the model has no finite solution on the healthy recordings: see `observer-rt check`")
     discovery = name_effects(nominal, recordings, SearchOptions(workers, baseline=remembered))
     remainder = healthy_remainder(likelihood, nominal, representatives(), remembered)
-    rate = pool_of(likelihood, judged).get(Signal.INJECTION_RATE)
+    rate = pool_of(likelihood.recordings, judged).get(Signal.INJECTION_RATE)
     return healthy_for_naming(remainder, discovery.verdict is Verdict.NONE, rate), discovery
 
 
@@ -210,13 +210,14 @@ class _Verdict:
         self._held_out = held_out
         self._nominal = fitter.nominal
         self._likelihood = fitter.likelihood
+        self._measured = [recorded.measurement for recorded in fitter.likelihood.recordings]
         self._outcome = outcome
         self._baseline = baseline
         self._names = _names_left(outcome)
         laws = [one for one in outcome.left or outcome.nearest if one.terms]
         proposer = Proposer(fitter, outcome, baseline, held_out)
         proposals = proposer.proposals(laws[:MOST_PROPOSED])
-        self._proposals = with_parts(proposals, self._likelihood, self._nominal)
+        self._proposals = with_parts(proposals, self._measured, self._nominal)
 
     def _verdict(self) -> Verdict:
         """Laws that explain as much and inject other masses leave it open, too."""
@@ -246,7 +247,7 @@ class _Verdict:
         by_name = (one for one in outcome.fitted if not one.terms)
         best = outcome.winner if outcome.adequate else min(by_name, key=attrgetter("statistic"))
         recordings = self._likelihood.recordings
-        noise = [recorded.measurement.noise for recorded in recordings]
+        noise = [one.noise for one in self._measured]
         with_rate = any(recorded.rate_phases.size for recorded in recordings)
         after, gain = self._cells(best), outcome.nominal.statistic - outcome.winner.statistic
         left = max(0.0, sum(cell.samples * (cell.variance - 1.0) for cell in after))
@@ -311,11 +312,12 @@ class _Verdict:
     def _gain(self, number: int) -> float:
         """Rise of -2 log L without one of the winner's effects."""
         winner = self._outcome.winner
-        effects, sizes = winner.hypothesis.effects, list(winner.hypothesis.split(winner.theta))
-        others = Hypothesis(effects[:number] + effects[number + 1 :])
+        left = [part for place, part in enumerate(winner.parts) if place != number]
+        others = Hypothesis(tuple(effect for effect, _, _ in left))
         smaller = [one for one in self._outcome.fitted if set(one.ids) == set(others.ids)]
-        del sizes[number]  # of two out of three nobody fitted what the search did not ask for
-        smaller = smaller or [*self._fitter.laws([(others, np.concatenate(sizes))]), self._outcome.nominal]
+        if not smaller:  # of two out of three nobody fitted what the search did not ask for
+            start = np.concatenate([sizes for _, sizes, _ in left])
+            smaller = [*self._fitter.laws([(others, start)]), self._outcome.nominal]
         return min(one.statistic for one in smaller) - winner.statistic
 
     def _with_intervals(self, candidate: Candidate) -> Candidate:
@@ -325,14 +327,14 @@ class _Verdict:
         if self._baseline.appears:
             variances += (MODEL_SHARE * candidate.theta) ** 2
         position = 0
-        for effect in candidate.hypothesis.effects:
-            if effect.parameters:
+        for effect, sizes, _ in candidate.parts:
+            if sizes.size:
                 variances[position] += self._fitter.reference(effect)[1] ** 2
-            position += len(effect.parameters)
+            position += sizes.size
         return replace(candidate, half=tuple((NORMAL_975 * np.sqrt(variances)).tolist()))
 
     def _moves(self, before: EffectiveModel, after: EffectiveModel) -> Consequence:
-        return consequence([recorded.measurement for recorded in self._likelihood.recordings], before, after)
+        return consequence(self._measured, before, after)
 
     def _ranking(self) -> tuple[Candidate, ...]:
         """Leaders by what they cost, the winner, its rivals and the nominal model among them, by -2 log L."""

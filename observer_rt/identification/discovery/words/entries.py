@@ -11,14 +11,8 @@ from pydantic import Field
 from observer_rt.foundation.documents import DocumentPart, Figures, Number
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.discovery.gaps import PHASE_NAMES, Disagreement, ModelGaps
-from observer_rt.identification.discovery.search.results import (
-    Candidate,
-    Cell,
-    LargestMisfit,
-    Part,
-    Proposal,
-    Size,
-)
+from observer_rt.identification.discovery.search.candidates import Candidate, Size
+from observer_rt.identification.discovery.search.results import Cell, LargestMisfit, Part, Proposal
 from observer_rt.identification.discovery.words.law_words import as_if
 from observer_rt.identification.discovery.words.sentences import proposal_words
 from observer_rt.identification.likelihood.likelihood import Signal

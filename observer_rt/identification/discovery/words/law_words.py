@@ -193,9 +193,7 @@ def _read_one(law: Law) -> Reading | None:
         return _in_proportion(line)
     match law:
         case Call(Operation.MAX, (argument, bound)) if bound == ZERO:
-            return _kinked(line_of(argument), "")
-        case Call(Operation.SUBTRACT, (Call(Operation.MAX) as up, Call(Operation.MAX) as down)):
-            return _either_way(up, down)
+            return _kinked(line_of(argument))
         case Call(Operation.GREATER | Operation.LESS as side, (argument, Number() as bound)):
             line = line_of(Call(Operation.SUBTRACT, (argument, bound)))
             if line is None:
@@ -252,24 +250,13 @@ def _in_proportion(line: StraightLaw) -> Reading:
     return Reading(line.slope, f"of {subject.words}{beyond}", subject.unit_word)
 
 
-def _kinked(line: StraightLaw | None, further: str) -> Reading | None:
+def _kinked(line: StraightLaw | None) -> Reading | None:
     if line is None:
         return None
     side = "above" if line.slope > 0.0 else "below"
     subject = line.subject
     zero = with_unit(f"{line.zero:.3g}", subject.unit)
-    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}{further}", subject.unit_word)
-
-
-def _either_way(up: Call, down: Call) -> Reading | None:
-    """max(u - A, 0) - max(-u - A, 0)."""
-    lines = [line_of(one.arguments[0]) if one.arguments[1] == ZERO else None for one in (up, down)]
-    first, second = lines
-    if first is None or second is None or first.subject != second.subject:
-        return None
-    if not math.isclose(first.slope, -second.slope) or not math.isclose(first.zero, -second.zero):
-        return None
-    return _kinked(first, ", either way")
+    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}", subject.unit_word)
 
 
 def _from(line: StraightLaw) -> str:

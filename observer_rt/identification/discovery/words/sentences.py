@@ -5,14 +5,8 @@ from collections.abc import Mapping
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.numbers import sign
-from observer_rt.identification.discovery.search.results import (
-    Candidate,
-    Discovery,
-    Proposal,
-    Size,
-    SmallestVisible,
-    Verdict,
-)
+from observer_rt.identification.discovery.search.candidates import Candidate, Size
+from observer_rt.identification.discovery.search.results import Discovery, Proposal, SmallestVisible, Verdict
 from observer_rt.identification.discovery.words.law_words import as_if
 
 PHASE_WORDS = {

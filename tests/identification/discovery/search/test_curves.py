@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.identification.discovery.search.curves import CURVES, Score, free_curves, made_to_measure
-from observer_rt.identification.discovery.search.hypothesis import equation_of
-from observer_rt.identification.discovery.search.law_evidence import law_curve
+from observer_rt.identification.discovery.search.candidates import equation_of
+from observer_rt.identification.discovery.search.curves import (
+    CURVES,
+    Score,
+    free_curves,
+    lines,
+    made_to_measure,
+    waves,
+)
+from observer_rt.identification.discovery.search.proposals import law_curve
 from observer_rt.identification.discovery.search.scores import Scores, scored, weights_of
-from observer_rt.identification.discovery.search.waves import lines, waves
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw, form_freed, form_settled, term_of

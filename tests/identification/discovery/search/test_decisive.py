@@ -5,8 +5,8 @@ from itertools import combinations
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.discovery.search.results import Candidate, Proposal
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
+from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.search.verdict import decide_between, decide_by
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY

@@ -14,9 +14,9 @@ from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.units import MILLISECOND
-from observer_rt.identification.discovery.search.first_guess import first_guess
+from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
-from observer_rt.identification.discovery.search.results import Candidate
+from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.search import Search
 from observer_rt.identification.discovery.search.verdict import name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood

@@ -5,8 +5,7 @@ import pytest
 from observer_rt.config.effects import term_domain
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.library import RecordingSpan, library, span_of
-from observer_rt.identification.discovery.search.outcome import HIGHEST, probabilities
-from observer_rt.identification.discovery.search.results import Discovery, Verdict
+from observer_rt.identification.discovery.search.results import HIGHEST, Discovery, Verdict, probabilities
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.identification.discovery.search.hypothesis import Hypothesis
-from observer_rt.identification.discovery.search.results import Candidate, Part, Proposal, Refusal
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
+from observer_rt.identification.discovery.search.results import Part, Proposal, Refusal
 from observer_rt.identification.discovery.words.law_words import as_if, law_text
 from observer_rt.identification.discovery.words.sentences import standing_words
 from observer_rt.model.effect import Effect

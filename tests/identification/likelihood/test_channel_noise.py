@@ -1,4 +1,4 @@
-"""Smoothed and delayed rail pressure: its noise is the same at every delay, and a healthy injector has no delay."""
+"""Noise of lift and rail pressure on its way into the innovations."""
 
 from dataclasses import replace
 
@@ -8,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from observer_rt.desk.simulation.simulate import SimulatedNoise
+from observer_rt.engine.estimation.phases import Phase
+from observer_rt.identification.likelihood.channel_noise import LAG_GRID, LiftNoise, true_rail_pressure
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
-from observer_rt.identification.likelihood.rail_pressure import true_rail_pressure
 from observer_rt.model.effects import effective_model, sized
 from tests.identification.discovery.hidden import NOMINAL, recordings
 from tests.observed_plants import recording_of
@@ -20,6 +22,7 @@ from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings, record
 STARTS = (0.02, 0.05, 0.08)
 MODEL = effective_model(NOMINAL)
 AT_REST = measurements(recordings(points=((100e6, 1.0e-3),)))[0]
+LOUD = SimulatedNoise(line_pressure=2e4, needle_lift=1.5e-6)
 
 
 def _supply(time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -100,3 +103,29 @@ def test_a_lag_undone_by_a_lead_explains_nothing(moving: tuple[Measurement, ...]
         after = likelihood.residuals(model)
         assert after is not None
         assert before.statistic - after.statistic < 16.0
+
+
+def test_what_is_found_is_the_variance_beyond_that_without_a_lag() -> None:
+    (measurement,) = measurements(recordings(points=((100e6, 1e-3),)))
+    noise = measurement.noise.needle_lift
+
+    def innovations(measurement: Measurement, lag: float) -> NDArray[np.float64]:
+        return (1.0 + lag / LAG_GRID) * measurement.recording.needle_lift / noise
+
+    result = LiftNoise(measurement, innovations)
+    assert np.mean(result.variance(2 * LAG_GRID)) == pytest.approx(9.0 - 1.0, rel=0.05)
+    assert np.mean(result.variance(2.5 * LAG_GRID)) == pytest.approx(0.5 * (9.0 + 16.0) - 1.0, rel=0.05)
+    assert not result.variance(0.0).any()
+
+
+def test_the_noise_of_a_restored_lift_speaks_less_against_the_model() -> None:
+    lag = sized("needle_lift_sensor_lag", tau=40e-6)
+    likelihood = joint_likelihood(measurements(recordings((lag,), True, noise=LOUD)), MODEL)
+    judged = likelihood.judge(lag.effect.apply(MODEL, lag.values))
+    assert judged is not None
+    for recorded, judged_model in zip(likelihood.recordings, judged, strict=True):
+        moving = (recorded.phases == Phase.OPENING) | (recorded.phases == Phase.CLOSING)
+        assert (
+            np.mean(judged_model.z[moving] ** 2) < 2.0
+        )  # 3.0 were the lift taken to be as quiet as it was recorded
+        assert np.mean(judged_model.rate_z**2) < 0.95  # 1.0 and 1.1, likewise

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from observer_rt.identification.discovery.search.store import FitStore, problem_key
+from observer_rt.identification.discovery.folder import FitStore, problem_key
 from observer_rt.model.effects import sized
 from tests.identification.discovery.hidden import NOMINAL
 from tests.identification.discovery.test_amend import LEAK

@@ -1,0 +1,271 @@
+"""Explanations of the missing effect: effects with free sizes, and those that were fitted, each with its price."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.identification.discovery.numbers import shown, sign, significant
+from observer_rt.identification.likelihood.bounded_fit import MAX_ITERATIONS, Minimum, Problem, Range, fit
+from observer_rt.identification.likelihood.likelihood import JointLikelihood
+from observer_rt.identification.likelihood.open_loop import NO_CONSEQUENCE, Consequence
+from observer_rt.model.effect import Effect, EffectParameter
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.parameters import EffectValue, Finite
+from observer_rt.model.term_effect import LAWS_OF_EFFECTS, TermLaw, is_term, term_of
+from observer_rt.model.terms.term import Term
+
+DEAD_SHARE = 0.75  # of the dead zone: estimates of an effect just beyond it scatter
+# Of the dead zone, for finite differences: noise does not drown that of a term.
+_STEP, _STEP_OF_TERM = 0.01, 5.0
+_SHAPE_STEP = 1e-4  # of the range, for parameters without dead zone
+MOST_STARTS = 2  # from which a search begins
+_EXPLAINED = 1.1  # variance of the residuals below which no second start is tried
+PRICE = 10.0  # of -2 log L for each number fitted, log(n): which of two near-ties leads
+UNNAMED, FURTHER = 50.0, 50.0
+"""Prior odds, as -2 log L: of an explanation by a law without a name, and of every effect after the first."""
+_DIGITS = 8  # of printed values: far below any interval, free of conversion noise
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects in force beyond the nominal model; parameters theta (p,) in SI, effect after effect."""
+
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the effects."""
+        return tuple(effect.id for effect in self.effects)
+
+    @property
+    def parameters(self) -> tuple[EffectParameter, ...]:
+        """Parameters of all effects, as in theta."""
+        return tuple(parameter for effect in self.effects for parameter in effect.parameters)
+
+    def with_effect(self, effect: Effect) -> "Hypothesis":
+        """One effect more, at the end."""
+        return Hypothesis((*self.effects, effect))
+
+    def split(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """theta by effects."""
+        ends = np.cumsum([len(effect.parameters) for effect in self.effects])
+        return tuple(np.split(theta, ends[:-1])) if self.effects else ()
+
+    def model(self, nominal: EffectiveModel, theta: NDArray[np.float64]) -> EffectiveModel:
+        """The nominal model with these effects at these sizes."""
+        for effect, values in zip(self.effects, self.split(theta), strict=True):
+            nominal = effect.apply(nominal, tuple(float(value) for value in values))
+        return nominal
+
+    def ranges(self) -> tuple[Range, ...]:
+        """Bounds and steps of theta."""
+        return tuple(
+            Range(p.lowest, p.highest, share * p.dead_zone or _SHAPE_STEP * (p.highest - p.lowest))
+            for effect in self.effects
+            for share in (_STEP_OF_TERM if is_term(effect) else _STEP,)
+            for p in effect.parameters
+        )
+
+    @property
+    def equations(self) -> frozenset[str]:
+        """Equations that it corrects: of a term its own, of an effect that is no law where it sits."""
+        return frozenset(map(equation_of, self.effects))
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """How many numbers within the law of each were fitted, too."""
+        laws = (effect.apply for effect in self.effects)
+        return tuple(len(law.numbers) if isinstance(law, TermLaw) else 0 for law in laws)
+
+    def starts(self) -> list[NDArray[np.float64]]:
+        """Starts of a search: all combinations of the starts of the last effect, the others off."""
+        if not self.effects:
+            return [np.zeros(0)]
+        before = [p.off for effect in self.effects[:-1] for p in effect.parameters]
+        grids = product(*(p.starts for p in self.effects[-1].parameters))
+        return [np.array([*before, *values]) for values in grids]
+
+    def is_plausible(self, theta: NDArray[np.float64]) -> bool:
+        """Whether every effect has a size that matters and that no bound holds back: the sizes, not the shapes."""
+        return self.is_within_bounds(theta) and all(
+            abs(value - p.off) > DEAD_SHARE * p.dead_zone for p, value in self._sizes(theta)
+        )
+
+    def is_within_bounds(self, theta: NDArray[np.float64]) -> bool:
+        """Whether no bound but `off` holds a size back."""
+        return all(value == p.off or p.lowest < value < p.highest for p, value in self._sizes(theta))
+
+    def _sizes(self, theta: NDArray[np.float64]) -> list[tuple[EffectParameter, float]]:
+        pairs = zip(self.parameters, theta, strict=True)
+        return [(p, float(value)) for p, value in pairs if p.dead_zone > 0.0]
+
+
+class Size(EffectValue):
+    """A fitted parameter with its 95 % interval, in its printed unit: as files have it."""
+
+    ci95: tuple[Finite, Finite]
+
+    @classmethod
+    def of(cls, parameter: EffectParameter, value: float, low: float, high: float) -> "Size":
+        """A size and the ends of its interval [SI]."""
+        value, low, high = (float(f"{si / parameter.si:.{_DIGITS}g}") for si in (value, low, high))
+        return cls(value=value, ci95=(low, high), unit=parameter.unit)
+
+    @property
+    def digits(self) -> tuple[str, str, str]:
+        """The value and the ends of its interval, digits as the interval deserves."""
+        step = significant(max(self.ci95[1] - self.value, self.value - self.ci95[0]))
+        return shown(self.value, step), shown(self.ci95[0], step), shown(self.ci95[1], step)
+
+    @property
+    def value_text(self) -> str:
+        """Such as `0.301`, with the unit."""
+        return f"{self.digits[0]} {sign(self.unit)}".rstrip()
+
+    @property
+    def interval_text(self) -> str:
+        """Such as `0.295 to 0.307`, with the unit."""
+        return f"{self.digits[1]} to {self.digits[2]} {sign(self.unit)}".rstrip()
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A combination of effects fitted to all recordings; the nominal model is the one without effects.
+
+    sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out; spread: mean square of the
+    residuals as that counts it, 1 at least. Of those in a ranking, and of proposals, also half: half widths of the
+    95 % intervals (p,); moves: what it does to the model as given; sizes_of_half: fitted to every second operating
+    point. Of those in a ranking also held_out: -2 log L so fitted and judged on the others, nan where that was not
+    done.
+    """
+
+    hypothesis: Hypothesis
+    sizes: tuple[float, ...]
+    statistic: float
+    spread: float = 1.0
+    half: tuple[float, ...] = ()
+    sizes_of_half: tuple[float, ...] = ()
+    held_out: float = math.nan
+    moves: Consequence = NO_CONSEQUENCE
+
+    @property
+    def price(self) -> float:
+        """-2 log L, what every number fitted costs, and the prior odds."""
+        numbers = PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
+        odds = UNNAMED * bool(self.terms) + FURTHER * max(len(self.ids) - 1, 0)
+        return self.statistic + numbers + odds
+
+    @property
+    def key(self) -> tuple[tuple[str, ...], tuple[float, ...]]:
+        """Effects and sizes: of two candidates with the same all else is."""
+        return self.ids, self.sizes
+
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """The sizes as a vector (p,)."""
+        return np.array(self.sizes)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of the effects."""
+        return self.hypothesis.ids
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Ids of the effects of the vocabulary among them: those that are no terms."""
+        return tuple(effect.id for effect in self.hypothesis.effects if not is_term(effect))
+
+    @property
+    def plausible(self) -> bool:
+        """Whether every effect has a size that matters and that no bound holds back."""
+        return self.hypothesis.is_plausible(self.theta)
+
+    @property
+    def within_bounds(self) -> bool:
+        """Whether no bound holds a size back."""
+        return self.hypothesis.is_within_bounds(self.theta)
+
+    @property
+    def parts(self) -> tuple[tuple[Effect, NDArray[np.float64], NDArray[np.float64]], ...]:
+        """Every effect with its sizes, and their half widths where these are known."""
+        split = self.hypothesis.split
+        return tuple(zip(self.hypothesis.effects, split(self.theta), split(np.array(self.half)), strict=True))
+
+    @property
+    def parameters(self) -> dict[str, dict[str, Size]]:
+        """The sizes of the effects of the vocabulary by id, their intervals cut at the bounds of physics."""
+        return {
+            effect.id: {
+                p.name: Size.of(p, value, max(p.lowest, value - half), min(p.highest, value + half))
+                for p, value, half in zip(effect.parameters, sizes.tolist(), halves.tolist(), strict=True)
+            }
+            for effect, sizes, halves in self.parts
+            if not is_term(effect)
+        }
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Terms among the effects, with 95 % intervals of their coefficients where these are known."""
+        fitted_terms = []
+        for effect, size, half in self.parts:
+            # A coefficient is its only one.
+            term = term_of(effect, float(size[0])) if size.size == 1 else None
+            if term is not None:
+                ends = [
+                    float(end) for one in half for end in (term.coefficient - one, term.coefficient + one)
+                ]
+                fitted_terms.append(replace(term, interval=(ends[0], ends[1])) if ends else term)
+        return tuple(fitted_terms)
+
+    def model(self, nominal: EffectiveModel) -> EffectiveModel:
+        """The nominal model with these effects."""
+        return self.hypothesis.model(nominal, self.theta)
+
+    def model_without(self, number: int, nominal: EffectiveModel) -> EffectiveModel:
+        """The nominal model with all but one of these effects, the others at their sizes."""
+        for index, (effect, sizes, _) in enumerate(self.parts):
+            if index != number:
+                nominal = Hypothesis((effect,)).model(nominal, sizes)
+        return nominal
+
+
+def equation_of(effect: Effect) -> str:
+    """Equation that an effect corrects; of one that is no law the place where it sits."""
+    law = effect.apply
+    if isinstance(law, TermLaw):
+        return law.equation
+    return LAWS_OF_EFFECTS.get(effect.id, (effect.component, ""))[0]
+
+
+def sizing(likelihood: JointLikelihood, nominal: EffectiveModel, hypothesis: Hypothesis) -> Problem:
+    """The problem of finding the sizes of a hypothesis' effects."""
+    return lambda theta: likelihood.residuals(hypothesis.model(nominal, theta))
+
+
+def minimum_from(
+    problem: Problem,
+    ranges: Sequence[Range],
+    starts: Sequence[NDArray[np.float64]],
+    max_iterations: int = MAX_ITERATIONS,
+    second_if_stuck: bool = False,
+) -> Minimum | None:
+    """Best fit from the most promising start, or two; None when the model has no solution at any of them.
+
+    second_if_stuck: a second start is tried only where the first fit got stuck.
+    """
+    tried = [(start, residuals) for start in starts if (residuals := problem(start)) is not None]
+    tried.sort(key=lambda item: item[1].statistic)
+    best: Minimum | None = None
+    for start, residuals in tried[:MOST_STARTS]:
+        minimum = fit(problem, start, ranges, max_iterations, residuals)
+        if minimum is not None and (best is None or minimum.statistic < best.statistic):
+            best = minimum
+        if best is None or (second_if_stuck and best.stuck):
+            continue
+        if second_if_stuck or np.mean(best.residuals.z**2) < _EXPLAINED:
+            break
+    return best

@@ -208,7 +208,7 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
     for name in Role:
         signal = survey.signals.get(name)
         if signal is not None and not signal.count:
-            dead = Implausible(name, "has no value at all", "mind its column, and how it was exported")
+            dead = Implausible(name, "has no value at all", "check its column, and how it was exported")
             raise dead.error(path, (columns or {}).get(name, ""))
     rail, lift, line = (survey.signals.get(name) for name in Role)
     if rail is None or line is None or lift is None:
@@ -224,7 +224,7 @@ def refuse_dead(path: Path | None, survey: Survey, columns: dict[str, str] | Non
             f"never moves: it is {line.highest / MEGAPASCAL:.4g} MPa all the time, though the needle opens"
         )
     for role, problem in problems.items():
-        dead = Implausible(role, problem, "mind its column, and check its sensor")
+        dead = Implausible(role, problem, "check its column and its sensor")
         raise dead.error(path, (columns or {}).get(role, ""))
 
 

@@ -31,5 +31,5 @@ def test_tanh_of_small_arguments_keeps_its_relative_accuracy(argument: float) ->
     assert tanh(-argument) == -tanh(argument)
 
 
-def test_tanh_of_no_number_is_none() -> None:
+def test_tanh_of_nan_is_nan() -> None:
     assert math.isnan(tanh(math.nan))

@@ -1,6 +1,6 @@
 """Steady wear on lines unlike the model, whose model is fitted to healthy recordings.
 
-A line of a wrong length is fitted with weighed masses, for the level of flow rests on the length.
+A line of a wrong length is fitted with weighed masses, because the level of the flow rests on the length.
 """
 
 import zlib
@@ -29,7 +29,7 @@ WEIGHED_SIGMA = 0.003  # of a mean mass
 
 
 def worn_case(discrepancy: Discrepancy, seed: int, number: int) -> Case:
-    """Wear that stands still; every second case has another operating point at each event."""
+    """A case with constant wear; odd numbers have another operating point at each event, even ones a single point."""
     plant = plant_of(discrepancy, seed)
     rng = np.random.default_rng([seed, discrepancy.number, number, zlib.crc32(b"worn")])
     faults = Faults(orifice_area=rng.uniform(-NOZZLE, NOZZLE), seat_area=rng.uniform(-SEAT, SEAT))

@@ -1,4 +1,4 @@
-"""Writes stubs, what Python may call of modules of the compiled core, from each .pyx and what it includes.
+"""Writes stubs (.pyi) of the compiled core's modules, for type checks, from each .pyx and the files it includes.
 
 usage: core_stubs.py [SOURCE.pyx STUB.pyi]...
 """
@@ -63,7 +63,7 @@ def stub_of(source: Path) -> str:
 
 
 def _constants(text: str, folder: Path) -> list[str]:
-    """What a module gives Python by `globals().update`: a `double`, an array of them, or else a whole number."""
+    """Constants that a module exports by `globals().update`: a `double`, an array of them, or else a whole number."""
     sources = "".join(path.read_text() for path in folder.glob("*.p*"))
     kinds = {name: "tuple[float, ...]" if array else "float" for array, name in DOUBLE.findall(sources)}
     arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", "".join(GIVEN.findall(text)))
@@ -71,7 +71,7 @@ def _constants(text: str, folder: Path) -> list[str]:
 
 
 def _parameter(stated: str) -> str:
-    """As Python states a parameter."""
+    """A parameter of a Cython function as Python declares it."""
     match = PARAMETER.fullmatch(stated)
     assert match, stated
     kind, array, name, default = match.groups()

@@ -1,4 +1,4 @@
-"""Damaged frames, two devices with one identifier, outages and another rate are named, and what to do."""
+"""Damaged frames, two devices with one identifier, outages and another sample rate are reported with a remedy."""
 
 from dataclasses import replace
 
@@ -41,15 +41,15 @@ def messages_of_looks(
     looks: int,
     is_explained: bool = False,
 ) -> list[str]:
-    """Messages of looks that find `step` more each, and as many frames of each message; the counters go on."""
-    message = []
+    """Texts reported in so many looks; before each, counters and frames of every message rise by `step`."""
+    texts = []
     for _ in range(looks):
         for source in arrivals.sources:
             frames = arrivals.count_of(source).frames
             arrivals.set(source.layout, frames + step.get("frames", 0), 0)
         vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
-        message += [notice.text for notice in watch.look(replace(counters), is_explained)]
-    return message
+        texts += [notice.text for notice in watch.look(replace(counters), is_explained)]
+    return texts
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def messages_of_looks(
         ),
     ],
 )
-def test_frames_of_no_use_are_told_once_by_their_share_and_when_it_is_over(
+def test_useless_frames_are_reported_once_with_their_share_and_when_they_end(
     arrivals: Arrivals, counters: Counters, counter: str, said: str
 ) -> None:
     watch = FrameWatch(arrivals, RATE)
@@ -85,7 +85,9 @@ def test_frames_of_no_use_are_told_once_by_their_share_and_when_it_is_over(
     assert "no more frames that" in over
 
 
-def test_what_is_explained_already_is_not_told_again(arrivals: Arrivals, counters: Counters) -> None:
+def test_frames_whose_fault_another_watch_reported_are_not_reported_again(
+    arrivals: Arrivals, counters: Counters
+) -> None:
     watch = FrameWatch(arrivals, RATE)
     assert (
         messages_of_looks(
@@ -95,7 +97,7 @@ def test_what_is_explained_already_is_not_told_again(arrivals: Arrivals, counter
     )
 
 
-def test_an_outage_is_told_by_its_length(arrivals: Arrivals, counters: Counters) -> None:
+def test_an_outage_is_reported_with_its_length(arrivals: Arrivals, counters: Counters) -> None:
     watch = FrameWatch(arrivals, RATE)
     assert messages_of_looks(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
     (message,) = messages_of_looks(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
@@ -107,23 +109,19 @@ def timing(drift: float) -> list[MessageTiming]:
 
 
 def test_the_rate_that_the_bench_file_should_state_is_named() -> None:
-    """It says 50 kHz and 100 kHz come: each of its samples takes half the time."""
+    """The bench file says 50 kHz and samples come at 100 kHz: each takes half the stated time, a drift of -0.5."""
     watch = RateWatch(50e3)
-    assert not [*watch.look(timing(-0.5003), Reason.NONE)] * LASTING  # a recording at another speed
-    message = [
-        notice.text
-        for _ in range(3 * LASTING)
-        for notice in watch.look(timing(-0.5003), Reason.MODEL_INADEQUATE)
-    ]
-    assert len(message) == 1
-    assert "samples come at 100060 a second, sampling.rate_hz is 50000" in message[0]
-    assert "sampling.rate_hz is likely 100000;" in message[0]
-    assert watch.reported == message[0]
+    assert not [*watch.look(timing(-0.5003), Reason.NONE)] * LASTING  # a replay at another speed
+    looks = [watch.look(timing(-0.5003), Reason.MODEL_INADEQUATE) for _ in range(3 * LASTING)]
+    (message,) = (notice.text for notices in looks for notice in notices)
+    assert "samples come at 100060 a second, sampling.rate_hz is 50000" in message
+    assert "sampling.rate_hz is likely 100000;" in message
+    assert watch.reported == message
     assert not [*watch.look(timing(1e-5), Reason.MODEL_INADEQUATE)]
     assert not watch.reported
 
 
-def test_what_is_said_at_the_stop_of_another_rate_is_not_that_it_has_no_effect() -> None:
+def test_the_report_at_the_stop_does_not_say_that_another_rate_has_no_effect() -> None:
     assert "no effect" in timing(1e-5)[0].as_text()
     said = timing(-0.5)[0].as_text()
     assert "sent at 2 times its rate" in said
@@ -147,6 +145,6 @@ def test_swapped_pressures_are_named_live() -> None:
     assert "most likely the two are swapped" in message
     assert "remedy: compare their columns or signals" in message
     assert [*watch.reported] == [SWAPPED]
-    assert looks(line, rail, 0.0 * lift) == []  # without an injection nothing tells
+    assert looks(line, rail, 0.0 * lift) == []  # a needle that stays shut tells nothing
     (over,) = looks(rail, line, lift)
     assert "in its range again" in over

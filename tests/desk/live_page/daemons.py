@@ -1,4 +1,4 @@
-"""Daemons whose page is looked at: in this process, on links that bring a recording as fast as a test wants it."""
+"""Daemons for tests of the live page: in this process, on links that bring a recording as fast as a test wants it."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,16 +14,16 @@ from tests.daemon.participants import HeardDaemon, ScriptedLink, serving
 
 
 class PacedLink(ScriptedLink):
-    """Brings frames so many times slower than they were recorded; 0: at once."""
+    """Brings frames `slowdown` times slower than they were recorded; 0 brings them at once."""
 
-    def __init__(self, frames: Iterable[TimedFrame], slower: float = 0.0) -> None:
+    def __init__(self, frames: Iterable[TimedFrame], slowdown: float = 0.0) -> None:
         super().__init__(frames)
-        self._slower = slower
+        self._slowdown = slowdown
         self._begin = time.monotonic()
 
     def receive(self, timeout_s: float) -> Frame | None:
-        if self._frames and self._slower:
-            early = self._slower * self._frames[0].time - (time.monotonic() - self._begin)
+        if self._frames and self._slowdown:
+            early = self._slowdown * self._frames[0].time - (time.monotonic() - self._begin)
             if early > 0.0:
                 time.sleep(min(early, timeout_s))
                 return None
@@ -31,13 +31,15 @@ class PacedLink(ScriptedLink):
 
 
 @contextmanager
-def daemons_of(path: Path, frames: Sequence[TimedFrame], slower: float = 0.0) -> Iterator[list[HeardDaemon]]:
-    """A daemon for each injector of a bench, all on one bus, that may be asked as a page does."""
+def daemons_of(
+    path: Path, frames: Sequence[TimedFrame], slowdown: float = 0.0
+) -> Iterator[list[HeardDaemon]]:
+    """A daemon for each injector of a bench, all on one bus, each with the socket that the page asks."""
     with ExitStack() as stack:
         daemons = []
-        for alone in load_bench(path).per_injector:
-            daemons.append(daemon := HeardDaemon(alone, PacedLink(frames, slower)))
-            position = socket_places(alone.injector)[0]
-            stack.enter_context(control_socket(position, {SNAPSHOT: daemon.snapshots.answer}))
+        for bench in load_bench(path).per_injector:
+            daemons.append(daemon := HeardDaemon(bench, PacedLink(frames, slowdown)))
+            socket = socket_places(bench.injector)[0]
+            stack.enter_context(control_socket(socket, {SNAPSHOT: daemon.snapshots.answer}))
             stack.enter_context(serving(daemon))
         yield daemons

@@ -72,7 +72,7 @@ _TOGETHER = """() => {
 
 def test_traces_move_are_held_stepped_back_to_and_saved(page: Page, serve: Serve, tmp_path: Path) -> None:
     path, number = bench_file(tmp_path, "can0"), number_of(page)
-    with daemons_of(path, frames_to(path, 40), slower=8.0):
+    with daemons_of(path, frames_to(path, 40), slowdown=8.0):
         page.goto(serve("--bench", path, "--out", tmp_path / "kept"))
         page.evaluate(_TOGETHER)
         expect(number).to_have_text(re.compile("[4-9] "), timeout=PATIENCE)

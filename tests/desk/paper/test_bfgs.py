@@ -16,7 +16,7 @@ Vector = NDArray[np.float64]
 
 
 class Function:
-    """A cost with its gradient, which notes where the gradient was asked for."""
+    """A cost with its gradient, which records the points at which the gradient was computed."""
 
     def __init__(self, cost: Callable[[Vector], float], gradient: Callable[[Vector], Vector]) -> None:
         self._cost = cost
@@ -47,7 +47,7 @@ def test_same_minimum_as_scipy() -> None:
 
 
 def test_update_is_skipped_where_the_curvature_is_negative() -> None:
-    """From the top of a hill: the second step is that of the first inverse, and the valley is minimum_of."""
+    """From the top of a hill: the second step still uses the first inverse, and the search ends in the valley."""
     function = Function(lambda t: t[0] ** 4 / 4 - t[0] ** 2 / 2, lambda t: t**3 - t)
     minimum = minimum_of(function, [0.1])
     first, second, third = function.visited[:3]

@@ -1,4 +1,4 @@
-"""What a fitted model leaves unexplained is not held against an event; a model that fits nobody is."""
+"""The residual that `fit` left is not held against an event; a model that fits no healthy injector is refused."""
 
 from dataclasses import replace
 
@@ -13,9 +13,7 @@ from observer_rt.model.baseline import Remainder
 from tests.baselines import WHITE, baseline
 
 COUNT = 4000.0  # samples of a phase
-COLOUR = 3.0  # of the opening, which the fitted model does not explain
-
-
+COLOUR = 3.0  # mean square of blocks in the opening, which the fitted model leaves
 FITTED = {
     "variance": WHITE,
     "chi2": WHITE | {"opening": COLOUR, "standstill": 0.5},
@@ -24,7 +22,7 @@ FITTED = {
 
 
 def statistics(opening: float, standstill: float = 1.0) -> PhaseStatistics:
-    """White but for the means of blocks in two phases."""
+    """White innovations, but for the mean squares of blocks in two phases."""
     blocks = np.array([COUNT / length for length in BLOCKS])
     sums = np.tile(blocks, (PHASES, 1))
     sums[Phase.OPENING] *= opening
@@ -32,14 +30,14 @@ def statistics(opening: float, standstill: float = 1.0) -> PhaseStatistics:
     return PhaseStatistics(np.full(PHASES, COUNT), np.full(PHASES, COUNT), sums, np.tile(blocks, (PHASES, 1)))
 
 
-def test_what_the_fit_left_is_not_held_against_an_event() -> None:
+def test_the_residual_of_the_fit_is_not_held_against_an_event() -> None:
     healthy = healthy_of(baseline(**FITTED), 1e5)
     assert inadequate_phase(statistics(COLOUR)) is Phase.OPENING
     assert inadequate_phase(healthy.relative(statistics(COLOUR))) is None
     assert inadequate_phase(healthy.relative(statistics(2.0 * COLOUR))) is Phase.OPENING
 
 
-def test_samples_that_scatter_at_an_edge_are_not_held_against_a_fitted_model() -> None:
+def test_a_fitted_model_may_have_scattered_samples_at_an_edge_but_not_while_open() -> None:
     healthy = healthy_of(baseline(**FITTED), 1e5)
     white = statistics(1.0)
     for phase, variance, refused in ((Phase.CLOSING, 1.5, False), (Phase.OPEN, 2.5, True)):
@@ -61,7 +59,7 @@ def test_figures_of_another_sample_rate_are_not_compared(rate: float) -> None:
     assert inadequate_phase(healthy.relative(statistics(COLOUR))) is Phase.OPENING
 
 
-def test_a_model_that_fits_nobody() -> None:
+def test_a_model_that_fits_no_healthy_injector_is_refused_unless_trusted() -> None:
     white = statistics(1.0)
     refused = [Objection(Reason.MODEL_INADEQUATE, None)]
     assert objections(white, 0.0, 0.0, healthy_of(baseline(**FITTED, adequate=False), 1e5)) == refused
@@ -88,7 +86,7 @@ def _remainder(rate: float = 1e5) -> Remainder:
     )
 
 
-def test_what_terms_accepted_in_part_leave_is_not_held_against_an_event_and_widens_masses() -> None:
+def test_the_remainder_of_terms_is_not_held_against_an_event_and_widens_masses() -> None:
     white = healthy_of(baseline(mass_share=0.004), 1e5)
     healthy = with_remainder(white, _remainder(), 1e5)
     assert inadequate_phase(white.relative(statistics(COLOUR))) is Phase.OPENING

@@ -1,4 +1,4 @@
-"""A needle that has come down is shut, though its sensor has crept; one that is held further off its seat is not."""
+"""A needle that has closed counts as shut although its sensor creeps; one that is held off its seat is open."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ UM = 1e-6
 LENGTH = 30_000  # samples at 100 kHz
 OPENINGS = range(1500, 25_000, 5000)
 OPEN_FOR = 150
-GOES = 1500  # samples in which a creep does
+CREEP_DECAY = 1500  # samples; time constant by which a creep fades
 
 
 def run(after_closing: NDArray[np.float64]) -> Stream:
-    """Openings of 150 samples; added lift [m] of the samples from the end of each on."""
+    """Stream of openings of 150 samples; after_closing: lift [m] added to the samples from the end of each on."""
     lift = opened(OPENINGS, LENGTH, OPEN_FOR) + np.random.default_rng(11).normal(
         0.0, NOISE.needle_lift, LENGTH
     )
@@ -25,20 +25,20 @@ def run(after_closing: NDArray[np.float64]) -> Stream:
 
 
 def open_samples(stream: Stream) -> float:
-    """With the needle open, for each opening."""
+    """Mean number of samples with an open needle, per opening."""
     return float(np.count_nonzero(stream.rows["seat_area"] > 0.0) / len(OPENINGS))
 
 
 @pytest.mark.parametrize("creep", [-3 * UM, 1.3 * UM, 2 * UM, 3 * UM])
 def test_a_lift_that_has_crept_keeps_no_needle_open(creep: float) -> None:
-    stream = run(creep * np.exp(-np.arange(4000) / GOES))
+    stream = run(creep * np.exp(-np.arange(4000) / CREEP_DECAY))
     assert len(stream.injections) == len(OPENINGS)
     assert abs(open_samples(stream) - OPEN_FOR) < 3
     assert abs(float(stream.observer.memory[0]["resting_lift"]["zero"])) < 0.5 * UM
 
 
 def test_the_zero_follows_a_lift_that_has_crept_at_once() -> None:
-    stream = run(3 * UM * np.exp(-np.arange(4000) / GOES))
+    stream = run(3 * UM * np.exp(-np.arange(4000) / CREEP_DECAY))
     end = OPENINGS[-1] + OPEN_FOR
     assert np.abs(stream.rows["lift"][end + 20 : end + 500].mean()) < 0.3 * UM
 

@@ -1,4 +1,4 @@
-"""Recordings as a fit sees them; those that cannot serve are refused, and what makes a result unsure is said."""
+"""Folds of a fit; recordings that cannot serve are refused, and whatever makes a result less sure is warned of."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -88,7 +88,7 @@ def test_a_clipped_signal_is_refused(signal: str, change: Change, level: str) ->
         ("needle_lift", lambda values: np.maximum(values, 0.0)),
     ],
 )
-def test_what_is_not_clipped_is_taken(signal: str, change: Change) -> None:
+def test_a_coarse_signal_and_a_zero_at_rest_are_not_clipped(signal: str, change: Change) -> None:
     refuse_clipped(measurements([changed(signal, change)]))
 
 
@@ -112,7 +112,7 @@ def test_slow_instants_are_warned_of_and_make_masses_less_sure() -> None:
 
 
 @pytest.mark.parametrize("recording", [RECORDING, _every_fifth(Meaning.MEAN)], ids=["100 kHz", "means"])
-def test_fast_instants_and_means_are_not(recording: Recording) -> None:
+def test_fast_instants_and_means_are_not_warned_of(recording: Recording) -> None:
     (measurement,) = measurements([recording])
     assert share_between_samples(measurement) == pytest.approx(0.0, abs=1e-6)
     assert not any("instants" in words for words in warnings([measurement]))

@@ -1,4 +1,4 @@
-"""TrueInputs and output of the predictor for given input terms."""
+"""True inputs and output of the predictor, for given input terms."""
 
 from dataclasses import replace
 
@@ -35,12 +35,12 @@ NOISY = _measurement()
 
 
 def _opened(area: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """Area under the normalised seat area, linear between samples and shut below 0."""
+    """Integral of the normalised seat area [samples], linear between samples, with negative areas counted as 0."""
     fine = np.interp(np.arange(0.0, area.size - 1, 0.01), np.arange(area.size), area)
     return float(np.maximum(fine, 0.0).sum()) * 0.01
 
 
-def test_the_foot_a_lift_sensor_misses_is_restored() -> None:
+def test_the_start_of_the_opening_that_a_lift_sensor_misses_is_restored() -> None:
     true = TrueInputs(HEALTHY, InputTerms(), C).area
     blind = TrueInputs(BLIND, InputTerms(), C).area
     restored = TrueInputs(BLIND, InputTerms(lift_shift=20e-6), C).area
@@ -67,9 +67,8 @@ def test_the_opened_area_has_no_jumps(shift: float) -> None:
     opening = NOISY.events[0].openings[0]
     part = slice(opening.first - 10, opening.last + 10)
     samples = opening.last - opening.first + 20
-    assert (
-        abs(_opened(ahead[part]) - _opened(here[part])) < 20.0 * samples * step * 5e3
-    )  # A_S/A_0 is 5e3 a metre
+    steepness = 5e3  # 1/m, of A_S/A_0 over the lift
+    assert abs(_opened(ahead[part]) - _opened(here[part])) < 20.0 * samples * step * steepness
 
 
 def test_the_rail_pressure_is_corrected() -> None:
@@ -93,7 +92,7 @@ def test_the_noise_of_a_rail_at_rest_is_not_moved() -> None:
     assert np.array_equal(still, late)
 
 
-def test_a_late_line_pressure_moves_the_inputs_not_what_is_judged() -> None:
+def test_a_late_line_pressure_moves_the_inputs_and_not_the_output() -> None:
     rows = Rows(HEALTHY)
     inputs = TrueInputs(HEALTHY, InputTerms(), C)
     straight, late = (batch_of(HEALTHY, rows, inputs, n, 0.0, C) for n in (0, 3))
@@ -103,6 +102,6 @@ def test_a_late_line_pressure_moves_the_inputs_not_what_is_judged() -> None:
     assert late.openings[0] == straight.openings[0] + 3
 
 
-def test_all_phases_are_there() -> None:
+def test_samples_of_all_phases_are_judged() -> None:
     batch = batch_of(HEALTHY, Rows(HEALTHY), TrueInputs(HEALTHY, InputTerms(), C), 0, 0.0, C)
     assert set(phases(HEALTHY, batch)) == set(Phase)

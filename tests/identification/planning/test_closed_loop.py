@@ -1,4 +1,4 @@
-"""The loop closed on a plant of other equations: ambiguous, planned, measured as planned, named rightly."""
+"""The loop closed on an independent plant: an ambiguous answer, its plan, the planned measurement, the right name."""
 
 import csv
 from dataclasses import replace
@@ -42,33 +42,30 @@ FIRST = PlannedMeasurement(
 )
 
 
-def measured(planned_measurement: PlannedMeasurement, faults: Faults, seed: int) -> Recording:
-    """A planned measurement, made on the plant. A short pause is one within pairs."""
-    pressure, energizing = (
-        planned_measurement.rail_pressure_MPa * 1e6,
-        planned_measurement.energizing_ms * 1e-3,
-    )
+def measured(planned: PlannedMeasurement, faults: Faults, seed: int) -> Recording:
+    """A planned measurement, made on the plant. A pause below half the period separates the shots of a pair."""
+    pressure, energizing = planned.rail_pressure_MPa * 1e6, planned.energizing_ms * 1e-3
     moved = schedule.stroke(schedule.Shot(energizing), 0.0, pressure, NOMINAL)
     assert moved is not None
-    paired = planned_measurement.pause_ms * 1e-3 < PERIOD / 2.0
-    starts = (0.0, energizing + planned_measurement.pause_ms * 1e-3) if paired else (0.0,)
+    paired = planned.pause_ms * 1e-3 < PERIOD / 2.0
+    starts = (0.0, energizing + planned.pause_ms * 1e-3) if paired else (0.0,)
     shots = tuple(Shot(start, moved.closed - moved.opening) for start in starts)
-    events = (Event(pressure, shots, faults),) * (planned_measurement.injections // len(shots))
+    events = (Event(pressure, shots, faults),) * (planned.injections // len(shots))
     return recording_of(record(Bench(Injector(), Needle(), events, seed=seed)))
 
 
 def discovered(recordings: list[Recording], *also_left: str) -> tuple[Discovery, MeasurementPlan | None]:
-    """The discovery, and the plan that would distinguish its effects from others that are left."""
-    measured_recordings = measurements(recordings)
-    answer = name_effects(MODEL, measured_recordings, SearchOptions(workers=2))
+    """The discovery, and the plan that would decide between its explanations and the effects of `also_left`."""
+    measured = measurements(recordings)
+    answer = name_effects(MODEL, measured, SearchOptions(workers=2))
     answer = replace(answer, rivals=(*answer.rivals, *((effect,) for effect in also_left)))
-    plan = next_measurement(answer, measured_recordings, MODEL, NOT_FITTED, two_injections, lambda _: None)
+    plan = next_measurement(answer, measured, MODEL, NOT_FITTED, two_injections, lambda _: None)
     return answer, plan
 
 
 def behind(discovery: Discovery, effect: str) -> float:
-    """How far an effect is behind the offset of the rail pressure."""
-    statistic = {one.ids: one.statistic for one in discovery.ranking}
+    """Difference of -2 log L between an effect and the offset of the rail pressure."""
+    statistic = {candidate.ids: candidate.statistic for candidate in discovery.ranking}
     return statistic[(effect,)] - statistic[(OFFSET,)]
 
 
@@ -77,10 +74,10 @@ def behind(discovery: Discovery, effect: str) -> float:
     ("hidden", "faults"),
     [(GAIN, Faults(rail_pressure_sensor_gain=0.01)), (OFFSET, Faults(rail_pressure_sensor_offset=1e6))],
 )
-def test_what_is_measured_as_planned_decides_rightly(hidden: str, faults: Faults) -> None:
-    """Factor or offset: at one rail pressure nothing tells them apart."""
+def test_the_planned_measurement_leads_to_the_right_name(hidden: str, faults: Faults) -> None:
+    """Gain or offset of the rail sensor: at a single rail pressure both have the same signals."""
     recordings = [measured(FIRST, faults, seed=1)]
-    # the offset of the line pressure, hardly less likely, is what is nearest to that of the rail pressure
+    # the offset of the line pressure is hardly less likely, and the nearest rival of that of the rail pressure
     before, plan = discovered(recordings, *([LINE_OFFSET] if hidden == OFFSET else []))
     assert before.verdict is Verdict.AMBIGUOUS
     assert {(GAIN,), (OFFSET,)} <= {before.named.ids, *before.rivals}
@@ -88,9 +85,7 @@ def test_what_is_measured_as_planned_decides_rightly(hidden: str, faults: Faults
     assert before.confidence <= plan.confidence <= before.confidence / SURE  # of those left, not of all
     best = plan.measurements[0]
     assert best.confidence > 0.95 > plan.confidence
-    assert (
-        best.measure is MeasuredQuantity.PRESSURES
-    )  # what decides without more is not asked to measure more
+    assert best.measure is MeasuredQuantity.PRESSURES  # they decide, so no rate need be measured
     assert abs(best.rail_pressure_MPa - 100.0) >= 20.0
 
     after, _ = discovered([*recordings, measured(best, faults, seed=2)])
@@ -102,8 +97,8 @@ def test_what_is_measured_as_planned_decides_rightly(hidden: str, faults: Faults
         assert grown == pytest.approx(best.separation, rel=0.5)
 
 
-def test_nothing_promises_what_no_measurement_of_these_signals_tells() -> None:
-    """Seat area and lift gain: a plan says that it would not decide, and asks for the rate all the same."""
+def test_a_plan_promises_no_decision_where_none_is_possible() -> None:
+    """Seat area and lift gain have the same signals: no planned measurement is said to decide between them."""
     recordings = [measured(FIRST, Faults(seat_area=-0.2), seed=3)]
     result, plan = discovered(recordings)
     assert {(result.named.ids), *result.rivals} == {("seat_area",), ("lift_gain",)}
@@ -116,7 +111,7 @@ def test_after_a_clear_answer_nothing_is_planned() -> None:
     assert (result.verdict, plan) == (Verdict.NAMED, None)
 
 
-def test_points_lie_about_what_was_recorded() -> None:
+def test_planned_pressures_go_from_half_the_lowest_to_one_and_a_half_times_the_highest() -> None:
     (measurement,) = measurements([measured(FIRST, Faults(), seed=5)])
     pressures = {
         point.rail_pressure for point in points_for([measurement, replace(measurement, rail_pressure=140e6)])

@@ -1,4 +1,4 @@
-"""Tier A: effects hidden in plants of the nominal structure; an oracle with the true model says what can be seen."""
+"""Tier A: effects hidden in plants of the nominal structure; an oracle with the true plant says which are visible."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,20 +34,20 @@ from tools.benchmarks.discovery.scoring import (
 
 CASES = 300
 VISIBLE_GAIN = 50.0  # of the oracle's -2 log L
-RELEVANT_MASS_MG, RELEVANT_PRESSURE_MPA = 0.3, 0.3  # one of them moves by that much
+RELEVANT_MASS_MG, RELEVANT_PRESSURE_MPA = 0.3, 0.3  # an effect must move either by so much
 INSEPARABLE = 16.0  # difference of the oracle's -2 log L below which two effects are not told apart
-MEANINGFUL_GAP = 0.1  # MPa or mg: below, a share of the gap says nothing
+MEANINGFUL_GAP = 0.1  # MPa or mg; the share that is left of a smaller gap says nothing
 
 
 def score_nominal(case: HiddenCase, model: Path) -> Row:
-    """Record a case, ask, and judge the answer."""
+    """Record a case, run `discover` on it, and judge the answer."""
     with TemporaryDirectory(prefix="discovery-") as name:
         files = write_all(nominal_benches(case, GIVEN), case.with_rate, Path(name) / "given")
         answer = ask(files, Path(name) / "answer", model, choose=True)
     row = facts_of(case, answer, visibility(case) if case.parts else {}, rivalry(case, answer))
     if row["named_right"] and case.parts:
         row["held"] = held_intervals(case.parts, answer)
-    if row["above"] and not VOCABULARY[case.name].remedy:  # else no amended model has it in force
+    if row["above"] and not VOCABULARY[case.name].remedy:  # effects with a remedy amend no model
         injector = load_injector(model)
         models = (injector, injector_of(answer.amended_model), with_effects(injector, case.parts))
         for name, (before, after, best) in zip(
@@ -60,18 +60,18 @@ def score_nominal(case: HiddenCase, model: Path) -> Row:
 
 
 def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, float]) -> Row:
-    """A case and its answer as a row; seen: of `visibility`, rivals: of `rivalry`."""
+    """A case and its answer as a row; seen: the result of `visibility`, rivals: that of `rivalry`."""
     hidden = bool(case.parts)
     relevant = hidden and (
         seen["mass_mg"] >= RELEVANT_MASS_MG or seen["pressure_mpa"] >= RELEVANT_PRESSURE_MPA
     )
     above = relevant and seen["gain"] >= VISIBLE_GAIN and seen["beyond"]
     is_named = answer.verdict == NAMED and len(answer.names) == 1 and same_effect(answer.names[0], case.name)
-    is_among = any(same_effect(each, case.name) for each in answer.listed)
-    is_open = answer.verdict == AMBIGUOUS and is_among and all(abs(d) < INSEPARABLE for d in rivals.values())
+    is_listed = any(same_effect(name, case.name) for name in answer.listed)
+    is_open = answer.verdict == AMBIGUOUS and is_listed and all(abs(d) < INSEPARABLE for d in rivals.values())
     right = is_named or is_open if hidden else answer.verdict == NONE
     grade = Grade.AMBIGUOUS if hidden and is_open else Grade.RIGHT if right else Grade.WRONG
-    said = [(float(claim["confidence"]), same_effect(claim["id"], case.name)) for claim in answer.claims]
+    claims = [(float(claim["confidence"]), same_effect(claim["id"], case.name)) for claim in answer.claims]
     return {
         "hidden": case.name,
         "text": case.text,
@@ -79,20 +79,20 @@ def facts_of(case: HiddenCase, answer: Answer, seen: Row, rivals: Mapping[str, f
         "with_rate": case.with_rate,
         **answer.facts(),
         **seen,
-        "rivals": "".join(f", {each} {difference:+.0f}" for each, difference in rivals.items()),
+        "rivals": "".join(f", {name} {difference:+.0f}" for name, difference in rivals.items()),
         "above": above,
         "named_right": is_named,
         "left_open": is_open,
         "right": right,
         "alarm": not right,
         "grade": Grade.NOT_LOOKED_FOR if hidden and not above else grade,
-        "confidences": [each if holds else -each for each, holds in said],
+        "confidences": [confidence if is_right else -confidence for confidence, is_right in claims],
         "held": [],
     }
 
 
 def misses(frame: pd.DataFrame) -> list[str]:
-    """A line for every case that was answered wrongly."""
+    """A line for every case with a wrong answer."""
     wrong = frame[frame["grade"].eq(Grade.WRONG)] if "grade" in frame else frame[:0]
     return [f"{row.text}: {row.verdict} {row.claimed}{row.rivals}" for row in wrong.itertuples()]
 

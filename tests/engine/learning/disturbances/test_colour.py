@@ -1,4 +1,4 @@
-"""The colour of the noise: found where there is one, and only there; an observer that learns in spite of it."""
+"""Colour of the noise at rest: found where the noise is coloured and only there, whitened, and forgotten again."""
 
 import math
 
@@ -59,7 +59,7 @@ def test_white_noise_has_none(seed: int) -> None:
 
 
 def behind_a_line(seed: int) -> list[NDArray[np.float64]]:
-    """White noise, and what a line passes on of pink noise of the rail: it falls more steeply with the frequency."""
+    """White noise, and pink noise of the rail behind a line, whose spectrum falls more steeply."""
     random = np.random.default_rng(seed)
     shape = np.append(0.0, np.fft.rfftfreq(200_000)[1:] ** -0.75)
     pink = np.fft.irfft(shape * np.fft.rfft(random.normal(size=200_000)))
@@ -71,7 +71,7 @@ def behind_a_line(seed: int) -> list[NDArray[np.float64]]:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_left_of_pink_noise_is_white_over_blocks_too(seed: int) -> None:
-    """Single samples tell little of the slow part: by them alone a filter would do that leaves 1.66 with seed 1."""
+    """Single samples show little of the slow part: a filter chosen by them alone leaves 1.66 over blocks (seed 1)."""
     events = behind_a_line(seed)
     colour = found_in(events)
     assert colour is not None
@@ -81,8 +81,8 @@ def test_what_is_left_of_pink_noise_is_white_over_blocks_too(seed: int) -> None:
 
 
 @pytest.mark.parametrize("position", [0, 5])
-def test_one_event_that_was_none_colours_nothing_for_long(position: int) -> None:
-    """An opening by a dropout leaves innovations many times as large, that are anything but white."""
+def test_a_false_event_leaves_no_colour_behind(position: int) -> None:
+    """A dropout that looks like an opening leaves innovations that are many times larger and far from white."""
     events = white(4, 12)
     events[position] = 20.0 * first_order([events[position]], 0.95)[0]
     colour = found_in(events)
@@ -90,11 +90,11 @@ def test_one_event_that_was_none_colours_nothing_for_long(position: int) -> None
     assert np.mean((left - events[-1]) ** 2) < 0.25
 
 
-def test_nor_has_white_noise_of_another_level() -> None:
+def test_white_noise_of_another_level_has_none() -> None:
     assert found_in([2.0 * values for values in white(1)]) is None
 
 
-def test_what_is_quieter_than_the_noise_levels_is_none() -> None:
+def test_noise_below_the_expected_level_has_no_colour() -> None:
     noise = RestingNoise()
     for values in first_order(white(3), 0.83):
         noise = noise.after([values], INTERVAL)
@@ -104,7 +104,7 @@ def test_what_is_quieter_than_the_noise_levels_is_none() -> None:
 
 
 @pytest.mark.parametrize(("interval", "samples"), [(1e-5, 700), (5e-5, 140)])
-def test_hum_is_taken_away_by_a_high_pass(interval: float, samples: int) -> None:
+def test_hum_is_removed_by_a_high_pass(interval: float, samples: int) -> None:
     events = with_hum(white(2, samples=samples), 50.0, interval)
     colour = found_in(events, interval)
     assert colour is not None
@@ -132,7 +132,7 @@ def test_a_tone_is_found() -> None:
     assert found_in(with_hum(white(4), 620.0, INTERVAL)) is not None
 
 
-def test_what_has_gone_is_forgotten() -> None:
+def test_a_hum_that_has_ended_is_forgotten() -> None:
     noise = RestingNoise()
     for values in with_hum(white(6), 50.0, INTERVAL):
         noise = noise.after([values], INTERVAL)
@@ -163,7 +163,7 @@ def test_segments_are_long_enough_and_late_enough() -> None:
     assert resting_segments(window._replace(masked=masked), 50, 300) == [slice(200, 520), slice(655, 1000)]
 
 
-def test_offset_is_that_since_the_event_before() -> None:
+def test_the_offset_is_the_mean_since_the_event_before() -> None:
     first, second = Standstill(1000, 0.01, None), Standstill(3000, 0.03, None)
     assert offset_between(None, Standstill(0, 0.0, None)) is None
     assert offset_between(None, first) == pytest.approx(0.01)

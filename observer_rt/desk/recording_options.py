@@ -1,10 +1,14 @@
-"""Options that name recordings and CAN logs, with the formats there are."""
+"""Options that name recordings and CAN logs, with the formats there are; those of `evaluate`."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from observer_rt.config.bench import EXAMPLE_BENCH
+from observer_rt.desk import options as shared
 from observer_rt.files.formats import log_formats, signal_formats, suffixes_of
-from observer_rt.foundation.options import Argument
+from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Writes
 
 _logs = log_formats()
 SIGNALS = ", ".join(suffixes_of(signal_formats()))
@@ -16,3 +20,53 @@ Recording = Annotated[Path, Argument(f"Recording ({SIGNALS}) or CAN log ({LOGS})
 Recordings = Annotated[
     tuple[Path, ...], Argument(f"Recordings ({SIGNALS}) or CAN logs ({LOGS}).", "RECORDING")
 ]
+
+
+@dataclass(frozen=True)
+class EvaluateOptions:
+    """Options of `evaluate`."""
+
+    recordings: Recordings
+    bench: shared.BenchFile = EXAMPLE_BENCH
+    model: shared.Model = None
+    state: shared.State = None
+    save_state: Annotated[Path | None, Option("File for what was learned."), Writes("learned state")] = None
+    no_learning: Annotated[bool, Option("Keep the model as it is at the start.")] = False
+    twice: Annotated[
+        bool,
+        Option(
+            "Look at every injection again with what all of them taught: rates, masses and wear of the first are "
+            "as good as those of the last."
+        ),
+    ] = False
+    chain: Annotated[
+        bool, Option("Treat the recordings as one history: learning goes on from file to file.")
+    ] = False
+    output: Annotated[
+        Path | None,
+        Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"),
+        Writes("trace; in a folder `RECORDING.trace.csv` for each"),
+    ] = None
+    plot: Annotated[
+        Path | None, Option("Figure (png, svg, pdf): curves, masses, wear."), Writes("figure")
+    ] = None
+    injections: Annotated[
+        str | None, Option("Injections to draw as curves, such as 1,5-8 (default: first, middle, last).")
+    ] = None
+    from_channel: shared.FromChannel = ()
+    injector: Injector = None
+    lenient: Lenient = False
+    force: shared.Force = False
+    json: shared.Json = False
+
+    @property
+    def has_folder(self) -> bool:
+        """Whether traces go into `output`, each a file of its own."""
+        output = self.output
+        return output is not None and (output.is_dir() or not (output.suffix or output.exists()))
+
+    @property
+    def written(self) -> Mapping[str, Path]:
+        """Paths to be written, by option."""
+        named = {"--output": self.output, "--plot": self.plot, "--save-state": self.save_state}
+        return {option: path for option, path in named.items() if path is not None}

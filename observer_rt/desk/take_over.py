@@ -1,7 +1,9 @@
 """Takes an amended model over: the bench file names it from now on, and the daemon that serves the bench uses it.
 
-Either both happen or neither: a daemon that cannot be asked, or does not end up with this model, leaves the bench
-file as it was. What the file named before is noted beside it, so that each step can be undone, one at a time.
+First it learns for that model from the events that were kept with the one in force, so that the first injection is
+estimated as well as the last one before. Then either both happen or neither: a daemon that cannot be asked, or does
+not end up with this model, leaves the bench file as it was. What the file named before is noted beside it, so that
+each step can be undone, one at a time.
 """
 
 import fcntl
@@ -12,17 +14,24 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from observer_rt.config.bench import Bench, load_bench, load_injector
+from rich.console import Console
+
+from observer_rt.config.bench import Bench, BenchInjector, load_bench, load_injector
+from observer_rt.config.channels import as_observed
 from observer_rt.daemon.control_socket import ask, socket_places
-from observer_rt.daemon.persistence.state_file import learned_beside, model_hash
+from observer_rt.daemon.persistence.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.daemon.reloading import RELOAD
-from observer_rt.desk.beforehand import learn_beforehand
+from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.model_steps import TakeOver, naming, note_steps, replace_text, steps
 from observer_rt.desk.other_changes import other_changes, parameter_changes
+from observer_rt.files.evidence.evidence_file import KeptEvent
+from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import to_disk
+from observer_rt.identification.likelihood.kept_events import read_folder
 
+MOST = 100  # kept events that are learned from, the newest; a hundredth of a second each
 _AMENDED = "_amended_"  # in the name of a copy, before its number
 
 
@@ -156,3 +165,41 @@ def _is_reloaded(bench: Bench) -> bool:
                 raise RunError(f"the daemon of {answer.get('bench')} has another model in force: see its log")
             return True
     return False
+
+
+def learn_beforehand(bench: Bench, amended: Path) -> int:
+    """Learn for an amended injector file from the evidence; from how many events, 0: there is nothing to begin with.
+
+    bench: with one injector, and the model before in force. What was learned is written beside the amended file,
+    where a daemon looks for it; nothing is where the amended model does not explain the last of the events.
+    """
+    state_file = learned_beside(amended)
+    with file_errors(state_file):
+        state_file.unlink(missing_ok=True)
+    parameters, learning = load_injector(amended), bench.injector.config.learning.enabled
+    mended = bench.with_sections(signals=as_observed(bench.injector.config.signals))
+    try:
+        events = [HeldSignals(event.recording) for event in _kept_with(bench.injector)]
+        if not events:
+            return 0
+        history = evaluate(mended.with_parameters(parameters), events, learning=learning, traces=())
+    except UserError:  # no evidence, or of another sample rate
+        return 0
+    judged = [report for each in history.evaluations for report in each.reports]
+    knowledge = history.knowledge
+    if not (knowledge.state.events and judged[-1].valid):
+        return 0
+    save_knowledge(state_file, knowledge, parameters)
+    return knowledge.state.events
+
+
+def _kept_with(fitted: BenchInjector) -> Sequence[KeptEvent]:
+    """Events that were kept with this model, the oldest first. Raises `UserError` for a folder without any.
+
+    None where the bench measures the fuel's temperature, which evidence does not hold.
+    """
+    if fitted.evidence is None or fitted.config.signals.fuel_temperature is not None:
+        return ()
+    model = model_hash(fitted.parameters)
+    kept = read_folder(fitted.evidence, Console(quiet=True))
+    return [one for one in kept if one.belief["model_sha256"] == model][-MOST:]

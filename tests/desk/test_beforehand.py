@@ -9,10 +9,10 @@ import tomlkit
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
 from observer_rt.daemon.persistence.state_file import knowledge_beside, learned_beside
-from observer_rt.desk.beforehand import learn_beforehand
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
+from observer_rt.desk.take_over import learn_beforehand
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.model.effects import effective_model, sized
 from tests.kept_evidence import keep

@@ -54,7 +54,7 @@ class BatchOptions:
 
 def batch(options: BatchOptions) -> None:
     """Evaluate thousands of recordings in parallel: a table with one row per injection, resumed where it stopped."""
-    from observer_rt.daemon.persistence.state_file import restored_knowledge
+    from observer_rt.desk.evaluation.histories import begun_with
     from observer_rt.desk.fleet.batch import connected, evaluate_all, settings_of, tell
     from observer_rt.desk.fleet.dataset import Dataset
     from observer_rt.desk.fleet.job import Task
@@ -68,10 +68,8 @@ def batch(options: BatchOptions) -> None:
     paths = recordings_in(options.sources)
     make_folder("--out", options.out)
     learning = not options.no_learning
+    knowledge = begun_with("--state", options.state, chosen.injector.parameters, partial(say, messages))
     dataset = Dataset(options.out, settings_of(chosen, options.state, learning, pattern))
-    knowledge = restored_knowledge(
-        options.state, chosen.injector.parameters, partial(say, messages), set_aside=False
-    )
     task = Task(chosen, Path.cwd(), knowledge, learning, names)
     with stop_on_signals() as stop, connected(options.scheduler, options.workers) as client:
         counts = evaluate_all(client, stop, task, paths, dataset, messages)
@@ -111,10 +109,9 @@ def trend(options: TrendOptions) -> None:
     """Show the wear of every injector over dates, the most worn first, and when it reaches limits."""
     from observer_rt.desk.fleet.dataset import read_injections
     from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
-    from observer_rt.desk.fleet.trend import NEEDED, trends
+    from observer_rt.desk.fleet.trend import NEEDED, Limit, trends
     from observer_rt.desk.fleet.trend_page import as_json as document
     from observer_rt.desk.fleet.trend_page import table_of, write_page
-    from observer_rt.desk.fleet.wear import Limit
 
     folder, pattern = options.results_of, options.time_from
     page = options.out or folder / "trend.html"

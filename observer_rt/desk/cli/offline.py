@@ -7,8 +7,7 @@ from typing import Annotated
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_bench, load_injector
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
-from observer_rt.desk.evaluation.options import EvaluateOptions
-from observer_rt.desk.recording_options import SIGNALS
+from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import REPRODUCED

@@ -32,6 +32,7 @@ from observer_rt.desk.take_over import take_over
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.files.signals.recording import Recording
+from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.outputs import make_folder, write_text
@@ -231,18 +232,17 @@ def make_empty(folder: Path) -> None:
 
 def loop_table(result: LoopResult) -> Table:
     """Masses and their errors, injection by injection."""
-    table = Table(title="Injected mass from the daemon's journal", title_justify="left", box=None)
-    for heading in ("model", "rail [MPa]", "true [mg]", "observer [mg]", "error", "valid"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in result.injections:
-        table.add_row(
-            "amended" if row.amended else "as given",
-            f"{row.rail_pressure / MEGAPASCAL:.0f}",
-            f"{row.true / MILLIGRAM:.2f}",
-            f"{row.mass / MILLIGRAM:.2f}",
-            f"{100 * (row.mass / row.true - 1):+.2f} %",
-            "yes" if row.valid else ",".join(row.reasons),
+    headings = ("model", "rail [MPa]", "true [mg]", "observer [mg]", "error", "valid")
+    rows = (
+        (
+            *("amended" if row.amended else "as given", f"{row.rail_pressure / MEGAPASCAL:.0f}"),
+            *(f"{row.true / MILLIGRAM:.2f}", f"{row.mass / MILLIGRAM:.2f}"),
+            *(f"{100 * (row.mass / row.true - 1):+.2f} %", "yes" if row.valid else ",".join(row.reasons)),
         )
+        for row in result.injections
+    )
+    table = plain_table(headings, rows, right=range(len(headings)), gap=1)
+    table.title, table.title_justify = "Injected mass from the daemon's journal", "left"
     return table
 
 

@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
-from rich.text import Text
 
 from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
@@ -34,7 +34,7 @@ from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News, Notes
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
-from observer_rt.foundation.console import stop_on_signals
+from observer_rt.foundation.console import plain_table, stop_on_signals
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND, MM3_PER_MS
 
 if TYPE_CHECKING:
@@ -59,21 +59,23 @@ class DemoResult:
 
 def mass_table(result: DemoResult) -> Table:
     """Masses and their errors, injection by injection."""
-    table = Table(title=f"Injected mass from the frames on {result.link}", title_justify="left", box=None)
-    for heading in ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid"):
-        table.add_column(Text(heading), justify="right", no_wrap=True)
-    for row in result.masses:
-        true = row.reference or math.nan
-        table.add_row(
-            str(row.number),
-            f"{true / MILLIGRAM:.2f}",
-            f"{row.nominal / MILLIGRAM:.2f}",
-            f"{100 * (row.nominal / true - 1):+.2f} %",
-            f"{row.estimated / MILLIGRAM:.2f}",
-            f"{100 * (row.estimated / true - 1):+.2f} %",
-            "yes" if row.valid else "not yet",
-        )
+    headings = ("injection", "true [mg]", "nominal [mg]", "error", "observer [mg]", "error", "valid")
+    table = plain_table(headings, map(_cells, result.masses), right=range(len(headings)), gap=1)
+    table.title, table.title_justify = f"Injected mass from the frames on {result.link}", "left"
     return table
+
+
+def _cells(row: "MassRow") -> Sequence[str]:
+    true = row.reference or math.nan
+    masses = (
+        (f"{mass / MILLIGRAM:.2f}", f"{100 * (mass / true - 1):+.2f} %")
+        for mass in (row.nominal, row.estimated)
+    )
+    return (
+        *(str(row.number), f"{true / MILLIGRAM:.2f}"),
+        *chain.from_iterable(masses),
+        "yes" if row.valid else "not yet",
+    )
 
 
 def demo_link() -> LinkConfig:

@@ -4,25 +4,19 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
-from itertools import islice
 from pathlib import Path
 
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash, restored_knowledge
-from observer_rt.desk.evaluation.curves import chosen_numbers, numbers_shown, refuse_beyond
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
-from observer_rt.desk.evaluation.histories import look_over, refuse_missing_state, run_by_run, write_state
+from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.desk.evaluation.curves import chosen_numbers, refuse_beyond
+from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run, write_state
 from observer_rt.desk.evaluation.logged import open_source, without_truths
-from observer_rt.desk.evaluation.options import EvaluateOptions
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
-from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
-from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.service.learners import LearnerFactory
-from observer_rt.files.signals.stream import SignalStream
+from observer_rt.desk.recording_options import EvaluateOptions
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.file_kinds import LEARNED_STATE
@@ -32,30 +26,35 @@ from observer_rt.model.effects import effective_model
 
 def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> None:
     """Evaluate the recordings and write what the options ask for."""
-    paths = without_truths(options.recordings, console)
+    paths, stated = without_truths(options.recordings, console), bench.injector.parameters
+    c = effective_model(stated).coefficients
     _refuse_early(paths, options)
+    knowledge = begun_with("--state", options.state, stated, partial(say, console))
     sources = [open_source(path, bench, options.from_channel, console) for path in paths]
-    stated = bench.injector.parameters
-    knowledge = restored_knowledge(options.state, stated, partial(say, console), set_aside=False)
-    with ExitStack() as stack:
-        traces = [stack.enter_context(replacing(path)) for path in _traces(paths, options)]
-        evaluations, knowledge = _evaluated(bench, sources, traces, knowledge, options, console)
-    c = effective_model(bench.injector.parameters).coefficients
+    look_over(bench, sources, console)
+    openings = [source.survey.openings.most for source in sources]
+    refuse_beyond(_asked_for(options), sum(openings) if options.chain else max(openings))
+    with (
+        ExitStack() as stack,
+        progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress,
+    ):
+        evaluations, knowledge = run_by_run(
+            *(bench, sources, knowledge, not options.no_learning, options.chain, options.twice, progress),
+            c if options.plot is not None or options.twice else None,
+            [stack.enter_context(replacing(path)) for path in _traces(paths, options)],
+        )
     if options.save_state is not None:
         write_state(options.save_state, knowledge, stated)
     if options.json:
         write_document(evaluations, model_hash(stated), c, sys.stdout)
     else:
-        results_console, baseline = results(), bench.injector.parameters.baseline
-        is_fitted = baseline is not None and baseline.adequate
+        is_fitted = stated.baseline is not None and stated.baseline.adequate
         for evaluation in evaluations:
-            print_evaluation(evaluation, c, results_console, is_fitted)
+            print_evaluation(evaluation, c, results(), is_fitted)
     if options.plot is not None:
-        from observer_rt.desk.evaluation.figures import picture_of, plot_injections
+        from observer_rt.desk.evaluation.figures import pictures_of, plot_injections
 
-        numbers = {one.report.number for evaluation in evaluations for one in evaluation.injections}
-        shown = numbers_shown(_asked_for(options), numbers)
-        plot_injections(options.plot, [picture_of(each, shown) for each in evaluations], "measured")
+        plot_injections(options.plot, pictures_of(evaluations, _asked_for(options)), "measured")
 
 
 def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
@@ -77,7 +76,6 @@ def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"
         )
-    refuse_missing_state("--state", options.state)
     _check_destinations(paths, options)
 
 
@@ -110,30 +108,3 @@ def _check_destinations(paths: Sequence[Path], options: EvaluateOptions) -> None
         check_output("--save-state", options.save_state, force, LEARNED_STATE)
         with sole_writer(options.save_state):
             pass  # no daemon keeps it
-
-
-def _evaluated(
-    bench: Bench,
-    sources: Sequence[SignalStream],
-    traces: Sequence[Path],
-    knowledge: Knowledge | None,
-    options: EvaluateOptions,
-    console: Console,
-) -> tuple[list[Evaluation], Knowledge]:
-    """Every source by itself, or all of them as one history; gives the knowledge at the end of the last one, too."""
-    look_over(bench, sources, console)
-    openings = [source.survey.openings.most for source in sources]
-    refuse_beyond(_asked_for(options), sum(openings) if options.chain else max(openings))
-    learning = not options.no_learning and bench.injector.config.learning.enabled
-    wants_curves = options.plot is not None or options.twice
-    curves = effective_model(bench.injector.parameters).coefficients if wants_curves else None
-    remaining = iter(traces)
-
-    def evaluate_run(
-        run: Sequence[SignalStream], knowledge: Knowledge | None, report: Progress, learner_of: LearnerFactory
-    ) -> tuple[Sequence[Evaluation], Knowledge]:
-        mine = list(islice(remaining, len(run)))
-        return evaluate_stream(bench, run, mine, knowledge, learning, report, curves, learner_of=learner_of)
-
-    with progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress:
-        return run_by_run(bench, sources, knowledge, options.chain, options.twice, progress, evaluate_run)

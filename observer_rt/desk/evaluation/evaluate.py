@@ -4,10 +4,10 @@ Memory does not depend on their length: results are spooled to a temporary file;
 stored as a trace.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -169,72 +169,49 @@ def evaluate(
     progress: Progress | None = None,
     learner_of: LearnerFactory = make_learner,
     curves_of: Coefficients | None = None,
+    traces: Sequence[Path] | None = None,
+    reads_ahead: bool = True,
 ) -> History:
-    """Evaluate recordings as one history, learning in lockstep; traces and frames are kept in memory.
+    """Evaluate recordings as one history, learning in lockstep.
 
     Every recording goes through the bench's bus codec, so that the result equals that of the daemon bit for bit;
     the frames of a log, as `LoggedSignals`, go in as they are. Between two recordings the sample index jumps, as
     between two windows of a windowed source; that of a log must go on beyond that of the one before.
 
     knowledge: learned before; learning: whether the recordings are learned from; progress: takes the number of
-    samples processed; learner_of: makes the learner of the bench's injector; curves_of: as of `Evaluation`.
+    samples processed; learner_of: makes the learner of the bench's injector; curves_of: as of `Evaluation`; traces:
+    files to be written of the first of the recordings, None: all traces, and frames, are kept in memory; reads_ahead:
+    as of `ObserverRun`.
     Raises `UserError` for a recording whose sample rate is not the bench's.
     """
-    sources = (HeldSignals(each) if isinstance(each, Recording) else each for each in recordings)
-    evaluations = [Evaluation(source, curves_of, keeps_trace=True) for source in sources]
-    begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
-    run = _observed(bench, evaluations, partial(begin, learner_of=learner_of, keeps_frames=True))
-    return History(tuple(evaluations), run.core.knowledge, tuple(run.frames))
-
-
-def evaluate_stream(
-    bench: Bench,
-    sources: Sequence[SignalStream],
-    traces: Sequence[Path] = (),
-    knowledge: Knowledge | None = None,
-    learning: bool = True,
-    progress: Progress | None = None,
-    curves_of: Coefficients | None = None,
-    reads_ahead: bool = True,
-    learner_of: LearnerFactory = make_learner,
-) -> tuple[list[Evaluation], Knowledge]:
-    """Evaluate files as one history, as `evaluate`, keeping no samples.
-
-    traces: files to be written, of each, or none; curves_of: as of `Evaluation`; reads_ahead: as of `ObserverRun`;
-    learner_of: as of `evaluate`.
-    """
-    evaluations = [Evaluation(source, curves_of) for source in sources]
-    with ExitStack() as stack:
-        for path, evaluation in zip(traces, evaluations, strict=False):
-            stack.enter_context(file_errors(path))
-            evaluation.writer = stack.enter_context(open_trace(path))
-        begin = partial(ObserverRun, knowledge=knowledge, learning=learning, progress=progress)
-        run = _observed(bench, evaluations, partial(begin, reads_ahead=reads_ahead, learner_of=learner_of))
-    return evaluations, run.core.knowledge
-
-
-def _observed(
-    bench: Bench, evaluations: Sequence[Evaluation], begin: Callable[..., ObserverRun]
-) -> ObserverRun:
-    """One observer that all sources went through."""
-    sources = [evaluation.source for evaluation in evaluations]
+    sources = [HeldSignals(each) if isinstance(each, Recording) else each for each in recordings]
+    evaluations = [Evaluation(source, curves_of, keeps_trace=traces is None) for source in sources]
     bench, fuel_temperature, commanded = bench_for_all(bench, sources), None, None
     if not any(isinstance(source, LoggedSignals) for source in sources):
         fuel_temperature = bench.injector.parameters.fluid.reference_temperature  # a recording knows none
         commanded = all("energizing" in source.optional for source in sources)
-    run = begin(bench, fuel_temperature=fuel_temperature, commanded=commanded)
-    core, before = run.core, run.core.counters
-    for evaluation in evaluations:
-        evaluation.observe(run)
-        if evaluation is evaluations[-1]:
-            run.finish()
-        evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
-        evaluation.has_energizing = core.optional.energizing is not None
-        evaluation.learned = learned_curves(core.knowledge, core.coefficients)
-        before = core.counters
-    for evaluation in evaluations:
-        evaluation.finish()
-    return run
+    with ExitStack() as stack:
+        for path, evaluation in zip(traces or (), evaluations, strict=False):
+            stack.enter_context(file_errors(path))
+            evaluation.writer = stack.enter_context(open_trace(path))
+        run = ObserverRun(
+            *(bench, knowledge, learning, progress, learner_of, fuel_temperature),
+            keeps_frames=traces is None,
+            reads_ahead=reads_ahead,
+            commanded=commanded,
+        )
+        core, before = run.core, run.core.counters
+        for evaluation in evaluations:
+            evaluation.observe(run)
+            if evaluation is evaluations[-1]:
+                run.finish()
+            evaluation.counters, evaluation.standstill = core.counters.since(before), core.standstill
+            evaluation.has_energizing = core.optional.energizing is not None
+            evaluation.learned = learned_curves(core.knowledge, core.coefficients)
+            before = core.counters
+        for evaluation in evaluations:
+            evaluation.finish()
+    return History(tuple(evaluations), core.knowledge, tuple(run.frames))
 
 
 def bench_for_all(bench: Bench, sources: Sequence[SignalStream]) -> Bench:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves
+from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
 from observer_rt.engine.learning.account.hypotheses import BEFORE
@@ -314,8 +314,17 @@ def _draw_rates(axes: Axes, curve: RateCurves, reference: str, colour: str | Non
             axes.set_ylim(drawn.min() - margin, drawn.max() + margin)
 
 
-def picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
-    """Curves of the injections of these numbers, as far as the recording has them; masses and wear of all."""
+def pictures_of(evaluations: Sequence[Evaluation], chosen: Sequence[int]) -> list[Picture]:
+    """Masses and wear of all injections, curves of those chosen, else of the first, a middle and the last.
+
+    Raises `UserError` for a number that no injection has.
+    """
+    numbers = {one.report.number for each in evaluations for one in each.injections}
+    shown = numbers_shown(chosen, numbers)
+    return [_picture_of(each, shown) for each in evaluations]
+
+
+def _picture_of(evaluation: Evaluation, numbers: Collection[int]) -> Picture:
     curves = {
         one.report.number: evaluation.curves[place]
         for place, one in enumerate(evaluation.injections)

@@ -1,6 +1,7 @@
 """Examines recordings, and evaluates them one by one or as one history, once or twice; writes the learned state."""
 
 from collections.abc import Callable, Sequence
+from itertools import islice
 from pathlib import Path
 
 from rich.console import Console
@@ -8,25 +9,20 @@ from rich.console import Console
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import save_knowledge
-from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all
+from observer_rt.daemon.persistence.state_file import restored_knowledge, save_knowledge
+from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs
 from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.twice import SecondLook
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.service.learners import LearnerFactory, doubt_about_fit, make_learner
+from observer_rt.engine.service.learners import doubt_about_fit, make_learner
 from observer_rt.engine.signal_survey import doubts, refuse_dead
 from observer_rt.files.replay.framing import bench_for, clamped_in
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
+from observer_rt.model.effective import Coefficients
 from observer_rt.model.parameters import InjectorParameters
-
-EvaluateRun = Callable[
-    [Sequence[SignalStream], Knowledge | None, Progress, LearnerFactory],
-    tuple[Sequence[Evaluation], Knowledge],
-]
-"""Evaluates the sources of one run, given the knowledge before it and the factory of its learner."""
 
 
 def look_over(bench: Bench, sources: Sequence[SignalStream], console: Console) -> None:
@@ -52,19 +48,24 @@ def run_by_run(
     bench: Bench,
     sources: Sequence[SignalStream],
     knowledge: Knowledge | None,
+    learning: bool,
     chain: bool,
     twice: bool,
     progress: Progress,
-    evaluate_run: EvaluateRun,
+    curves_of: Coefficients | None,
+    traces: Sequence[Path] | None = None,
 ) -> tuple[list[Evaluation], Knowledge]:
     """Evaluate every source by itself, or all of them as one history, in which knowledge goes on from run to run.
 
-    twice: evaluate each run a second time with what the first taught; progress: gets the number of samples done.
+    learning: unless the bench has it off; twice: evaluate each run a second time with what the first taught;
+    progress: gets the number of samples done; curves_of, traces: as of `evaluate`.
     Also returns the knowledge at the end of the last run. Raises `UserError` for a history of several sample rates.
     """
     runs = in_runs(sources) if chain else [[source] for source in sources]
     if chain:
         bench_for_all(bench, sources)
+    learning = learning and bench.injector.config.learning.enabled
+    remaining = None if traces is None else iter(traces)
     evaluations: list[Evaluation] = []
     current, done = knowledge, 0
     for run in runs:
@@ -73,19 +74,29 @@ def run_by_run(
             progress(before + samples)
 
         look = SecondLook()
-        learner_of = look.learner if twice else make_learner
-        run_evaluations, current = evaluate_run(run, current if chain else knowledge, report, learner_of)
-        look.revise(run_evaluations)
-        evaluations += run_evaluations
+        history = evaluate(
+            *(bench, run, current if chain else knowledge, learning, report),
+            *(look.learner if twice else make_learner, curves_of),
+            None if remaining is None else list(islice(remaining, len(run))),
+        )
+        look.revise(history.evaluations)
+        evaluations += history.evaluations
+        current = history.knowledge
         done += sum(source.samples for source in run)
     assert current is not None  # there is a run
     return evaluations, current
 
 
-def refuse_missing_state(location: str, path: Path | None) -> None:
-    """Raise `UserError` at `location` for a state that is named and not there."""
+def begun_with(
+    location: str, path: Path | None, parameters: InjectorParameters, tell: Callable[[str], None]
+) -> Knowledge | None:
+    """Learned state that a user names, which is told; None without one.
+
+    Raises `UserError` at `location` for one that is not there, and for one of another model.
+    """
     if path is not None and not path.exists():
         raise UserError(f"{location} {path}", "no such file", "correct the path, or leave it out")
+    return restored_knowledge(path, parameters, tell, set_aside=False)
 
 
 def write_state(path: Path, knowledge: Knowledge, parameters: InjectorParameters) -> None:

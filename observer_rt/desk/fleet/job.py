@@ -14,7 +14,7 @@ from rich.console import Console
 import observer_rt.desk.fleet.job  # noqa: F401 - imported for what it imports
 from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.curves import RESULT_FIELDS
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate_stream
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.fleet.recordings import PathPattern, injector_of, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -115,12 +115,10 @@ def _evaluation(task: Task, file: Path, alone: Bench) -> Evaluation:
     learning = task.learning and alone.injector.config.learning.enabled
     with file_errors(file):
         # not ahead: other workers have the other processors
-        (evaluation,), _ = evaluate_stream(
-            alone, [source], knowledge=task.knowledge, learning=learning, reads_ahead=False
-        )
+        history = evaluate(alone, [source], task.knowledge, learning, traces=(), reads_ahead=False)
     if not is_log(file):
         refuse_dead(file, source.survey, source.names)
-    return evaluation
+    return history.evaluations[0]
 
 
 def dask_setup(_worker: object) -> None:

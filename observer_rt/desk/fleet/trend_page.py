@@ -11,8 +11,7 @@ from markupsafe import Markup
 from matplotlib.dates import date2num
 from rich.table import Table
 
-from observer_rt.desk.fleet.trend import InjectorTrend
-from observer_rt.desk.fleet.wear import FEWEST, QUANTITIES, Limit
+from observer_rt.desk.fleet.trend import FEWEST, QUANTITIES, InjectorTrend, Limit
 from observer_rt.foundation.console import plain_table
 from observer_rt.foundation.figures import FOUND, GIVEN, svg_figure
 from observer_rt.foundation.files import templates_of

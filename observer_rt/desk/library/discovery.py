@@ -1,6 +1,6 @@
 """What a model is missing, as `Injector.discover` gives it: verdict, effects, proposals, amended model, report."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -11,25 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from observer_rt.config.bench import Bench
-from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
-from observer_rt.desk.library.notes import CallNotes, screen
+from observer_rt.desk.library.notes import screen
 from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.outputs import make_folder
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import AMENDED
-from observer_rt.identification.discovery.discover import DiscoveryTask, answer, planned, refuse_incomparable
+from observer_rt.identification.discovery.discover import DiscoveryTask, planned
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.folder import REPORT, check_answer_folder, write_findings
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.results import Proposal
 from observer_rt.identification.discovery.words.law_words import law_text
 from observer_rt.identification.discovery.words.sentences import proposal_words
-from observer_rt.identification.likelihood.measurement import Measurement
-from observer_rt.identification.likelihood.reading import coverage
 from observer_rt.model.effects import VOCABULARY
 
 if TYPE_CHECKING:
@@ -135,32 +130,3 @@ class DiscoveryResult:
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(as_text(self.findings))}</pre>"
-
-
-def discovered(
-    bench: Bench,
-    file: InjectorFile,
-    measured: Sequence[Measurement],
-    healthy: Sequence[Measurement],
-    digests: dict[str, str],
-    choose: str,
-    accept_term: int,
-    notes: CallNotes,
-    load: "Callable[[Path], Injector]",
-) -> DiscoveryResult:
-    """Search for what the model of a bench's injector is missing in measurements; load: as of `DiscoveryResult`."""
-    task = DiscoveryTask(
-        bench.injector.parameters,
-        tuple(measured),
-        tuple(healthy),
-        digests,
-        effects_named("choose", choose),
-        accept_term,
-        observer_remainder,
-        learned_laws,
-    )
-    refuse_incomparable(task, file.name)
-    with progress_bar(screen, "looking for what is missing", 1.0) as progress:
-        findings = answer(task, {}, progress)
-    said = (*notes, *map(coverage, (*measured, *healthy)))
-    return DiscoveryResult(file, task, findings, said, load)

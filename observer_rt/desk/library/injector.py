@@ -14,23 +14,21 @@ import pandas as pd
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
 from observer_rt.config.channels import effects_on_one_raster
+from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.daemon.persistence.state_file import restored_knowledge
-from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
-from observer_rt.desk.evaluation.histories import look_over, refuse_missing_state, run_by_run
-from observer_rt.desk.evaluation.run import Progress
-from observer_rt.desk.library.discovery import DiscoveryResult, discovered
+from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
+from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
+from observer_rt.desk.library.discovery import DiscoveryResult
 from observer_rt.desk.library.fit import FitResult
 from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
-from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.service.constants import calibration_of
-from observer_rt.engine.service.learners import LearnerFactory
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import progress_bar, say
 from observer_rt.foundation.file_kinds import INJECTOR_FILE
 from observer_rt.foundation.outputs import IN_A_CALL, check_output, write_text
+from observer_rt.identification.discovery.discover import DiscoveryTask, answer, refuse_incomparable
 from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -200,25 +198,11 @@ class Injector:
             sources = sources_of(recordings, self.bench, notes.console)
             look_over(self.bench, sources, notes.console)
             before = None if state is None else path_of("state", state)
-            refuse_missing_state("state", before)
-            knowledge = restored_knowledge(
-                before, self.parameters, partial(say, notes.console), set_aside=False
-            )
-            learning = learn and self.bench.injector.config.learning.enabled
+            knowledge = begun_with("state", before, self.parameters, partial(say, notes.console))
             c = effective_model(self.parameters).coefficients
-
-            def evaluate_run(
-                run: Sequence[SignalStream],
-                knowledge: Knowledge | None,
-                report: Progress,
-                made: LearnerFactory,
-            ) -> tuple[Sequence[Evaluation], Knowledge]:
-                history = evaluate(self.bench, run, knowledge, learning, report, made, curves_of=c)
-                return history.evaluations, history.knowledge
-
             with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
                 evaluations, knowledge = run_by_run(
-                    self.bench, sources, knowledge, chain, twice, progress, evaluate_run
+                    self.bench, sources, knowledge, learn, chain, twice, progress, c
                 )
         return EvaluationResult(self.bench.injector, tuple(evaluations), knowledge, tuple(notes))
 
@@ -257,17 +241,15 @@ class Injector:
             sources = sources_of(recordings, self.bench, notes.console)
             references = [] if healthy is None else sources_of(healthy, self.bench, notes.console)
             measured = self._measured([*sources, *references], notes)
-            return discovered(
-                self.bench,
-                self.file,
-                measured[: len(sources)],
-                measured[len(sources) :],
-                digests(sources),
-                choose,
-                accept_term,
-                notes,
-                self._with_file,
+            task = DiscoveryTask(
+                *(self.parameters, measured[: len(sources)], measured[len(sources) :], digests(sources)),
+                *(effects_named("choose", choose), accept_term, observer_remainder, learned_laws),
             )
+            refuse_incomparable(task, self.file.name)
+            with progress_bar(screen, "looking for what is missing", 1.0) as progress:
+                findings = answer(task, {}, progress)
+            said = (*notes, *map(coverage, measured))
+            return DiscoveryResult(self.file, task, findings, said, self._with_file)
 
     def _with_file(self, path: Path) -> Self:
         """The injector of another file, on this bench."""

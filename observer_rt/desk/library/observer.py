@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -13,9 +12,10 @@ from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.config.toml_file import validated
 from observer_rt.core.stream.stream import RING
-from observer_rt.daemon.persistence.state_file import restored_knowledge
-from observer_rt.desk.evaluation.histories import refuse_missing_state, write_state
+from observer_rt.desk.evaluation.histories import begun_with
 from observer_rt.desk.library.recordings import path_of
+from observer_rt.desk.library.results import Learned
+from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Output, columns_of, row_of
 from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
@@ -24,16 +24,15 @@ from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import cut, followed
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_kinds import LEARNED_STATE
-from observer_rt.foundation.outputs import IN_A_CALL, check_output
 from observer_rt.foundation.units import MEGAPASCAL, MILLIMETRE, MM3_PER_MS
 from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
 
 if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
 
 
-class SampleObserver:
+class SampleObserver(Learned):
     """Observes samples as they come and learns between injections; results come some samples later.
 
     Samples go through the bench's bus codec, as in the daemon: pressures and lifts have the resolution of the bus.
@@ -73,8 +72,7 @@ class SampleObserver:
         self._rate = sample_rate_Hz
         bus = map_bus(bench)
         before = None if state is None else path_of("state", state)
-        refuse_missing_state("state", before)
-        restored = restored_knowledge(before, injector.parameters, lambda _: None, set_aside=False)
+        restored = begun_with("state", before, injector.parameters, lambda _: None)
         fuel = injector.parameters.fluid.reference_temperature
         self._core = Core(bench.injector, bus, restored, listeners=[self._notes], fuel_temperature=fuel)
         self._device = Device(bus)
@@ -157,23 +155,9 @@ class SampleObserver:
         state, reason = self._core.state
         return f"{State(state).name}, {Reason(reason).name}" if reason else State(state).name
 
-    def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
-        """Write the learned state, with which another observer may begin.
-
-        Parameters
-        ----------
-        path : path
-            File to write.
-        force : bool
-            Whether a state that is there is replaced.
-
-        Raises
-        ------
-        UserError, RunError
-            For a path that is refused, and if writing fails.
-        """
-        check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
-        write_state(Path(path), self._core.knowledge, self._parameters)
+    @property
+    def _learned(self) -> tuple[Knowledge, InjectorParameters]:
+        return self._core.knowledge, self._parameters
 
     def __reduce__(self) -> NoReturn:
         raise TypeError(

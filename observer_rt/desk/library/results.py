@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN, numbers_shown
+from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
 from observer_rt.desk.library.notes import naming_parameters
@@ -24,6 +24,7 @@ from observer_rt.foundation.outputs import IN_A_CALL, check_output
 from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
+from observer_rt.model.parameters import InjectorParameters
 
 RECORDING = "recording"
 _BOUND = SHOWN["mass_bound_mg"]
@@ -41,8 +42,35 @@ _IN_SHORT = (
 )
 
 
+class Learned:
+    """What has learned of an injector, and can write that."""
+
+    @property
+    def _learned(self) -> tuple[Knowledge, InjectorParameters]:
+        """What was learned, and of which model."""
+        raise NotImplementedError
+
+    def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
+        """Write the learned state, for `state=` and `observer-rt run`.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
+        force : bool
+            Whether a state that is there is replaced.
+
+        Raises
+        ------
+        UserError, RunError
+            For a path that is refused, and if writing fails.
+        """
+        check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
+        write_state(Path(path), *self._learned)
+
+
 @dataclass(frozen=True, eq=False)
-class EvaluationResult:
+class EvaluationResult(Learned):
     """Recordings as the observer saw them.
 
     notes: what was noted while they were read; knowledge: learned at the end of the last recording.
@@ -125,30 +153,14 @@ class EvaluationResult:
         UserError
             For a number that no injection has.
         """
-        from observer_rt.desk.evaluation.figures import injections_figure, picture_of
+        from observer_rt.desk.evaluation.figures import injections_figure, pictures_of
 
-        numbers = {one.report.number for each in self.evaluations for one in each.injections}
         with naming_parameters({OPTION: "injections"}):
-            shown = numbers_shown(injections, numbers)
-        return injections_figure([picture_of(each, shown) for each in self.evaluations], "measured")
+            return injections_figure(pictures_of(self.evaluations, injections), "measured")
 
-    def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
-        """Write the learned state, for `state=` and `observer-rt run`.
-
-        Parameters
-        ----------
-        path : path
-            File to write.
-        force : bool
-            Whether a state that is there is replaced.
-
-        Raises
-        ------
-        UserError, RunError
-            For a path that is refused, and if writing fails.
-        """
-        check_output("save_state", Path(path), force, LEARNED_STATE, consent=IN_A_CALL)
-        write_state(Path(path), self.knowledge, self.injector.parameters)
+    @property
+    def _learned(self) -> tuple[Knowledge, InjectorParameters]:
+        return self.knowledge, self.injector.parameters
 
     @property
     def _coefficients(self) -> Coefficients:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
@@ -17,6 +17,7 @@ from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.foundation.outputs import make_folder, write_text
 
 PROJECT, MODEL, RESULTS, DONE = "project.toml", "injector.toml", "results", "done.json"
+Say = Callable[[str], None]
 _NEW = """\
 # The work on one injector: paths are from this folder, `*` stands for any name.
 model = "{model}"          # injector file to begin with: geometry right, the rest within a factor of two
@@ -145,13 +146,21 @@ class Project:
                 self._hashes[key] = file_hash(path)
             return self._hashes[key]
 
-    def is_done(self, step: str, state: str, made: Path) -> bool:
-        """Whether a step was done with files in this state, and what it made is still there."""
-        return made.exists() and self._done.get(step) == state
+    def once(
+        self, step: str, files: Iterable[Path | None], made: Path, work: Callable[[], str], say: Say
+    ) -> Path:
+        """Do a step, unless it was done with these files as they are now, and what it made is still there.
 
-    def set_done(self, step: str, state: str) -> None:
-        """Note that a step was done."""
+        made: of the step; work: does it, and says what came of it; say: takes what was done, a line each.
+        """
+        state = self.state_of(files)
+        if made.exists() and self._done.get(step) == state:
+            say(f"{step}: {made} is up to date")
+            return made
+        outcome = work()
         write_text(self.results / DONE, json.dumps({**self._done, step: state}, indent=2))
+        say(f"{step}: {made}: {outcome}")
+        return made
 
     @property
     def _done(self) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 import base64
 import json
-from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,7 @@ from markupsafe import Markup
 
 from observer_rt import __version__
 from observer_rt.desk.library.injector import Injector
-from observer_rt.desk.project.project import Project
-from observer_rt.foundation.errors import UserError
+from observer_rt.desk.project.project import Project, Say
 from observer_rt.foundation.figures import save_figure
 from observer_rt.foundation.files import file_errors, templates_of
 from observer_rt.foundation.outputs import write_text
@@ -23,9 +21,8 @@ INJECTIONS, BUDGET, EVALUATION_FIGURE = "injections.csv", "budget.csv", "evaluat
 DISCOVERY, ANSWER, REPORT = "discovery", "discovery.txt", "report.html"
 MOST_ROWS = 40
 _PAGES = templates_of(__package__)
-FIT_STEP, FITTED = "fit", "fitted.toml"
+FITTED = "fitted.toml"
 _DPI = 110
-Say = Callable[[str], None]
 
 
 def write_page(project: Project) -> Path:
@@ -87,58 +84,48 @@ def fit(project: Project, say: Say) -> Path:
 
     That is the stated model if there are no healthy recordings. say: receives a line for every step done.
     """
-    healthy = project.healthy
+    healthy, fitted = project.healthy, project.results / FITTED
+
+    def work() -> str:
+        injector = Injector.load(project.model, project.bench).fit(list(healthy), masses=project.masses)
+        result = injector.calibration
+        assert result is not None  # an injector that was fitted has it
+        injector.save(fitted, force=True)
+        write_text(project.results / FIT, json.dumps(result.document.as_json(), indent=2))
+        save_figure(result.plot(), project.results / FIT_FIGURE, _DPI)
+        return result.verdict
+
     if not healthy:
         say(f"fit: no healthy recordings; {project.model} is used as it is")
         return project.model
-    fitted = project.results / FITTED
-    state = project.state_of([project.model, project.bench, project.masses, *healthy])
-    if project.is_done(FIT_STEP, state, fitted):
-        say(f"fit: {fitted} is up to date")
-        return fitted
-    injector = Injector.load(project.model, project.bench).fit(list(healthy), masses=project.masses)
-    result = injector.calibration
-    assert result is not None  # an injector that was fitted has it
-    injector.save(fitted, force=True)
-    write_text(project.results / FIT, json.dumps(result.document.as_json(), indent=2))
-    save_figure(result.plot(), project.results / FIT_FIGURE, _DPI)
-    project.set_done(FIT_STEP, state)
-    say(f"fit: {fitted}: {result.verdict}")
-    return fitted
+    return project.once("fit", [project.model, project.bench, project.masses, *healthy], fitted, work, say)
 
 
 def evaluate(project: Project, model: Path, say: Say) -> Path:
     """Evaluate the recordings with the fitted model, in two passes; returns the path of the table of injections."""
-    recordings = project.recordings
-    table = project.results / INJECTIONS
-    state = project.state_of([model, project.bench, *recordings])
-    if project.is_done("evaluate", state, table):
-        say(f"evaluate: {table} is up to date")
-        return table
-    result = Injector.load(model, project.bench).evaluate(list(recordings), twice=True)
-    write_text(table, result.injections.to_csv(index=False))
-    write_text(project.results / BUDGET, result.budget.to_csv(index=False))
-    save_figure(result.plot(), project.results / EVALUATION_FIGURE, _DPI)
-    project.set_done("evaluate", state)
-    count = len(result.injections)
-    say(f"evaluate: {table}: {count} injections, {int(result.injections.valid.sum())} valid")
-    return table
+    recordings, table = project.recordings, project.results / INJECTIONS
+
+    def work() -> str:
+        result = Injector.load(model, project.bench).evaluate(list(recordings), twice=True)
+        write_text(table, result.injections.to_csv(index=False))
+        write_text(project.results / BUDGET, result.budget.to_csv(index=False))
+        save_figure(result.plot(), project.results / EVALUATION_FIGURE, _DPI)
+        return f"{len(result.injections)} injections, {int(result.injections.valid.sum())} valid"
+
+    return project.once("evaluate", [model, project.bench, *recordings], table, work, say)
 
 
 def discover(project: Project, model: Path, say: Say) -> Path:
     """Search the recordings for the effect that the fitted model lacks; returns the path of the report."""
-    recordings = project.recordings
-    page = project.results / DISCOVERY / REPORT
-    state = project.state_of([model, project.bench, *recordings])
-    if project.is_done("discover", state, page):
-        say(f"discover: {page} is up to date")
-        return page
-    discovery = Injector.load(model, project.bench).discover(list(recordings))
-    discovery.report(project.results / DISCOVERY, force=True)
-    write_text(project.results / ANSWER, f"{discovery!r}\n")
-    project.set_done("discover", state)
-    say(f"discover: {page}: {repr(discovery).splitlines()[0]}")
-    return page
+    recordings, page = project.recordings, project.results / DISCOVERY / REPORT
+
+    def work() -> str:
+        discovery = Injector.load(model, project.bench).discover(list(recordings))
+        discovery.report(project.results / DISCOVERY, force=True)
+        write_text(project.results / ANSWER, f"{discovery!r}\n")
+        return repr(discovery).splitlines()[0]
+
+    return project.once("discover", [model, project.bench, *recordings], page, work, say)
 
 
 def report(project: Project, model: Path, say: Say) -> Path:
@@ -154,8 +141,6 @@ WITH_MODEL = {"evaluate": evaluate, "discover": discover, "report": report}
 
 
 def do(step: str, project: Project, say: Say) -> Path:
-    """Do the fit, then the step with this name; returns what it wrote. Raises `UserError` for an unknown name."""
-    if step != FIT_STEP and step not in WITH_MODEL:
-        raise UserError(step, "is not a step", f"give one of {', '.join((FIT_STEP, *WITH_MODEL))}")
+    """Do the fit, then the step with this name; returns what it wrote."""
     model = fit(project, say)
-    return model if step == FIT_STEP else WITH_MODEL[step](project, model, say)
+    return model if step == "fit" else WITH_MODEL[step](project, model, say)

@@ -96,29 +96,17 @@ def simulate(
     measured_rate: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
+    model: EffectiveModel | None = None,
 ) -> Simulation:
     """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
     Without `noise` the recording has neither noise nor quantisation. measured_rate: whether it has the injection rate
-    [m3/s], too; seed: of the noise; progress: takes the share simulated. The same arguments give the same bits;
+    [m3/s], too; seed: of the noise; progress: takes the share simulated; model: in place of that of parameters and
+    effects, which then say only how the needle moves. The same arguments give the same bits;
     every signal has its own random stream, so that one signal more or less leaves the others as they are.
     Raises `UserError` for a sample rate out of range and strokes that overlap.
     """
-    model = effective_model(parameters, effects)
-    return _simulate(model, parameters, schedule, sample_rate, noise, measured_rate, seed, progress)
-
-
-def _simulate(
-    model: EffectiveModel,
-    needle: InjectorParameters,
-    schedule: Schedule,
-    sample_rate: float,
-    noise: SimulatedNoise | None = None,
-    measured_rate: bool = False,
-    seed: int = 0,
-    progress: Progress | None = None,
-) -> Simulation:
-    """Simulate a schedule of an injector as a model has it, whose needle moves as another's; else as `simulate`."""
+    model = model or effective_model(parameters, effects)
     if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
         raise UserError(
             SAMPLE_RATE_OPTION,
@@ -126,7 +114,7 @@ def _simulate(
             f"give {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz",
         )
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
-    truth = run_plant(model, strokes(schedule, needle), time, schedule.rail_pressure(time), progress)
+    truth = run_plant(model, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress)
     return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
 
 
@@ -150,7 +138,7 @@ def two_injections(
     )
     pressure = rail_pressure * seen.rail_factor + seen.rail_shift
     schedule = make_schedule([pressure], 2, energizing + pause, [energizing])
-    return _simulate(model, moved, schedule, sample_rate, measured_rate=True).recording
+    return simulate(moved, schedule, sample_rate, measured_rate=True, model=model).recording
 
 
 def truth_path(recording: Path) -> Path:

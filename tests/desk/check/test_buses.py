@@ -33,33 +33,11 @@ def test_equal_identifiers_on_different_buses_are_no_clash(tmp_path: Path) -> No
     assert not [f for f in findings if f.level is Level.ERROR]
 
 
-def test_equal_identifiers_on_one_bus_are_one(tmp_path: Path) -> None:
-    path = twin_bench(tmp_path)
-    database = (tmp_path / "amplifier.dbc").read_text()
-    (tmp_path / "second.dbc").write_text(database.replace("Samples", "Others"))
-    text = path.read_text().replace(
-        'message = "Samples"\npattern = "S{}"\nunit = "um"\nlink = "lift"',
-        'message = "Others"\npattern = "S{}"\nunit = "um"',
-    )
-    assert "Others" in text
-    path.write_text(
-        text.replace('[[dbc]]\nfile = "observer', '[[dbc]]\nfile = "second.dbc"\n[[dbc]]\nfile = "observer')
-    )
-    (clash,) = (f for f in findings_of(path) if f.level is Level.ERROR)
-    assert "Samples on can0 and Others on can0 share 0x123" in clash.text
-
-
 def test_a_bus_that_carries_nothing_is_told(tmp_path: Path) -> None:
     findings = findings_of(changed(tmp_path, '[outputs]\nlink = "results"\n', ""))
     (warning,) = (f for f in findings if f.topic == "buses" and f.level is Level.WARNING)
     assert "results (can3), socketcan: nothing" in warning.text
     assert "leave [links.results] out" in warning.text
-
-
-def test_a_classic_bus_cannot_carry_a_message_of_can_fd(tmp_path: Path) -> None:
-    findings = findings_of(changed(tmp_path, 'channel = "can1"', 'channel = "can1"\nfd = false'))
-    (error,) = (f for f in findings if f.level is Level.ERROR)
-    assert "NeedleLiftBlock is a CAN FD message, but links.lift.fd is false" in error.text
 
 
 def test_the_load_of_each_bus_is_its_own(tmp_path: Path) -> None:

@@ -66,19 +66,6 @@ def test_the_example_bench_has_no_error() -> None:
         assert worst(findings, topic).level is Level.OK
 
 
-def test_every_role_is_described() -> None:
-    texts = [finding.text for finding in of(checkup(load_bench()), "mapping")]
-    assert len(texts) == 3
-    for text, role, limits in zip(
-        texts,
-        ("rail_pressure", "needle_lift", "line_pressure"),
-        ("-10 to 317.665 MPa in steps of 0.005", "-50 to 605.33 um in steps of 0.01", "-10 to 317.665 MPa"),
-        strict=True,
-    ):
-        assert text.startswith(f"{role}: SampleBlock 0x100, 9 samples a frame")
-        assert limits in text
-
-
 RAIL = "SG_ RailPressure_00 : 64|16@1+ "
 RANGE = RAIL + "(0.005,-10) [-10|317.665]"
 STATED = "".join(re.findall(r"(?m)^\w+_percent = .*\n", NOMINAL_INJECTOR.read_text()))
@@ -93,14 +80,7 @@ STATED = "".join(re.findall(r"(?m)^\w+_percent = .*\n", NOMINAL_INJECTOR.read_te
         ("mapping", "warning", "database", "(0.01,-50) [-50|605.33]", "(0.004,-50) [-50|212]", "0 to 300 um"),
         ("mapping", "warning", "injector", "max_lift = 0.30e-3", "max_lift = 0.70e-3", "0 to 700 um"),
         ("dead band", "warning", "bench", "needle_lift_um = 0.4", "needle_lift_um = 10", "50 um"),
-        (
-            "level",
-            "warning",
-            "injector",
-            "diameter_percent = 0.0",
-            "diameter_percent = 1.0",
-            "±3.9 %, not cal",
-        ),
+        ("injector", "warning", "injector", "length = 0.15 ", "length = 150 ", "line.length = 150"),
         (
             "level",
             "warning",
@@ -134,25 +114,6 @@ def test_a_sample_period_that_contradicts_the_rate(findings_of: FindingsOf) -> N
     assert worst(agreed, "sampling").level is Level.OK
 
 
-def test_a_rate_the_model_cannot_be_integrated_at(findings_of: FindingsOf) -> None:
-    findings = findings_of({"rate_hz = 100e3": "rate_hz = 5e3"})
-    finding = worst(findings, "integration")
-    assert finding.level is Level.ERROR
-    assert "sampling.rate_hz" in finding.text
-    assert "or more" in finding.text  # the remedy
-    assert worst(findings, "line mode").level is Level.WARNING
-    assert worst(findings, "gain").level is Level.OK  # the rest goes on
-
-
-def test_long_messages_are_can_fd_whatever_the_database_says(findings_of: FindingsOf) -> None:
-    forgotten = {
-        'BA_ "VFrameFormat" BO_ 512 14': 'BA_ "VFrameFormat" BO_ 512 0',
-        '"BusType" "CAN FD"': '"BusType" "CAN"',
-    }
-    assert of(findings_of(database=forgotten), "bus load") == of(findings_of(), "bus load")
-    assert {finding.level for finding in of(findings_of(database=forgotten), "frames")} == {Level.OK}
-
-
 def test_the_load_of_a_bus_by_counting_frames() -> None:
     """173 us a frame at 500k/5M, 26 % windowed; three channels in and the rate out 60 % at 24 kHz."""
     bench = load_bench()
@@ -165,9 +126,7 @@ def test_the_load_of_a_bus_by_counting_frames() -> None:
     ("bench", "levels"),
     [
         (NO_EDITS, [Level.OK, Level.WARNING]),  # 27 %, 254 %
-        ({"rate_hz = 100e3": "rate_hz = 20e3"}, [Level.OK, Level.OK]),  # 51 %
         ({"rate_hz = 100e3": "rate_hz = 30e3"}, [Level.OK, Level.WARNING]),  # 76 %
-        ({"rate_hz = 100e3": "rate_hz = 250e3"}, [Level.WARNING, Level.WARNING]),  # 66 %, 635 %
         ({"rate_hz = 100e3": "rate_hz = 500e3"}, [Level.ERROR, Level.ERROR]),  # 130 %, 1270 %
     ],
 )
@@ -227,9 +186,6 @@ def test_an_identifier_that_another_message_of_the_bus_has(tmp_path: Path) -> No
     finding = worst(foreign_findings(tmp_path, {"BO_ 1040 ECU_Engine": "BO_ 513 ECU_Engine"}), "identifiers")
     assert finding.level is Level.WARNING
     assert "InjectionSummary shares 0x201 with ECU_Engine" in finding.text
-
-
-def test_the_same_number_as_an_extended_identifier_is_another(tmp_path: Path) -> None:
     extended = {"BO_ 1040 ECU_Engine": f"BO_ {1 << 31 | 513} ECU_Engine"}
     assert worst(foreign_findings(tmp_path, extended), "identifiers").level is Level.OK
 

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
+from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
-from observer_rt.desk.check.bench_rules import plausibility_findings
 from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.engine.learning.knowledge import no_knowledge
@@ -76,29 +75,3 @@ def test_check_foretells_what_becomes_of_a_damaged_state_and_leaves_it(
     assert path.read_bytes() == content
     is_restored = load_knowledge(path, MODEL).knowledge is not None
     assert finding.level is (Level.OK if is_restored else Level.WARNING)
-
-
-def test_the_nominal_injector_is_plausible() -> None:
-    assert [finding.level for finding in plausibility_findings(load_injector())] == [Level.OK]
-
-
-@pytest.mark.parametrize(
-    ("key", "si", "other", "unit"),
-    [
-        ("line.length", "0.15 ", 150, "m"),
-        ("nozzle.hole_diameter", "0.17e-3", 0.17, "m"),
-        ("nozzle.sac_volume", "0.075e-6", 75, "m3"),
-        ("fluid.bulk_modulus_line", "1.6e9", 1600, "Pa"),
-        ("fluid.density_line", "830.0", 0.83, "kg/m3"),
-        ("seat.cone_angle", "60.0", 1.047, "deg"),
-    ],
-)
-def test_other_units_than_si_are_noticed(tmp_path: Path, key: str, si: str, other: float, unit: str) -> None:
-    path = tmp_path / "injector.toml"
-    name = key.split(".")[1]
-    text = NOMINAL_INJECTOR.read_text()
-    assert f"{name} = {si}" in text
-    path.write_text(text.replace(f"{name} = {si}", f"{name} = {other} "))
-    (finding,) = plausibility_findings(load_injector(path))
-    assert finding.level is Level.WARNING
-    assert f"{key} = {other} {unit}" in finding.text

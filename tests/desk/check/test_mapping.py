@@ -9,17 +9,11 @@ from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.desk.check.injector import channel_findings, time_findings
 from tests.benches import bench_with
 from tests.daemon.time_frames import write_time_bench
-from tests.daemon.time_scenarios import NIBBLE, ONE_BASE, SLOW, STAMPS, TWO_BASES, slow
+from tests.daemon.time_scenarios import NIBBLE, SLOW, STAMPS, TWO_BASES, slow
 
 
 def findings(folder: Path, signals: dict[str, str], rate: float = 20e3) -> list[Finding]:
     return time_findings(map_bus(load_bench(write_time_bench(folder, rate, signals))))
-
-
-def test_messages_of_one_base_are_fine(tmp_path: Path) -> None:
-    result = findings(tmp_path, ONE_BASE)
-    assert [finding.level for finding in result] == [Level.OK, Level.OK]
-    assert all("index" in finding.text for finding in result)
 
 
 def test_two_bases_tell_what_is_demanded_of_the_stamps(tmp_path: Path) -> None:
@@ -35,10 +29,6 @@ def test_message_without_index_and_counter_is_warned_of(tmp_path: Path) -> None:
 
 def test_slower_signal_tells_how_long_it_is_held(tmp_path: Path) -> None:
     assert any("held at most 2.5 ms" in finding.text for finding in findings(tmp_path, slow(SLOW)))
-
-
-def test_nothing_is_said_where_nothing_is_stated() -> None:
-    assert channel_findings(load_bench().injector) == []
 
 
 def test_what_is_stated_is_said_channel_by_channel() -> None:

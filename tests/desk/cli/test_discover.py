@@ -16,7 +16,6 @@ from observer_rt.foundation.errors import RunError
 from observer_rt.identification.discovery.folder import FitStore
 from observer_rt.identification.discovery.search.fits import Fit
 from tests.desk.cli.conftest import Command
-from tests.device import simulated
 
 
 def test_a_search_goes_on_where_it_was_names_a_worn_nozzle_and_the_amended_model_explains_it(
@@ -100,16 +99,6 @@ def test_of_two_that_are_tied_the_one_chosen_is_amended(command: Command, tmp_pa
     assert "chosen" in effect.evidence
 
 
-@pytest.mark.slow
-def test_healthy_recordings_are_looked_at_first(
-    command: Command, worn: Path, healthy: Path, tmp_path: Path
-) -> None:
-    done = command.done("discover", "--out", tmp_path / "found", "--healthy", healthy, "--json", worn)
-    findings = json.loads(done.out)
-    assert findings["effects"][0]["id"] == "orifice_area"
-    assert findings["healthy_warning"] == ""
-
-
 def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
     command: Command, worn: Path, tmp_path: Path
 ) -> None:
@@ -125,8 +114,6 @@ def test_a_model_that_is_wrong_on_healthy_recordings_is_told(
     ("fault", "message"),
     [
         ("no injection", "is 0 mm all the time, though the line pressure moves"),
-        ("in bar", "rail_pressure"),
-        ("another sample rate", "sampled at"),
         ("without rate", "no measured injection rate"),
         ("given twice", "given twice"),
         ("out is a file", "is a file"),
@@ -140,10 +127,6 @@ def test_mistakes_are_named_before_anything_is_written(
     match fault:
         case "no injection":
             write_recording(other, replace(recording, needle_lift=np.zeros(recording.samples)))
-        case "in bar":
-            write_recording(other, replace(recording, rail_pressure=recording.rail_pressure * 1e-2))
-        case "another sample rate":
-            write_recording(other, replace(recording, time=recording.time * 2.0))
         case "without rate":
             write_recording(other, replace(recording, injection_rate=None))
         case "given twice":
@@ -155,24 +138,6 @@ def test_mistakes_are_named_before_anything_is_written(
     assert message in said
     assert "remedy" in said
     assert not out.is_dir()
-
-
-@pytest.mark.slow
-def test_a_log_of_the_replayed_recording_gives_the_same_verdict(
-    command: Command, worn: Path, bench: Path, tmp_path: Path
-) -> None:
-    signals, log = tmp_path / "worn.csv", tmp_path / "bus.blf"
-    write_recording(signals, replace(read_recording(worn), injection_rate=None))  # a bus carries none
-    messages = _replayed(command, signals, bench)
-    _write_log(log, messages)
-    expected = json.loads(command("discover", "--out", tmp_path / "a", "--json", signals).out)
-    done = command.done("discover", "--bench", bench, "--out", tmp_path / "b", "--json", log)
-    assert "no gap, 4 of 4 injections judged" in done.err
-    content = json.loads(done.out)
-    assert content["verdict"] == expected["verdict"] == "named"
-    assert [effect["id"] for effect in content["effects"]] == ["orifice_area"]
-    sizes = [one["effects"][0]["parameters"]["v_H"]["value"] for one in (content, expected)]
-    assert sizes[0] == pytest.approx(sizes[1], abs=0.002)  # a code of the bus is a fraction of the noise
 
 
 def test_a_log_with_gaps_is_judged_by_what_is_whole(
@@ -189,24 +154,15 @@ def test_a_log_with_gaps_is_judged_by_what_is_whole(
     assert "left out, samples are missing in it or beside it: at 0.15" in done.err
 
 
-def test_a_log_needs_whole_injections(command: Command, worn: Path, bench: Path, tmp_path: Path) -> None:
-    log = tmp_path / "bus.log"
-    _write_log(log, _replayed(command, worn, bench, "--windowed"))
-    said = command.refused("discover", "--bench", bench, "--out", tmp_path / "found", log)
-    assert "no complete injection; less than" in said
-    assert "; samples are missing in it or beside it" in said
-    assert not (tmp_path / "found").exists()
-
-
 def _stopped(*_: object) -> None:
     raise RunError("not wanted here")
 
 
-def _replayed(command: Command, recording: Path, bench: Path, *options: str) -> list[can.Message]:
+def _replayed(command: Command, recording: Path, bench: Path) -> list[can.Message]:
     """What a listener on the bus hears of `observer-rt replay`."""
     with can.Bus(interface="virtual", channel="discover-test", fd=True) as bus:
         on_bus = ("--channel", "discover-test", "--speed", "0")
-        command.done("replay", recording, "--bench", bench, *on_bus, *options)
+        command.done("replay", recording, "--bench", bench, *on_bus)
         return list(iter(lambda: bus.recv(0.0), None))
 
 
@@ -215,14 +171,6 @@ def _write_log(path: Path, messages: list[can.Message]) -> None:
         for message in messages:
             message.channel = 0
             logger(message)
-
-
-@pytest.fixture(scope="session")
-def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recording of a new nozzle."""
-    path = tmp_path_factory.mktemp("healthy") / "healthy.csv"
-    write_recording(path, simulated(4, 0.0, (60e6, 120e6), seed=4, measured_rate=True))
-    return path
 
 
 def _copy(recording: Path, folder: Path) -> Path:

@@ -43,15 +43,6 @@ def test_for_programs(command: Command) -> None:
             assert effect["id"] in [one["id"] for one in effects[other["id"]]["taken_for"]]
 
 
-@pytest.mark.parametrize("size", ["10", "10us", "10 us"])
-def test_a_simulated_effect_is_told_with_its_unit(command: Command, tmp_path: Path, size: str) -> None:
-    output = tmp_path / "late.csv"
-    done = command.done(
-        "simulate", "--injections", 1, "--effect", f"channel_skew:d={size}", "--output", output
-    )
-    assert "channel_skew d = 10 us" in done.err
-
-
 @pytest.fixture
 def unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An injector file with an effect that once came from a file of Python, which lies beside it."""

@@ -1,6 +1,5 @@
 """Files and a bench of three injectors: `evaluate` and `convert` for one of them, `replay` for all."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.units import MILLIGRAM
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines
-from tests.three_injectors import NAMES, one_alone, three_injectors, three_on, three_recordings
+from tests.three_injectors import NAMES, one_alone, three_on, three_recordings
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +41,3 @@ def test_the_signals_of_one_out_of_a_log(command: Command, folder: Path, tmp_pat
     recording, sent = read_recording(tmp_path / "two.csv"), read_recording(folder / "two.csv")
     assert abs(recording.needle_lift - sent.needle_lift[: recording.samples]).max() < 1e-8
     command.refused("convert", folder / "bus.log", tmp_path / "bus.blf", "--injector", "two")
-
-
-def test_a_log_of_all_is_replayed_whole(command: Command, folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "injectors.dbc").write_text((folder / "injectors.dbc").read_text())
-    path = three_injectors(tmp_path, tmp_path.name)
-    lines = (folder / "bus.log").read_text().splitlines(keepends=True)
-    (tmp_path / "part.log").write_text("".join([*lines[:700], f"(9.0) can0 302##1{'00' * 64}\n"]))
-    outcome = command.done("replay", tmp_path / "part.log", "--bench", path, "--speed", "0", "--json")
-    assert json.loads(outcome.out)["frames"] == 700  # not the recorded result

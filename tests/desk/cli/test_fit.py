@@ -1,16 +1,13 @@
 """`observer-rt fit`: what it writes and prints, and the mistakes it names."""
 
 import json
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import write_recording
-from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.calibrate import calibrate
 from observer_rt.identification.fit.problem import STRUCTURES
 from tests.desk.cli.conftest import Command
@@ -84,38 +81,3 @@ def test_json_holds_all_of_it(
     assert len(document["injections"]) == 6
     assert len(document["structures"]) == len(STRUCTURES)
     assert document["baseline"]["injections"] == 6
-
-
-RECORDING = simulations([(100e6, 1.9e-3)], injections=1)[0].recording
-
-
-def _first(samples: int) -> Recording:
-    names = ("time", "rail_pressure", "needle_lift", "line_pressure")
-    return replace(RECORDING, **{name: getattr(RECORDING, name)[:samples] for name in names})
-
-
-@pytest.mark.parametrize(
-    ("recording", "said"),
-    [
-        (_first(10_000), "no complete injection"),
-        (replace(RECORDING, line_pressure=10.0 * RECORDING.line_pressure), "unit"),
-        (replace(RECORDING, line_pressure=np.minimum(RECORDING.line_pressure, 103e6)), "is clipped"),
-    ],
-)
-def test_a_recording_that_will_not_do_is_refused(
-    command: Command, tmp_path: Path, recording: Recording, said: str
-) -> None:
-    path, fitted = tmp_path / "recording.csv", tmp_path / "fitted.toml"
-    write_recording(path, recording)
-    error = command.refused("fit", path, "--model", NOMINAL_INJECTOR, "--output", fitted)
-    assert "recording.csv" in error
-    assert said in error
-    assert not fitted.exists()
-
-
-def test_the_model_is_not_written_over(command: Command, healthy: tuple[Path, ...], wrong: Path) -> None:
-    before = wrong.read_bytes()
-    assert "is the model that is fitted" in command.refused(
-        "fit", *healthy, "--model", wrong, "--output", wrong, "--force"
-    )
-    assert wrong.read_bytes() == before

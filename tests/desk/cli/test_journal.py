@@ -33,17 +33,6 @@ def test_a_daemon_writes_what_it_says(
     assert [row["reasons"] for row in rows] == ["TOO_FEW_EVENTS", "TOO_FEW_EVENTS", "", ""]
 
 
-def test_a_second_daemon_is_refused_the_state_of_the_first(
-    command: Command, bench: Path, tmp_path: Path
-) -> None:
-    state = tmp_path / "learned.json"
-    with sole_writer(state):
-        outcome = command("run", "--bench", bench, "--state", state)
-    assert outcome.code == 2
-    assert f"learned.json: is in use by process {os.getpid()}" in outcome.err
-    assert "remedy: stop that one first" in outcome.err
-
-
 def test_an_evaluation_is_refused_the_state_of_a_daemon(command: Command, worn: Path, tmp_path: Path) -> None:
     state = tmp_path / "learned.json"
     with sole_writer(state):

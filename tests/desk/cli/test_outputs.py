@@ -228,8 +228,6 @@ def full_disk(most: int) -> Iterator[None]:
     ("line", "old"),
     [
         ("evaluate {worn} --output out.csv", SAMPLES),
-        ("evaluate {worn} --save-state out", SAME_KIND[""]),
-        ("convert {worn} out.parquet", b"PAR1"),
         ("convert {log} out.blf", b"LOGG"),
     ],
 )

@@ -112,34 +112,21 @@ def test_stretches_become_files(command: Command, foreign: Path, own: Path, tmp_
     command.refused("convert", foreign, tmp_path / "x.parquet", "--bench", own)
 
 
-@pytest.mark.parametrize(
-    ("name_of_command", "name"),
-    [
-        *(("evaluate", "rail_pressure"), ("convert", "line_pressure")),
-        *(("replay", "needle_lift"), ("discover", "rail_pressure")),
-    ],
-)
-def test_wrong_units_are_refused_by_every_command(
-    command: Command, worn: Path, bench: Path, tmp_path: Path, name_of_command: str, name: str
-) -> None:
+def test_wrong_units_are_refused_by_every_command(command: Command, worn: Path, tmp_path: Path) -> None:
     right = read_recording(worn)
-    factors = {name: 1e3 if name == "needle_lift" else 10.0}
-    if name == "rail_pressure":
-        factors["line_pressure"] = 10.0
-    signals = {each: values * factors.get(each, 1.0) for each, values in right.signals.items()}
-    rail, lift, line = (signals[each] for each in ("rail_pressure", "needle_lift", "line_pressure"))
-    path = tmp_path / "wrong.csv"
-    write_recording(path, Recording(right.time, rail, lift, line))
-    further: dict[str, list[object]] = {
-        "evaluate": [],
-        "convert": [tmp_path / "out.csv"],
-        "replay": ["--bench", bench],
-        "discover": ["--out", tmp_path / "found"],
-    }
-    said = command.refused(name_of_command, path, *further[name_of_command])
-    assert f"wrong.csv, {name}" in said
-    assert "mind the unit" in said
-    assert not (tmp_path / "out.csv").exists()
+    path, out = tmp_path / "wrong.csv", tmp_path / "out.csv"
+    wrong = Recording(right.time, right.rail_pressure, 1e3 * right.needle_lift, right.line_pressure)
+    write_recording(path, wrong)
+    for words in (
+        ("evaluate", path),
+        ("convert", path, out),
+        ("replay", path),
+        ("discover", path, "--out", out),
+    ):
+        said = command.refused(*words)
+        assert "wrong.csv, needle_lift" in said
+        assert "mind the unit" in said
+        assert not out.exists()
 
 
 def test_truths_beside_recordings_are_left_out(command: Command, worn: Path, tmp_path: Path) -> None:

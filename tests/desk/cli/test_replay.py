@@ -1,10 +1,7 @@
 """`observer-rt replay` onto the virtual bus of this process: what arrives, and mistakes it names."""
 
 import json
-import os
-import signal
 import threading
-import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -50,27 +47,6 @@ def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -
     assert all(later - earlier == 9 for earlier, later in pairwise(starts))
 
 
-def test_log_is_sent_as_recorded(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
-    """The flags of FD frames, too."""
-    log = tmp_path / "bus.LOG"
-    marks = ("##1", "##0", "##3", "##2", "#")
-    fd = "".join(f"(100.{n}) can0 123{mark}AABB\n" for n, mark in enumerate(marks))
-    log.write_text(f"{fd}(101.5) can0 00000457#DD\n")
-    command.done("replay", log, *ON_BUS, "--speed", "0")
-    *of_fd, last = received(bus)
-    assert {(m.arbitration_id, m.is_extended_id, bytes(m.data)) for m in of_fd} == {
-        (0x123, False, b"\xaa\xbb")
-    }
-    assert [(m.is_fd, m.bitrate_switch, m.error_state_indicator) for m in of_fd] == [
-        (True, True, False),
-        (True, False, False),
-        (True, True, True),
-        (True, False, True),
-        (False, False, False),
-    ]
-    assert (last.arbitration_id, last.is_extended_id, bytes(last.data)) == (0x457, True, b"\xdd")
-
-
 def test_channels_of_a_log_go_onto_their_own_bus(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
     log.write_text("(100.0) can0 100#00\n(100.1) can1 101#01\n(100.2) can2 102#02\n(100.3) can1 101#03\n")
@@ -81,14 +57,6 @@ def test_channels_of_a_log_go_onto_their_own_bus(command: Command, bus: can.BusA
     assert [bytes(m.data) for m in received(bus)] == [b"\x01", b"\x03"]
     outcome = command("replay", log, *ON_BUS, "--speed", "0")
     assert "frames of can0, can1, can2 all go onto one bus" in outcome.err
-
-
-def test_what_a_log_leaves_out_is_told(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
-    log = tmp_path / "bus.log"
-    log.write_text("(100.0) can0 100#00\n(100.1) can0 100#R\n# 12 frames lost before this\n")
-    outcome = command("replay", log, *ON_BUS)
-    assert "left out: 1 remote frame" in outcome.err
-    assert "12 frames were lost while it was recorded" in outcome.err
 
 
 def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
@@ -117,33 +85,3 @@ def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
     assert not received(bus)
     assert while_sending(BLOCK.frame_id + 1).code == 0
     assert while_sending(BLOCK.frame_id, "--force").code == 0
-
-
-def test_signal_ends_an_endless_replay(command: Command, worn: Path) -> None:
-    with can.Bus(interface="virtual", channel=CHANNEL, fd=True) as bus:
-
-        def stop() -> None:
-            bus.recv(30.0)  # the replay runs, so its signal handlers are in place
-            time.sleep(0.05)
-            os.kill(os.getpid(), signal.SIGTERM)
-
-        thread = threading.Thread(target=stop)
-        thread.start()
-        outcome = command("replay", worn, *ON_BUS, "--loop", "0", "--json")
-        thread.join()
-    assert outcome.code == 0
-    assert json.loads(outcome.out)["frames"] > 0
-
-
-def test_interface_that_is_not_there_is_a_failure_at_run_time(command: Command, worn: Path) -> None:
-    outcome = command("replay", worn, "--channel", "can_none_here")
-    assert outcome.code == 1
-    assert "remedy: " in outcome.err
-
-
-def test_values_the_bus_cannot_hold_are_told(command: Command, tmp_path: Path) -> None:
-    path = tmp_path / "high.csv"
-    header = "time_s,rail_pressure_MPa,needle_lift_mm,line_pressure_MPa\n"
-    path.write_text(header + "".join(f"{k * 1e-5:.5f},400,0,100\n" for k in range(50)))
-    outcome = command.done("replay", path, *ON_BUS)
-    assert "warning: rail_pressure: reaches 400 MPa, beyond 317.665 MPa, the limit of" in outcome.err

@@ -80,19 +80,6 @@ def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, 
 
 
 @pytest.mark.slow
-def test_state_learned_from_nothing_earns_no_trust(
-    command: Command, bench: Path, worn: Path, resting: Path, tmp_path: Path
-) -> None:
-    state = tmp_path / "learned.json"
-    text = bench.read_text()
-    bench.write_text(text.replace("rate_hz = 50e3", "rate_hz = 100e3"))
-    run_and_stop(command, bench, resting, signal.SIGTERM, "--state", state)
-    bench.write_text(text)
-    _, results = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
-    assert valid_injections(results) == [0, 0, 1, 1]
-
-
-@pytest.mark.slow
 def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
     command: Command, bench: Path, worn: Path, tmp_path: Path
 ) -> None:
@@ -261,21 +248,6 @@ def test_an_interface_that_is_not_there_is_waited_for(
     assert outcome.err.count(f"waiting for the interface: there is no interface {channel}; remedy: plug") == 1
     assert f"INFO link: {channel} is there" in outcome.err
     assert "injection 4 at index" in outcome.err
-
-
-def test_it_can_be_stopped_while_it_waits_for_its_interface(bench: Path) -> None:
-    text = bench.read_text().replace('interface = "virtual"', 'interface = "serial"')
-    bench.write_text(text.replace(load_bench(bench).config.link.channel, "/dev/no-such-line"))
-    process = module("run", "--bench", bench)
-    assert process.stderr is not None
-    line = ""
-    while "waiting for the interface" not in line:
-        line = process.stderr.readline()
-        assert line, "ended by itself"
-    process.send_signal(signal.SIGTERM)
-    _, messages = process.communicate(timeout=60)
-    assert process.returncode == 0, messages
-    assert "stopped while it waited" in messages
 
 
 def test_another_sender_is_told_before_anything_is_sent(

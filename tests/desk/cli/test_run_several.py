@@ -122,10 +122,3 @@ def test_it_must_be_said_which(command: Command, bench: Path) -> None:
     assert "--injector one" in said
     assert "observer-rt@one" in said
     assert "did you mean 'two'?" in command.refused("run", "--bench", bench, "--injector", "tow")
-
-
-def test_each_daemon_sees_what_two_cannot_share(command: Command, bench: Path) -> None:
-    bench.write_text(bench.read_text().replace(f"id_step = {STEP}\n", ""))
-    assert "share the message InjectionRate 0x300" in command.refused(
-        "run", "--bench", bench, "--injector", "two"
-    )

@@ -8,7 +8,7 @@ import pytest
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.core.stream.stream import RING
-from observer_rt.desk.evaluation.evaluate import evaluate_stream
+from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.model.effects import effective_model
 from tests.benches import SAMPLE_RATE
@@ -25,7 +25,7 @@ def test_a_needle_that_sticks_for_long() -> None:
     noise = 0.4e-6 * np.random.default_rng(1).normal(size=recording.samples)
     stuck = replace(recording, needle_lift=np.where(held, 290e-6 + noise, recording.needle_lift))
     c = effective_model(BENCH.injector.parameters).coefficients
-    (evaluation,), _ = evaluate_stream(BENCH, [HeldSignals(stuck)], curves_of=c)
+    (evaluation,) = evaluate(BENCH, [HeldSignals(stuck)], curves_of=c, traces=()).evaluations
     injections = list(evaluation.injections)
     assert [each.start for each in injections] == sorted(each.start for each in injections)
     (long,) = [each for each in injections if each.end - each.start > 0.5]

@@ -1,18 +1,18 @@
 """Files in parts through the observer: the same bits as in one piece, in memory that does not grow."""
 
-import csv
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation import segment
-from observer_rt.desk.evaluation.evaluate import evaluate, evaluate_stream
+from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.desk.evaluation.segment import Segment, Signal
 from observer_rt.desk.evaluation.spool import Spool
@@ -30,6 +30,11 @@ C = effective_model(BENCH.injector.parameters).coefficients
 
 def worn() -> Recording:
     return simulated(4, 0.3, (60e6, 120e6), 100e3, seed=3, measured_rate=True)
+
+
+def streamed(source: SignalStream, *traces: Path) -> Evaluation:
+    """Evaluated with nothing kept in memory; traces: file to be written."""
+    return evaluate(BENCH, [source], traces=traces).evaluations[0]
 
 
 class Cut(SignalStream):
@@ -65,8 +70,8 @@ class Cut(SignalStream):
 def test_in_parts_as_in_one_piece(tmp_path: Path) -> None:
     recording = worn()
     traces = [tmp_path / "found.csv", tmp_path / "known.csv"]
-    (result,), _ = evaluate_stream(BENCH, [Cut(recording, [0, recording.samples], 701)], traces[:1])
-    (reference,), _ = evaluate_stream(BENCH, [HeldSignals(recording)], traces[1:])
+    result = streamed(Cut(recording, [0, recording.samples], 701), traces[0])
+    reference = streamed(HeldSignals(recording), traces[1])
     assert recording_json(result, C) == recording_json(reference, C)
     assert traces[0].read_bytes() == traces[1].read_bytes()
 
@@ -74,7 +79,7 @@ def test_in_parts_as_in_one_piece(tmp_path: Path) -> None:
 def test_stretches_are_one_history_with_a_pause_between(tmp_path: Path) -> None:
     recording = worn()
     middle = recording.samples // 2
-    (outcome,), _ = evaluate_stream(BENCH, [Cut(recording, [0, middle, recording.samples], 5000)])
+    outcome = streamed(Cut(recording, [0, middle, recording.samples], 5000))
     halves = [Cut(recording, [a, b], 5000).collected() for a, b in ((0, middle), (middle, recording.samples))]
     reference = evaluate(BENCH, halves).evaluations
     results = [result for evaluation in reference for result in evaluation.injections]
@@ -92,7 +97,7 @@ def test_a_restarted_device_splits_the_log(tmp_path: Path) -> None:
     log = LoggedSignals(BENCH, path)
     assert len(log.logged) == 2
     assert any("a device was restarted" in note for note in log.notes)
-    (result,), _ = evaluate_stream(BENCH, [log], [tmp_path / "trace.csv"])
+    result = streamed(log, tmp_path / "trace.csv")
     reference = evaluate(BENCH, [worn()]).evaluations[0].injections
     assert len(result.injections) == 8
     assert [each.report.mass for each in result.injections[:4]] == [each.report.mass for each in reference]
@@ -118,15 +123,15 @@ def test_what_is_remembered_does_not_grow(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr("observer_rt.desk.evaluation.run.RING", 4096)
     recording = worn()
     assert recording.samples > 15_000
-    evaluate_stream(BENCH, [Cut(recording, [0, recording.samples], 1000)])
+    streamed(Cut(recording, [0, recording.samples], 1000))
     assert max(sizes) < 4096 + 3000
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mf4", ".parquet"])
+@pytest.mark.parametrize("suffix", [".mf4", ".parquet"])
 def test_a_trace_is_in_the_format_of_its_suffix(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"trace{suffix}"
     source = HeldSignals(worn())
-    evaluate_stream(BENCH, [source], [path])
+    streamed(source, path)
     (reference,) = evaluate(BENCH, [worn()]).evaluations
     time, rate, state = _columns(path)
     np.testing.assert_allclose(time, worn().time, rtol=1e-8)
@@ -143,18 +148,9 @@ def _columns(path: Path) -> tuple[Signal, Signal, list[str]]:
             rate = file.get("injection_rate")
             assert rate.unit == "mm3/ms"
             return rate.timestamps, rate.samples, [word.decode() for word in file.get("state").samples]
-    if path.suffix == ".parquet":
-        import pyarrow.parquet
-
-        table = pyarrow.parquet.read_table(path)
-        return (
-            table["time_s"].to_numpy(),
-            table["injection_rate_mm3_per_ms"].to_numpy(),
-            table["state"].to_pylist(),
-        )
-    rows = list(csv.DictReader(path.read_text().splitlines()))
-    rates = np.array([float(row["injection_rate_mm3_per_ms"] or "nan") for row in rows])
-    return np.array([float(row["time_s"]) for row in rows]), rates, [row["state"] for row in rows]
+    table = pyarrow.parquet.read_table(path)
+    rate = table["injection_rate_mm3_per_ms"].to_numpy()
+    return table["time_s"].to_numpy(), rate, table["state"].to_pylist()
 
 
 @pytest.mark.parametrize("in_memory", [1, 2, 5, 6])
@@ -184,8 +180,8 @@ def test_a_log_with_long_holes_as_in_one_piece(tmp_path: Path) -> None:
     log = LoggedSignals(BENCH, path)
     assert (len(log.logged), len(log.logged[0].resumed)) == (1, 2)
     in_parts, in_one_piece = tmp_path / "found.csv", tmp_path / "known.csv"
-    (result,), _ = evaluate_stream(BENCH, [log], [in_parts])
+    result = streamed(log, in_parts)
     log.logged = (replace(log.logged[0], resumed=()),)
-    (reference,), _ = evaluate_stream(BENCH, [log], [in_one_piece])
+    reference = streamed(log, in_one_piece)
     assert recording_json(result, C) == recording_json(reference, C)
     assert in_parts.read_bytes() == in_one_piece.read_bytes()

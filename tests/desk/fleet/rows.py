@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.evaluation.evaluate import evaluate_stream
+from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.fleet.job import SCHEMA
 from observer_rt.files.formats import open_recording
 
@@ -41,7 +41,8 @@ def rows(sha256: str, injector: str, nozzle: Sequence[float], day: int = 0, **mo
 def masses(path: Path, model: Path | None = None, learning: bool = True) -> list[float]:
     """Of the injections of a recording, as `evaluate` finds them [mg]."""
     bench = load_bench(model=model)
-    (alone,), _ = evaluate_stream(bench, [open_recording(path, bench.injector)], learning=learning)
+    source = open_recording(path, bench.injector)
+    (alone,) = evaluate(bench, [source], learning=learning, traces=()).evaluations
     return [1e6 * report.mass for report in alone.reports]
 
 

@@ -9,9 +9,8 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from observer_rt.desk.fleet.trend import InjectorTrend, trends
+from observer_rt.desk.fleet.trend import InjectorTrend, Limit, trends
 from observer_rt.desk.fleet.trend_page import as_json, table_of, write_page
-from observer_rt.desk.fleet.wear import Limit
 from observer_rt.foundation.console import results
 from tests.desk.fleet.rows import campaign, rows
 

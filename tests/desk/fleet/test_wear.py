@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from observer_rt.desk.fleet.wear import FEWEST, Limit, Signal, WearLine
+from observer_rt.desk.fleet.trend import FEWEST, Limit, Signal, WearLine
 from observer_rt.foundation.errors import UserError
 
 DAYS, LAST = np.array([0.0, 3.0, 11.0, 12.0, 30.0, 41.0, 60.0, 75.0, 90.0, 110.0]), 110.0

@@ -148,9 +148,11 @@ def test_measured_rate_has_one_gain_error_per_recording() -> None:
     assert abs(np.mean(gains)) < 0.003
 
 
-def test_measuring_the_rate_leaves_the_inputs_as_they_are() -> None:
+def test_a_seed_gives_the_same_inputs_whether_the_rate_is_measured_or_not() -> None:
     without = simulate(NOMINAL, ONE, 20e3, noise=NOISE, seed=3).recording
     measured = simulate(NOMINAL, ONE, 20e3, noise=NOISE, measured_rate=True, seed=3).recording
+    other = simulate(NOMINAL, ONE, 20e3, noise=NOISE, seed=4).recording
+    assert not np.array_equal(without.line_pressure, other.line_pressure)
     for name, values in without.signals.items():
         np.testing.assert_array_equal(values, measured.signals[name])
 
@@ -245,6 +247,11 @@ def test_the_whole_vocabulary_to_its_bounds(effect: Effect) -> None:
         limits = tuple(getattr(parameter, name) for parameter in effect.parameters)
         texts = [f"{effect.id}:{p.name}={getattr(p, name) / p.si!r}" for p in effect.parameters]
         assert values(texts or [effect.id])[effect.id] == pytest.approx(limits)
+
+
+@pytest.mark.parametrize("size", ["10", "10us", " 10 us"])
+def test_a_size_may_have_its_unit(size: str) -> None:
+    assert values([f"channel_skew:d={size}"])["channel_skew"] == pytest.approx((10e-6,))
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def run_by_run(
 def begun_with(
     location: str, path: Path | None, parameters: InjectorParameters, tell: Callable[[str], None]
 ) -> Knowledge | None:
-    """Learned state that a user names, which is told; None without one.
+    """Learned state that a user names, with a message of what became of it; None without one.
 
     Raises `UserError` at `location` for one that is not there, and for one of another model.
     """

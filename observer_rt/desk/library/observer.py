@@ -14,7 +14,7 @@ from observer_rt.config.toml_file import validated
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.histories import begun_with
 from observer_rt.desk.library.recordings import path_of
-from observer_rt.desk.library.results import Learned
+from observer_rt.desk.library.results import KnowledgeHolder
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import FIELDS, MASS_BOUND, Output, columns_of, row_of
 from observer_rt.engine.reports.news import Notes
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
 
 
-class SampleObserver(Learned):
+class SampleObserver(KnowledgeHolder):
     """Observes samples as they come and learns between injections; results come some samples later.
 
     Samples go through the bench's bus codec, as in the daemon: pressures and lifts have the resolution of the bus.

@@ -42,12 +42,12 @@ _IN_SHORT = (
 )
 
 
-class Learned:
+class KnowledgeHolder:
     """What has learned of an injector, and can write that."""
 
     @property
     def _learned(self) -> tuple[Knowledge, InjectorParameters]:
-        """What was learned, and of which model."""
+        """What was learned, and its model."""
         raise NotImplementedError
 
     def save_state(self, path: str | PathLike[str], force: bool = False) -> None:
@@ -70,7 +70,7 @@ class Learned:
 
 
 @dataclass(frozen=True, eq=False)
-class EvaluationResult(Learned):
+class EvaluationResult(KnowledgeHolder):
     """Recordings as the observer saw them.
 
     notes: what was noted while they were read; knowledge: learned at the end of the last recording.

@@ -63,7 +63,7 @@ def test_a_state_that_run_would_refuse(tmp_path: Path, location: str) -> None:
     assert of_state(tmp_path / location).level is Level.ERROR
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=15)
 @given(data=st.data())
 def test_check_foretells_what_becomes_of_a_damaged_state_and_leaves_it(
     tmp_path: Path, data: st.DataObject

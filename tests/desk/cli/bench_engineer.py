@@ -44,8 +44,8 @@ def run_and_stop(
     command: Command,
     bench: Path,
     sent: Path | Sequence[TimedFrame],
-    number: signal.Signals = signal.SIGTERM,
     *options: object,
+    number: signal.Signals = signal.SIGTERM,
     meanwhile: Callable[[], bool] = lambda: True,
 ) -> tuple[Outcome, ResultFrames]:
     """Play a recording, or frames, to the command over the virtual bus, then send it a signal.

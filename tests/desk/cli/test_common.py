@@ -1,17 +1,19 @@
-"""What holds for every command; help is for people: whole sentences, no types of Python, `-h` as well, completion."""
+"""What holds for every command: help for people, exit codes, output that cannot be written, a system that refuses."""
 
 import json
 import os
 import re
 import subprocess
 import sys
+import threading
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 from observer_rt import __version__
-from observer_rt.desk.cli.app import EXIT_CODES, app_of
+from observer_rt.desk.cli.app import EXIT_CODES, app_of, main
+from tests.daemon.participants import bench_file
 from tests.desk.cli.conftest import Command, module
 
 
@@ -132,3 +134,19 @@ def test_help_names_no_types_and_has_an_example(command: str) -> None:
     assert not re.search(r"<\w+(\[\w+\])?( range)?>", text)
     assert f"Example: observer-rt {command}" in text
     assert EXIT_CODES in " ".join(text.split())
+
+
+def test_no_more_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")  # in Python's words, as under `ulimit -v`
+
+    monkeypatch.setattr(sys, "argv", ["observer-rt", "run", "--bench", str(bench_file(tmp_path, "limits"))])
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    said = capfd.readouterr().err
+    assert "error: this process may start no more threads" in said
+    assert "ulimit -v" in said

@@ -48,10 +48,9 @@ def valid_injections(results: ResultFrames) -> list[float]:
     return [decoded(SUMMARY, payload)["Valid"] for payload in results.summaries]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path, number: signal.Signals) -> None:
-    before = signal.getsignal(number)
-    outcome, results = run_and_stop(command, bench, worn, number)
+def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    outcome, results = run_and_stop(command, bench, worn)
     assert outcome.code == 0
     assert outcome.out == ""
     assert "ready" in outcome.err
@@ -60,17 +59,17 @@ def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path, numbe
     assert "stopped after" in outcome.err
     samples = read_recording(worn).samples
     assert results.last_status()["SamplesProcessed"] == samples  # also those the look-ahead held
-    assert signal.getsignal(number) == before
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
 def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, tmp_path: Path) -> None:
     """With it the first valid injection is the second, without it the third."""
     state = tmp_path / "learned.json"
-    first, results = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    first, results = run_and_stop(command, bench, worn, "--state", state)
     assert f"no learned state at {state}" in first.err
     assert f"learned state saved in {state}" in first.err
     assert valid_injections(results) == [0, 0, 1, 1]
-    second, results = run_and_stop(command, bench, worn, signal.SIGTERM, "--state", state)
+    second, results = run_and_stop(command, bench, worn, "--state", state)
     assert "learned state restored" in second.err
     assert "learned from 4 events" in second.err
     assert valid_injections(results) == [0, 1, 1, 1]
@@ -85,19 +84,19 @@ def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
 ) -> None:
     injector(tmp_path / "injector.toml", end=FITTED.format(adequate="false", rate=50e3))
     bench.write_text(bench.read_text().replace("# file = ", "file = ", 1))
-    outcome, results = run_and_stop(command, bench, worn, signal.SIGTERM)
+    outcome, results = run_and_stop(command, bench, worn)
     (text,) = (line for line in outcome.err.splitlines() if "inadequate by its own fit" in line)
     assert " WARNING start: injector.toml was found inadequate" in text
     assert "remedy: see what `observer-rt fit` says to try" in text
     assert valid_injections(results) == [0, 0, 0, 0]
     bench.write_text(bench.read_text().replace("on_inadequate_model = false", "on_inadequate_model = true"))
-    outcome, results = run_and_stop(command, bench, worn, signal.SIGTERM)
+    outcome, results = run_and_stop(command, bench, worn)
     assert "learned with all the same" in outcome.err
     assert valid_injections(results) == [0, 0, 1, 1]
 
 
 def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench: Path, worn: Path) -> None:
-    outcome, _ = run_and_stop(command, bench, worn, signal.SIGINT, "--view")
+    outcome, _ = run_and_stop(command, bench, worn, "--view", number=signal.SIGINT)
     assert outcome.code == 0
     assert "no terminal for the view" in outcome.err
     assert len(re.findall(r"INFO injection: injection \d at index", outcome.err)) == 4
@@ -139,7 +138,7 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
         until(lambda: log.read_text().count("start: ready") == 2)
         return True
 
-    outcome, _ = run_and_stop(command, bench, worn, signal.SIGTERM, "--log", log, meanwhile=hang_up)
+    outcome, _ = run_and_stop(command, bench, worn, "--log", log, meanwhile=hang_up)
     assert outcome.code == 0
     assert "sampling.bridge_ms: 50 is not allowed; remedy: write a number from 0 to 5 ms" in outcome.err
     assert "is taken over: sampling.bridge_ms 0.5 -> 0.75" in outcome.err
@@ -169,9 +168,7 @@ def test_an_amended_model_begins_with_what_was_learned_for_it_and_undo_with_what
         changed_to(text, "what was learned from 4 events goes on in force")
         return True
 
-    outcome, _ = run_and_stop(
-        command, bench, worn, signal.SIGTERM, "--log", log, meanwhile=taken_over_and_undone
-    )
+    outcome, _ = run_and_stop(command, bench, worn, "--log", log, meanwhile=taken_over_and_undone)
     assert outcome.code == 0
     assert "warning" not in outcome.err.lower()
 
@@ -273,7 +270,7 @@ def test_injections_as_lines_of_json_and_a_log(
 ) -> None:
     log = tmp_path / "run.log"
     log.write_text(f"{EARLIER}\n")
-    outcome, _ = run_and_stop(command, bench, worn, signal.SIGTERM, "--json", "--log", log)
+    outcome, _ = run_and_stop(command, bench, worn, "--json", "--log", log)
     records = [json.loads(line) for line in outcome.out.splitlines()]
     assert [record["number"] for record in records] == [1, 2, 3, 4]
     assert [record["valid"] for record in records] == [False, False, True, True]
@@ -304,7 +301,7 @@ def test_the_service_manager_hears_of_it(
         manager.bind(str(tmp_path / "notify"))
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
         monkeypatch.setenv("WATCHDOG_USEC", "600000")
-        run_and_stop(command, bench, worn, signal.SIGTERM, "--injector=", "--log", log, meanwhile=hang_up)
+        run_and_stop(command, bench, worn, "--injector=", "--log", log, meanwhile=hang_up)
         manager.setblocking(False)
         notifications = []
         with contextlib.suppress(BlockingIOError):

@@ -1,13 +1,22 @@
-"""What a user names as recordings, and what their paths say."""
+"""What a user names as recordings, what their paths say, and what says when they were made."""
 
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
 import pytest
+from asammdf import MDF, Signal
 
 from observer_rt.config.bench import load_bench
-from observer_rt.desk.fleet.recordings import PathPattern, injector_of, recordings_in
+from observer_rt.desk.fleet.job import Task, evaluated
+from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom, injector_of, recordings_in, zero_of
+from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.foundation.errors import UserError
+from tests.device import worn_recording
+from tests.files.signals.foreign import RATE, bench
+from tests.files.signals.test_csv_unnamed import FORMATS, ISO, START, rows, write
 
 
 def test_a_pattern_names_the_injectors_of_paths() -> None:
@@ -65,3 +74,45 @@ def test_a_path_says_when_a_recording_was_made(path: str, date: datetime) -> Non
     assert dates.date_in(Path(path)) == date
     with pytest.raises(UserError, match="finds no date"):
         dates.date_in(Path("a/run_99999999_999999.csv"))
+
+
+WHEN = datetime(2026, 3, 1, 12, 5, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_column_of_calendar_time_says_it(tmp_path: Path, form: str) -> None:
+    path = write(tmp_path, ["t;p_Rail;lift;p_Line", *rows(";", "." if form == ISO else ",", form)])
+    stream = open_recording(path, bench(tmp_path, time=form).injector)
+    zero, by = zero_of(path, stream)
+    assert by == TimeFrom.COLUMN
+    assert abs((zero - START).total_seconds()) < 1e-3
+
+
+def test_so_does_one_that_counts_from_1970(tmp_path: Path) -> None:
+    lines = [f"{WHEN.timestamp() + k / RATE:.5f};{100 + k % 2};{k % 3};{90 + k % 2}" for k in range(400)]
+    path = write(tmp_path, ["t;p_Rail;lift;p_Line", *lines])
+    stream = open_recording(path, bench(tmp_path, time='unit = "s"').injector)
+    zero, by = zero_of(path, stream)
+    assert (zero.timestamp(), by) == (0.0, TimeFrom.COLUMN)
+    assert stream.stretches[0].start == pytest.approx(WHEN.timestamp(), abs=0.1)
+
+
+def test_the_header_of_an_mdf_file_says_it(tmp_path: Path) -> None:
+    path, time = tmp_path / "own.mf4", np.arange(5000) * 2e-5
+    with MDF(version="4.10") as file:
+        for name, unit in (("rail_pressure", "MPa"), ("needle_lift", "mm"), ("line_pressure", "MPa")):
+            file.append(Signal(np.linspace(1.0, 2.0, 5000), time, name=name, unit=unit))
+        file.start_time = WHEN
+        file.save(path)
+    assert zero_of(path, open_recording(path)) == (WHEN, TimeFrom.HEADER)
+
+
+def test_else_it_is_when_the_file_was_written_which_the_rows_say(tmp_path: Path) -> None:
+    path = tmp_path / "worn_20260301_1205.parquet"
+    write_recording(path, worn_recording(3))
+    os.utime(path, (1e9, 1e9))
+    table = evaluated(Task(load_bench(), tmp_path), path, "hash")
+    assert isinstance(table, pa.Table)
+    first = table.to_pylist()[0]
+    assert first["time_from"] == TimeFrom.WRITTEN
+    assert first["time"] < datetime.fromtimestamp(1e9, UTC)

@@ -164,10 +164,9 @@ def test_observer_at_work_says_what_to_keep_of_it() -> None:
             attempt(observer)
 
 
-@pytest.mark.parametrize("rate", [0, float("nan"), "fast"])
-def test_observer_refuses_a_sample_rate_by_its_parameter(rate: float) -> None:
+def test_observer_refuses_a_sample_rate_by_its_parameter() -> None:
     with pytest.raises(ort.UserError) as refused:
-        ort.Observer(ort.Injector.load(), sample_rate_Hz=rate)
+        ort.Observer(ort.Injector.load(), sample_rate_Hz=float("nan"))
     assert refused.value.location == "sample_rate_Hz"
 
 
@@ -203,14 +202,11 @@ def test_injectors_of_the_same_files_are_equal(discovery: ort.Discovery) -> None
     ("arguments", "location", "words"),
     [
         ({"rail_pressure_MPa": -3}, "rail_pressure_MPa", "-3 MPa is out of range"),
-        ({"rail_pressure_MPa": 1000}, "rail_pressure_MPa", "if it is in bar, 100"),
         ({"rail_pressure_MPa": []}, "rail_pressure_MPa", "is not a number"),
         ({"energizing_ms": [1.0, -1.0]}, "energizing_ms", "-1.0 ms is out of range"),
-        ({"injections": 0}, "injections", "0 is not a number of injections"),
         ({"period_ms": 0}, "period_ms", "0 ms is not a period"),
         ({"sample_rate_Hz": 0}, "sample_rate_Hz", "0 Hz is out of range"),
         ({"effects": {"orifice_aria": 0.3}}, "effects", "the nearest is 'orifice_area'"),
-        ({"effects": {"orifice_area": {"v_X": 0.3}}}, "effects", "has no parameter 'v_X'"),
         ({"effects": {"orifice_area": {}}}, "effects", "has no '=value'"),
     ],
 )

@@ -1,10 +1,13 @@
 """The page's server among clients that are no browsers: half requests, odd messages."""
 
+import asyncio
 import resource
 import socket
-from collections.abc import Iterator
+from collections.abc import Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any, TypeVar
 from urllib.error import URLError
 from urllib.parse import urlsplit
 from urllib.request import urlopen
@@ -14,7 +17,6 @@ from tornado.websocket import websocket_connect
 
 from tests.daemon.end_to_end import command
 from tests.daemon.participants import bench_file, until
-from tests.desk.live_page import event_loop
 from tests.desk.live_page.browser import PageServer, served
 
 pytestmark = pytest.mark.slow
@@ -82,6 +84,15 @@ def test_odd_messages_close_their_socket_and_say_nothing(tmp_path: Path) -> None
     with silent(tmp_path) as monitor:
         url = f"{monitor.url.replace('http', 'ws', 1)}drawings"
         for message in ("", "{", "[]", '["save"]', "[" * 900, '["save", null, 0]', "x" * 5000):
-            event_loop.run(closed_after(url, message))
+            run(closed_after(url, message))
         assert answers(monitor.url)
         assert said_until_end(monitor) == []
+
+
+T = TypeVar("T")
+
+
+def run(coroutine: Coroutine[Any, Any, T]) -> T:
+    """Its result. In a thread: Playwright's loop runs in the process's first one as long as the browser is open."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, coroutine).result()

@@ -124,16 +124,17 @@ def rates_of(rail: float, of: Effects):  # type: ignore[no-untyped-def]
 
 
 def reference(rail: float, of: Effects, times: Vector) -> tuple[Vector, Vector]:
-    """Injection rate [m3/s] and line pressure [Pa] at `times`, from a line without flow at 0 s.
+    """Injection rate [m3/s] and line pressure [Pa] at `times`, from a line without flow at their begin.
 
-    Where a step may fall between two evaluations the steps are short, and begin with `times`.
+    A leaking line has found its flow by then: it begins at 0 s. Where a step may fall between two evaluations the
+    steps are short.
     """
-    stepped = "chamber_pressure_rise" in of.sizes
+    stepped, leaks = "chamber_pressure_rise" in of.sizes, "guide_leakage" in of.sizes
     rates, nozzle_flow = rates_of(rail, of)
     start = [rail, 0.0, NOMINAL.chamber.pressure]
     solution = solve_ivp(
         rates,
-        [times[0] if stepped else 0.0, times[-1]],
+        [0.0 if leaks else times[0], times[-1]],
         start,
         "LSODA",
         times,

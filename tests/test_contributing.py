@@ -43,8 +43,8 @@ from pathlib import Path
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.model.effects import effective_model
-from observer_rt.model.line.interface import register, stiffened
-from observer_rt.model.line.lump import LumpLine
+from observer_rt.model.line import register, stiffened
+from observer_rt.model.line import LumpLine
 
 class RigidLine(LumpLine):
     __slots__ = ()

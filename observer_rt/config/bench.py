@@ -30,8 +30,8 @@ from observer_rt.config.toml_file import Section, place_in, read_toml, validated
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.accuracy import Accuracy
-from observer_rt.model.line.wave import with_cells
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.wave_line import with_cells
 
 PACKAGE_DATA = Path(str(files("observer_rt.data")))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"

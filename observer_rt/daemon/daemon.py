@@ -7,11 +7,11 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.links.link import Link, LinkDownError
-from observer_rt.bus.links.outage import BusDownError
+from observer_rt.bus.links.opening import BusDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
-from observer_rt.daemon.bus_connection import RETRY, Port
+from observer_rt.daemon.bus_connection import RETRY, Port, buses_of
 from observer_rt.daemon.input_monitoring.arrivals import SECOND
 from observer_rt.daemon.input_monitoring.input_watch import PERIOD as LOOK_PERIOD
 from observer_rt.daemon.input_monitoring.input_watch import (
@@ -20,7 +20,6 @@ from observer_rt.daemon.input_monitoring.input_watch import (
     RestartWatch,
     StateWatch,
 )
-from observer_rt.daemon.link_opening import buses_of
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.daemon.pump.memory import Latency
 from observer_rt.daemon.pump.pump import FramePump

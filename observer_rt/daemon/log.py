@@ -1,11 +1,14 @@
-"""Lines of the service: to stderr, a file and, injections as JSON, stdout. None of them ever holds up the loop."""
+"""Log of the service, to stderr, a file, stdout and systemd. No line of it ever holds up the loop."""
 
 import json
 import logging
+import math
 import os
 import queue
+import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -16,14 +19,22 @@ from typing import IO, Any, Self, TextIO
 
 from rich.console import Console
 
-from observer_rt.engine.words import TOPICS, Topic
+from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
+from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
+from observer_rt.engine.reports.news import MeasuredMass, Mismatch, News, Notice
+from observer_rt.engine.stream.state import Reason
+from observer_rt.engine.stream.validity import OF_MODEL
+from observer_rt.engine.words import TOPICS, Topic, named
 from observer_rt.foundation.console import say
+from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, ZERO_CELSIUS
+from observer_rt.model.effective import Coefficients
 
 CAPACITY = 10_000  # lines that wait for a slow disk, terminal or reader; more are given up and counted
 CLOSING = 1.0  # s for what waits when the service ends
 _WARNING = "warning: "
 _PRIORITIES = {logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3}  # of syslog, as journald takes them
 QUIET_TOPICS = frozenset({Topic.INJECTION, Topic.MEASURED, Topic.STATE})  # which the view shows
+_FEEDS = 3  # in a watchdog's time-out
 
 
 class ServiceLog:
@@ -186,3 +197,96 @@ class _Outlet:
         if not self._is_losing:
             self._is_losing = True
             self._on_loss(why)
+
+
+class Notifier:
+    """Tells the service manager of this process; without one it does nothing."""
+
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+        self._socket: socket.socket | None = None
+        address = environment.get("NOTIFY_SOCKET", "")
+        if address:
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+            self._address = f"\0{address[1:]}" if address.startswith("@") else address
+        for_us = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
+        timeout = int(environment.get("WATCHDOG_USEC", 0)) if for_us else 0
+        self._period = timeout * 1e-6 / _FEEDS
+        self._due = 0.0
+
+    def ready(self) -> None:
+        """Reports that the service runs."""
+        self._tell("READY=1")
+
+    def status(self, text: str) -> None:
+        """Sets the line of `systemctl status`."""
+        self._tell("STATUS=" + text.partition("\n")[0])
+
+    def alive(self) -> None:
+        """Feeds the watchdog when it is due; the loop calls it in every round."""
+        if self._period and time.monotonic() >= self._due:
+            self._due = time.monotonic() + self._period
+            self._tell("WATCHDOG=1")
+
+    def stopping(self) -> None:
+        """Reports that the service was asked to stop."""
+        self._tell("STOPPING=1")
+
+    def _tell(self, message: str) -> None:
+        if self._socket is None:
+            return
+        with suppress(OSError):  # a manager that does not listen is no reason to stop observing
+            self._socket.sendto(message.encode(), self._address)
+
+
+class EventLogger:
+    """Listener that logs in words."""
+
+    def __init__(self, log: ServiceLog, notifier: Notifier, c: Coefficients, name: str) -> None:
+        """c: of the nominal model; name: of the injector, for records; empty: it has none."""
+        self._log = log
+        self._named = {"injector": name} if name else {}
+        self._notifier = notifier
+        self._c = c
+
+    def hear(self, news: News) -> None:
+        """Logs it."""
+        match news:
+            case InjectionReport():
+                self._log.say(Topic.INJECTION, line(news) + self._offset(news))
+                record = injection_record(news, self._c, has_energizing=news.commanded is not None)
+                self._log.record(self._named | record)
+            case MeasuredMass():
+                self._log.say(Topic.MEASURED, news.as_text())
+            case Mismatch():
+                self._log.say(Topic.ENERGIZING, news.as_text())
+            case Notice():
+                self._log.say(news.topic, news.text, news.is_over)
+                if news.topic in (Topic.STATE, Topic.LINK):
+                    self._notifier.status(news.text)
+
+    def _offset(self, report: InjectionReport) -> str:
+        """Offset of the line-pressure sensor in words, where that is why."""
+        if Reason.PRESSURE_OFFSET not in report.reasons or not report.indicators[OFFSET].value:
+            return ""
+        offset = report.indicators[OFFSET].value * self._c.pressure_scale / MEGAPASCAL
+        return f", line pressure reads {offset:+.2f} MPa off"
+
+
+def line(report: InjectionReport) -> str:
+    """Describes an injection on one line."""
+    reasons = [*map(named, report.reasons)]
+    if Reason.OUTSIDE_LEARNED_RANGE in report.reasons:
+        reasons.append(beyond_learned(report))
+    verdict = report.validity if report.valid else f"{report.validity}: {'; '.join(reasons)}"
+    if report.posterior and OF_MODEL.intersection(report.reasons):
+        verdict += f" ({report.posterior_text})"
+    temperature = report.fuel_temperature
+    fuel = "" if temperature is None else f"fuel {temperature - ZERO_CELSIUS:.1f} degC, "
+    mass = "mass unknown" if math.isnan(report.mass) else f"{report.mass / MILLIGRAM:.2f} mg"
+    flow = 100 * report.indicators[NOZZLE].value
+    return (
+        f"injection {report.number} at index {report.start_index}: {mass}, "
+        f"rail {report.rail_pressure / MEGAPASCAL:.1f} MPa, nozzle flow {flow:+.1f} %, "
+        f"correction {report.phi_version}, {fuel}{verdict}"
+        + (f", {report.commanded.as_text()}" if report.commanded else "")
+    )

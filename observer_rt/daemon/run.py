@@ -13,11 +13,9 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
+from observer_rt.daemon.bus_connection import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.event_logger import EventLogger
-from observer_rt.daemon.link_opening import LinkOpening, StoppedError, buses_of
-from observer_rt.daemon.log import ServiceLog
-from observer_rt.daemon.notify import Notifier
+from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
 from observer_rt.daemon.options import RunOptions
 from observer_rt.daemon.persistence.keeper import Keeper, keeper_of, kept_files
 from observer_rt.daemon.persistence.state_file import knowledge_beside, model_hash, restored_knowledge
@@ -34,13 +32,11 @@ from observer_rt.daemon.rights import (
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import News
-from observer_rt.engine.service.constants import bench_constants
-from observer_rt.engine.service.learners import doubt_about_fit
+from observer_rt.engine.service.injector import bench_constants, doubt_about_fit
 from observer_rt.engine.words import Topic
 from observer_rt.foundation.console import StopRequest, stop_on_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_kinds import SERVICE_LOG
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.files import SERVICE_LOG, file_errors
 from observer_rt.foundation.outputs import check_own_file
 from observer_rt.foundation.units import MICROSECOND
 

@@ -20,7 +20,6 @@ from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_monitoring.arrivals import SECOND
 from observer_rt.daemon.input_monitoring.input_watch import LASTING
 from observer_rt.daemon.input_monitoring.silence import REPORTED_AFTER
-from observer_rt.daemon.nominal import ComparedRate, NominalInjection, References
 from observer_rt.daemon.snapshot import (
     KEPT,
     WITH_CURVES,
@@ -44,7 +43,8 @@ from observer_rt.engine.reports.injection_report import (
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
-from observer_rt.engine.service.constants import calibration_of
+from observer_rt.engine.service.injector import calibration_of
+from observer_rt.engine.service.nominal import ComparedRate, NominalInjection, References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from observer_rt.bus.alignment.timekeeping import LARGEST_DRIFT, MessageTiming
+from observer_rt.bus.alignment import LARGEST_DRIFT, MessageTiming
 from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.snapshot import InputStatus, StatusLevel, StatusLine
-from observer_rt.engine.service.learners import noise_text
+from observer_rt.engine.service.injector import noise_text
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLISECOND, ZERO_CELSIUS
 
 PAUSE = 10 * MILLISECOND  # lateness that is none of a bus

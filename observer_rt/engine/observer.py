@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.alignment import make_recorded
+from observer_rt.bus.alignment import Break, make_recorded
 from observer_rt.core.stream.stepper import Stepper
 from observer_rt.core.stream.stream import (
     COMMANDS,
@@ -26,14 +26,6 @@ from observer_rt.engine.learning.adequacy import Innovations
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
 from observer_rt.engine.mailbox import begin_with
-from observer_rt.engine.stream.front_end import (
-    confirming_samples,
-    noise_gain,
-    ramp_samples,
-    samples_ahead,
-    toe_samples,
-    undoing_of,
-)
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
 from observer_rt.engine.stream.state import (
     CHANNEL,
@@ -44,18 +36,21 @@ from observer_rt.engine.stream.state import (
     Constants,
     Observer,
     Timing,
+    confirming_samples,
     no_verdicts,
+    noise_gain,
+    ramp_samples,
     sample_dtype,
+    samples_ahead,
+    toe_samples,
+    undoing_of,
 )
-from observer_rt.foundation.continuity import Break
 from observer_rt.foundation.units import MILLISECOND
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effective import averaged
+from observer_rt.model.effective import Clock, averaged, sensor_of
 from observer_rt.model.effects import effective_model
-from observer_rt.model.forcing import Clock
 from observer_rt.model.parameters import InjectorParameters
-from observer_rt.model.sensor import sensor_of
 from observer_rt.model.stability import substeps_needed
 
 SETTLE = 3 * MILLISECOND

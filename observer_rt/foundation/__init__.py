@@ -1,1 +1,1 @@
-"""Foundation that every room may use: the two kinds of failure, units, words of continuity."""
+"""Foundation that every room may use: the two kinds of failure, units, files, options."""

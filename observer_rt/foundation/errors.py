@@ -1,10 +1,20 @@
-"""The kinds of failure a user can meet, their exit codes, and what a misspelt name probably meant."""
+"""Kinds of failure a user can meet, their exit codes; what a misspelt name meant; which extra brings a library."""
 
 from collections.abc import Iterable
 from difflib import SequenceMatcher
+from importlib.util import find_spec
 
 REMEDY = "\n  remedy: "  # between a problem and what to do
 CUTOFF = 0.4  # likeness below which two names have nothing to do with each other
+
+EXTRAS = {
+    "asammdf": "desk",
+    "jinja2": "desk",
+    "matplotlib": "desk",
+    "dask": "batch",
+    "distributed": "batch",
+    "tornado": "monitor",
+}
 
 
 class ObserverError(Exception):
@@ -59,3 +69,18 @@ def hint(name: str, names: Iterable[str]) -> str:
     """End of a message: `; the nearest is 'X'`, or nothing when no known name is near."""
     best = nearest(name, names)
     return "" if best is None else f"; the nearest is '{best}'"
+
+
+def missing_library(module: str) -> UserError | None:
+    """The error for a module that is not installed; None where no extra brings it."""
+    library = module.partition(".")[0]
+    if library not in EXTRAS:
+        return None
+    return UserError(library, "is not installed", f"pip install 'observer-rt[{EXTRAS[library]}]'")
+
+
+def require(*modules: str) -> None:
+    """Raise `UserError` where a module is not installed: before long work, or in the place of another process."""
+    for module in modules:
+        if find_spec(module) is None and (error := missing_library(module)) is not None:
+            raise error

@@ -14,10 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from observer_rt.foundation.console import FIGURE_SUFFIXES, check_suffix
-from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.extras import require
-from observer_rt.foundation.file_kinds import FileKind, refuse_other_kind
-from observer_rt.foundation.files import file_errors
+from observer_rt.foundation.errors import RunError, UserError, require
+from observer_rt.foundation.files import FileKind, file_errors, refuse_other_kind
 
 IN_A_CALL = "give force=True"
 """How a user of the library asks for what --force is on the command line."""

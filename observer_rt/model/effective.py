@@ -1,5 +1,6 @@
-"""The effective model: parameters with the effects in force, and its normalised coefficients of (25), by element."""
+"""The effective model: parameters with the effects in force; its coefficients of (25), its sensor, its clock."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -8,12 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.foundation.units import MILLIMETRE
-from observer_rt.model.hydraulics import Nozzle, Sac, Seat, nozzle_of, sac_of, seat_flow_scale, seat_of
-from observer_rt.model.line.interface import line_of
+from observer_rt.model.hydraulics import (
+    Nozzle,
+    Sac,
+    Seat,
+    Valve,
+    nozzle_of,
+    sac_of,
+    seat_flow_scale,
+    seat_of,
+    valve_of,
+)
+from observer_rt.model.line import line_of
 from observer_rt.model.parameters import NO_DEPARTURES, Departures, InjectorParameters
-from observer_rt.model.terms.term import Term
-from observer_rt.model.terms.variable import Variable
-from observer_rt.model.valve import Valve, valve_of
+from observer_rt.model.terms.term import Term, Variable
+
+LAG_UNIT = 1e-4  # s, in which the lag is counted, so that all parameters are of order one
+NO_PROGRAM = np.empty((0, 2))
 
 
 class Coefficients(NamedTuple):
@@ -112,9 +124,9 @@ class EffectiveModel:
 
     @cached_property
     def program(self) -> NDArray[np.float64]:
-        """Program of the terms (n, 2) for compiled code, see `forcing`."""
+        """Program of the terms (n, 2) for compiled code, empty without any."""
         if not self.terms:
-            return np.empty((0, 2))
+            return NO_PROGRAM
         from observer_rt.model.terms.program import program_of  # optional: [[terms]]
 
         return program_of(self.terms, {Variable.MAX_LIFT: self.injector.seat.max_lift / MILLIMETRE})
@@ -133,3 +145,33 @@ class EffectiveModel:
         """The model with other values in its `departures`, `inputs` or `sensor`."""
         changed = getattr(self, terms)._replace(**changes)
         return replace(self, **{terms: changed})
+
+
+class Sensor(NamedTuple):
+    """The line-pressure sensor of the model in force, as samples see it, before the learned corrections.
+
+    Sample k + late of the recorded line pressure belongs to the time `fraction` (0 to 1) of a sample before that of
+    sample k of the inputs.
+    """
+
+    lag: float = 0.0  # s
+    offset: float = 0.0  # in units of p_0
+    late: int = 0  # samples, < 0: early
+    fraction: float = 0.0  # of a sample
+
+
+def sensor_of(terms: SensorTerms, pressure_scale: float, interval: float) -> Sensor:
+    """A sensor at a sample interval [s]; pressure_scale p_0 [Pa]."""
+    delay = terms.delay / interval
+    late = math.floor(delay)
+    return Sensor(terms.lag, terms.offset / pressure_scale, late, delay - late)
+
+
+class Clock(NamedTuple):
+    """Counts for laws: time [s] and openings of the needle up to a sample."""
+
+    time: float = 0.0
+    injections: float = 0.0
+
+
+NO_CLOCK = Clock()

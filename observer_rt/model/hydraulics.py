@@ -1,15 +1,53 @@
-"""Seat, sac and nozzle, (21)-(23): their coefficients, of laws that are in core.model.hydraulics."""
+"""Hydraulics of the injector, (21)-(23): coefficients of pilot valve, seat, sac and nozzle, of laws in core.model.
+
+The pilot valve of a servo injector takes fuel out of the line's end: it drains the control chamber into the return, c
+G(t) sqrt(p_L / 100 MPa), from before the needle leaves its seat to before it begins to fall: both earlier the lower
+the rail pressure, as (p_R / 100 MPa)^-n. Where the injector's command is known, it opens and shuts some time after
+its edges. The equations are `core/model/valve.pxd` and `core/model/servo.pxi`; none of that fuel is injected.
+"""
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from observer_rt.core.model.laws import seat_area
-from observer_rt.model.parameters import Departures, InjectorParameters
 
+if TYPE_CHECKING:
+    from observer_rt.model.parameters import Departures, InjectorParameters
+
+START, END = 0.25e-3, 0.20e-3  # s, of an injector whose file does not state them
+DELAY = 0.1e-3  # s, after both edges of the injector's command
+AT = 100e6  # Pa, of the line and of the rail, to which flow and times belong
 TRANSITION_PRESSURE = 0.5e6  # Pa, below which the orifice laws turn linear
 
 
-def jet_velocity(parameters: InjectorParameters) -> float:
+class Valve(NamedTuple):
+    """When the valve is open, and how its flow changes."""
+
+    start: float = START  # s before the needle leaves its seat, at 100 MPa
+    end: float = END  # s before it begins to fall
+    hold: float = 0.0  # h: share by which the flow is larger while the needle is at its stop
+    exponent: float = 0.0  # n
+    # 1: start and end are counted from the edges of the command, whatever the rail pressure.
+    commanded: float = 0.0
+
+    def by_commands(self) -> "Valve":
+        """The valve of an injector whose commands are known."""
+        return Valve(-DELAY, -DELAY, self.hold, commanded=1.0)
+
+
+def valve_of(parameters: "InjectorParameters") -> Valve:
+    """The valve of an injector's file."""
+    line = parameters.line
+    stated = line.control_start, line.control_end, line.control_hold, line.control_exponent
+    return Valve(*(usual if one is None else one for one, usual in zip(stated, Valve(), strict=False)))
+
+
+def control_flow_at_scale(parameters: "InjectorParameters") -> float:
+    """c at the pressure scale p_0 [m3/s]."""
+    return (parameters.line.control_flow or 0.0) * math.sqrt(parameters.scaling.pressure / AT)
+
+
+def jet_velocity(parameters: "InjectorParameters") -> float:
     """Velocity of a jet at p_0 [m/s]."""
     return math.sqrt(2 * parameters.scaling.pressure / parameters.fluid.density_nozzle)
 
@@ -25,7 +63,7 @@ class Seat(NamedTuple):
     loss_lift: float  # x_c, m
 
 
-def seat_of(parameters: InjectorParameters, departures: Departures) -> Seat:
+def seat_of(parameters: "InjectorParameters", departures: "Departures") -> Seat:
     """The seat of an injector."""
     return Seat(
         transition=TRANSITION_PRESSURE / parameters.scaling.pressure,
@@ -37,12 +75,12 @@ def seat_of(parameters: InjectorParameters, departures: Departures) -> Seat:
     )
 
 
-def seat_flow_scale(parameters: InjectorParameters) -> float:
+def seat_flow_scale(parameters: "InjectorParameters") -> float:
     """Q_S [m3/s] through the area A_0 at p_0."""
     return parameters.seat.flow_coefficient * parameters.scaling.area * jet_velocity(parameters)
 
 
-def full_lift_area(parameters: InjectorParameters) -> float:
+def full_lift_area(parameters: "InjectorParameters") -> float:
     """Seat area A_S at the needle's stop [m2]."""
     seat = parameters.seat
     return seat_area(seat.max_lift, seat.diameter, math.radians(seat.cone_angle / 2))
@@ -59,7 +97,7 @@ class Nozzle(NamedTuple):
     chamber_rise_with_seat: float  # the same for every unit of u_2
 
 
-def nozzle_of(parameters: InjectorParameters, departures: Departures) -> Nozzle:
+def nozzle_of(parameters: "InjectorParameters", departures: "Departures") -> Nozzle:
     """The nozzle of an injector."""
     p_0 = parameters.scaling.pressure
     nozzle = parameters.nozzle
@@ -83,7 +121,7 @@ class Sac(NamedTuple):
     a6: float  # drained through the nozzle
 
 
-def sac_of(parameters: InjectorParameters, nozzle_flow: float, seat_flow: float) -> Sac:
+def sac_of(parameters: "InjectorParameters", nozzle_flow: float, seat_flow: float) -> Sac:
     """The sac of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
     stiffness = parameters.fluid.bulk_modulus_sac / parameters.nozzle.sac_volume / parameters.scaling.pressure
     return Sac(stiffness * seat_flow, stiffness * nozzle_flow)

@@ -17,13 +17,12 @@ from typing import Annotated, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-import observer_rt.model.line.lump  # noqa: F401 - the lines every injector may have
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.baseline import Baseline, Remainder
-from observer_rt.model.line.interface import known_line
-from observer_rt.model.line.wave import FEWEST_CELLS, MOST_CELLS
+from observer_rt.model.line import known_line
 from observer_rt.model.terms.in_force import TermInForce
+from observer_rt.model.wave_line import FEWEST_CELLS, MOST_CELLS
 
 FORMAT = 1  # of `injector.toml`; raised when an older program would misread a newer file
 
@@ -80,7 +79,7 @@ class LineParameters(_Section):
     inlet_loss_factor: NonNegative | None = None  # xi_I of a throttle between rail and line, -
     impedance_ratio: Annotated[float, Field(ge=0.2, le=5.0)] | None = None  # injector's part over the rail's
     impedance_step: Annotated[float, Field(ge=0.1, le=0.9)] | None = None  # its place from the rail, or 0.5
-    # of a servo injector, see `model.valve`; each None means that the injector has none of it
+    # of a servo injector, see `model.hydraulics`; each None means that the injector has none of it
     control_flow: Annotated[NonNegative | None, UnitName("m3/s")] = None  # c, of the pilot valve at 100 MPa
     # before the needle leaves its seat, at 100 MPa
     control_start: Annotated[ValveTime | None, UnitName("s")] = None

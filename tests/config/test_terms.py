@@ -13,8 +13,7 @@ from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.dimensions import coefficient_unit
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.model.terms.variable import VARIABLES
+from observer_rt.model.terms.term import VARIABLES, Term, TermEquation
 from tests.config.test_effects import injector_file, refusal
 
 PLUGGED = """

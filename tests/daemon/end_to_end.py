@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import Frame
 from observer_rt.config.bench import EXAMPLE_BENCH, PACKAGE_DATA, load_bench
 from observer_rt.engine.service.messages import OutputFrame
-from observer_rt.engine.stream.front_end import samples_ahead
+from observer_rt.engine.stream.state import samples_ahead
 
 DATABASE = cantools.database.load_file(PACKAGE_DATA / "observer_fd.dbc")
 RATE = DATABASE.get_message_by_name("InjectionRate")

@@ -17,16 +17,16 @@ from observer_rt.bus.links.link import BusCondition, Frame, Link, LinkDownError
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
-from observer_rt.daemon import link_opening
+from observer_rt.daemon import bus_connection
 from observer_rt.daemon.daemon import Daemon
 from observer_rt.daemon.input_monitoring.arrivals import Arrivals
-from observer_rt.daemon.nominal import References
 from observer_rt.daemon.pump.pump import FramePump
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
+from observer_rt.engine.service.nominal import References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
@@ -215,7 +215,7 @@ def give_link(monkeypatch: pytest.MonkeyPatch, link: Link) -> None:
         is_input = (BLOCK_ID, False) in wanted
         return link if is_input else FakeLink()
 
-    monkeypatch.setattr(link_opening, "open_link", opened)
+    monkeypatch.setattr(bus_connection, "open_link", opened)
 
 
 def bench_file(folder: Path, channel: str, interface: str = "virtual") -> Path:

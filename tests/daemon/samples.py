@@ -21,18 +21,16 @@ from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, Energizing
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
 from observer_rt.engine.learning.disturbances.edges import EdgeSearch
-from observer_rt.engine.learning.disturbances.held_rail import HeldRail
 from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
 from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.knowledge import Knowledge, LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.engine.learning.lift_lag import LiftLagSearch
 from observer_rt.engine.learning.overdispersion import Overdispersion
 from observer_rt.engine.learning.pressure_lag import no_doubt
-from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
-from observer_rt.engine.stream.standstill import RestingLift
+from observer_rt.engine.stream.standstill import HeldRail, RestingLift
 from observer_rt.engine.stream.state import Reason, State
 
 PRESSURE_SCALE = 1e8  # Pa

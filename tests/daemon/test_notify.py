@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.daemon.notify import Notifier
+from observer_rt.daemon.log import Notifier
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.alignment import RECORDED
+from observer_rt.bus.alignment import RECORDED, Break
 from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import INJECTIONS, RECORDED_RING, RING
 from observer_rt.engine.estimation.gain import NoiseLevels
@@ -26,7 +26,6 @@ from observer_rt.engine.observer import (
 from observer_rt.engine.stream.standstill import RestingLift, Standstill, standstill_of
 from observer_rt.engine.stream.state import LIFT, Observer, sample_dtype
 from observer_rt.engine.stream.state import RAIL as RAIL_CHANNEL
-from observer_rt.foundation.continuity import Break
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.parameters import InjectorParameters
 

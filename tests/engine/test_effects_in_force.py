@@ -8,7 +8,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.stream.stream import REACH
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET, SEAT
 from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.stream.front_end import samples_ahead
+from observer_rt.engine.stream.state import samples_ahead
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
 from tests.engine.plant_runs import GATED, in_force, run_plant

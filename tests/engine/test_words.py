@@ -10,9 +10,7 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import load_injector
-from observer_rt.daemon.event_logger import EventLogger
-from observer_rt.daemon.log import ServiceLog
-from observer_rt.daemon.notify import Notifier
+from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
 from observer_rt.engine.estimation.scalars import OFFSET
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.stream.state import Reason, State

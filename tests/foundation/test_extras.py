@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH
-from observer_rt.foundation.extras import EXTRAS
+from observer_rt.foundation.errors import EXTRAS
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHOUT = """

@@ -16,7 +16,7 @@ from observer_rt.core.model.model import REACH, rates_of_change, slopes_of_flows
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, by_theta, learned_of
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
-from observer_rt.model.line.lump import LumpLine
+from observer_rt.model.line import LumpLine
 from observer_rt.model.parameters import LineOutflow
 from observer_rt.model.right_hand_side import tangent_of
 from tests.model.conftest import State

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.injector import SamplingConfig
 from observer_rt.core.model.model import rates_of_change
-from observer_rt.engine.service.constants import bench_constants
+from observer_rt.engine.service.injector import bench_constants
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area

@@ -1,15 +1,17 @@
-"""Opens links: chooses the implementation; listens a moment whether another node sends what will be sent."""
+"""Opens links, and again after an outage: chooses the implementation; listens a moment who else sends."""
 
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future
 
-from observer_rt.bus.links.link import BusFrame, Link
+from observer_rt.bus.links.link import BusFrame, Link, LinkDownError
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 _OURS = ("socketcan", "descriptor")
 LISTENING = 0.5  # s; a windowed source pauses for about a tenth
 _TURN = 0.02  # s, of one bus among several
+RECONNECT_PERIOD = 0.1  # s between tries
 
 
 def require_interface(location: str, name: str) -> None:
@@ -73,3 +75,38 @@ def first_heard(links: Mapping[int, Link], stop: threading.Event) -> BusFrame | 
             if frame is not None:
                 return BusFrame(bus, frame)
     return None
+
+
+class BusDownError(LinkDownError):
+    """The interface of one bus went down or away."""
+
+    def __init__(self, bus: int, error: LinkDownError) -> None:
+        self.bus = bus
+        super().__init__(str(error))
+
+
+class Outage:
+    """Time from a `LinkDownError` until the link is back, reconnected beside: whoever asks waits for nothing."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._attempt: Future[None] | None = None
+        self._due = time.monotonic() + RECONNECT_PERIOD
+
+    def is_over(self, executor: Executor) -> bool:
+        """Whether the link can be used again; tries that are due are made in the executor.
+
+        Raises:
+            LinkDownError: why the last try failed; others follow.
+            RunError: it failed for good.
+        """
+        if self._attempt is None:
+            if time.monotonic() >= self._due:
+                self._attempt = executor.submit(self._link.reconnect)
+            return False
+        if not self._attempt.done():
+            return False
+        attempt, self._attempt = self._attempt, None
+        self._due = time.monotonic() + RECONNECT_PERIOD
+        attempt.result()
+        return True

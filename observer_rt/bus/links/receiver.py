@@ -7,7 +7,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 
 from observer_rt.bus.links.link import LONGEST_WAIT, BusFrame, Link, LinkDownError
-from observer_rt.bus.links.outage import RECONNECT_PERIOD
+from observer_rt.bus.links.opening import RECONNECT_PERIOD
 
 CAPACITY = 20_000  # frames that reading threads keep; what comes on top of them waits in the drivers
 _FULL_WAIT = 1e-3  # s

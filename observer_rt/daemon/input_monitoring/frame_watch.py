@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from observer_rt.bus.alignment.timekeeping import LARGEST_DRIFT, MessageTiming
+from observer_rt.bus.alignment import LARGEST_DRIFT, MessageTiming
 from observer_rt.daemon.input_monitoring.arrivals import Arrivals, WatchedMessage
 from observer_rt.daemon.input_monitoring.silence import REPORTED_AFTER
 from observer_rt.engine.reports.news import Notice

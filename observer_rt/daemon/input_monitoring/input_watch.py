@@ -14,8 +14,8 @@ from observer_rt.daemon.input_monitoring.arrivals import SECOND, Arrivals, Watch
 from observer_rt.daemon.input_monitoring.frame_watch import FrameWatch, RateWatch
 from observer_rt.daemon.input_monitoring.silence import Samples, SilenceWatch, ValueWatch
 from observer_rt.engine.reports.news import Notice
-from observer_rt.engine.service.constants import configured_noise
 from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.injector import configured_noise
 from observer_rt.engine.signal_survey import OPEN, SignalSurvey, Survey, implausible, swapped
 from observer_rt.engine.stream.standstill import LiftFigures
 from observer_rt.engine.stream.state import Reason, State

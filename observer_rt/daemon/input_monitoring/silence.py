@@ -13,7 +13,7 @@ from observer_rt.core.frames.frames import IMPOSSIBLE
 from observer_rt.daemon.input_monitoring.arrivals import SECOND, Arrivals, WatchedMessage, sources_of
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.reports.news import Notice
-from observer_rt.engine.service.learners import SIGNALS
+from observer_rt.engine.service.injector import SIGNALS
 from observer_rt.engine.words import Topic
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 

@@ -17,7 +17,7 @@ from observer_rt.daemon.persistence.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.file_kinds import JOURNAL, LEARNED_STATE
+from observer_rt.foundation.files import JOURNAL, LEARNED_STATE
 from observer_rt.foundation.outputs import check_folder, check_own_file
 
 LONGEST_ID = 20  # digits of a process id

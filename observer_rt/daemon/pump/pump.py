@@ -13,7 +13,7 @@ from functools import partial
 from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES
 from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.links.link import LONGEST_WAIT, Link, LinkDownError
-from observer_rt.bus.links.outage import BusDownError
+from observer_rt.bus.links.opening import BusDownError
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS

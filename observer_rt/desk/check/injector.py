@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from observer_rt.bus.alignment.timekeeping import LINE_SLOPE
+from observer_rt.bus.alignment import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import (
     BusMap,
@@ -28,9 +28,14 @@ from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
 from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.engine.observer import Durations, constants_for
-from observer_rt.engine.service.constants import bench_constants, calibration_of, configured_noise, rail_every
-from observer_rt.engine.service.learners import doubt_about_fit
-from observer_rt.engine.stream.front_end import noise_gain
+from observer_rt.engine.service.injector import (
+    bench_constants,
+    calibration_of,
+    configured_noise,
+    doubt_about_fit,
+    rail_every,
+)
+from observer_rt.engine.stream.state import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import (
     LENGTH_UNITS,

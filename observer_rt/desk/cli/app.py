@@ -14,8 +14,7 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup
 from observer_rt import __version__
 from observer_rt.desk.cli.command import messages, with_options
 from observer_rt.foundation.console import say
-from observer_rt.foundation.errors import ObserverError, UserError
-from observer_rt.foundation.extras import missing_library
+from observer_rt.foundation.errors import ObserverError, UserError, missing_library
 
 EXIT_CODES = (
     "Exit code: 0 there is a result; 1 it failed at run time, or `check` found an error; "

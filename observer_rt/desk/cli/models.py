@@ -15,8 +15,7 @@ from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
-from observer_rt.foundation.errors import InterruptionError, UserError
-from observer_rt.foundation.extras import require
+from observer_rt.foundation.errors import InterruptionError, UserError, require
 from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Standing, Writes
 from observer_rt.foundation.outputs import check_output, make_folder
 
@@ -62,7 +61,7 @@ def fit(options: FitOptions) -> None:
     from observer_rt.config.channels import effects_on_one_raster
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.fitted_model import fitted_model
-    from observer_rt.engine.service.constants import calibration_of
+    from observer_rt.engine.service.injector import calibration_of
     from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
     from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.report import print_fit

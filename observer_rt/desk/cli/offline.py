@@ -10,7 +10,7 @@ from observer_rt.desk.cli.command import messages
 from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
 from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_kinds import REPRODUCED
+from observer_rt.foundation.files import REPRODUCED
 from observer_rt.foundation.options import Option, Standing, Writes
 from observer_rt.foundation.outputs import check_output, make_folder, write_text
 from observer_rt.foundation.units import MILLISECOND

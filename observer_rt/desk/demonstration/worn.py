@@ -25,13 +25,13 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.bench_file import LinkConfig
 from observer_rt.core.frames.frames import decode_signals
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.nominal import ComparedRate, NominalInjection
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.desk.demonstration.bench_injector import BenchOperation, Departure, record
 from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News, Notes
+from observer_rt.engine.service.nominal import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import plain_table, stop_on_signals

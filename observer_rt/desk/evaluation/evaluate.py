@@ -32,7 +32,7 @@ from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learned_curves import LearnedCurve, learned_curves
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass
-from observer_rt.engine.service.learners import LearnerFactory, make_learner
+from observer_rt.engine.service.injector import LearnerFactory, make_learner
 from observer_rt.engine.service.messages import Counters, OutputFrame
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.files.replay.framing import bench_for

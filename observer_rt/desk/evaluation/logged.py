@@ -16,8 +16,8 @@ from observer_rt.config.channels import as_sent
 from observer_rt.config.injector import Meaning
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.log_watch import LogWatch
-from observer_rt.engine.service.constants import bench_constants
 from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.service.messages import Counters
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.canlog.can_log import NANOSECONDS

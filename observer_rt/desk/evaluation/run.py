@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment import Break
 from observer_rt.bus.links.link import BusFrame, FrameBlock, blocks_of
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
@@ -22,15 +23,14 @@ from observer_rt.engine.observer import commands_at, energize, remembered
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.engine.service.core import Core
-from observer_rt.engine.service.learners import LearnerFactory, make_learner
+from observer_rt.engine.service.injector import LearnerFactory, make_learner
 from observer_rt.engine.service.messages import OutputFrame
-from observer_rt.engine.stream.follower import Follower
+from observer_rt.engine.service.nominal import Follower
 from observer_rt.engine.stream.state import Constants, Observer
 from observer_rt.files.replay.recording_frames import Device
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.continuity import Break
-from observer_rt.model.forcing import Clock
+from observer_rt.model.effective import Clock
 
 if TYPE_CHECKING:
     from observer_rt.desk.evaluation.evaluate import Evaluation

@@ -20,7 +20,6 @@ from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.gating import Belief, GatedBelief, best_subset
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import Theta
-from observer_rt.engine.estimation.shrinkage import shrink
 from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.indicators import indicators_of
 from observer_rt.engine.learning.interval import (
@@ -32,6 +31,7 @@ from observer_rt.engine.learning.interval import (
     volume_interval,
 )
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge, Outcome
+from observer_rt.engine.learning.learned_injector import shrink
 from observer_rt.engine.learning.learned_range import (
     FLOW_KNOWN,
     UNSEEN,
@@ -41,8 +41,7 @@ from observer_rt.engine.learning.learned_range import (
 )
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.service.constants import EVENTS_REQUIRED
-from observer_rt.engine.service.learners import make_learner
+from observer_rt.engine.service.injector import EVENTS_REQUIRED, make_learner
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason, State
 from observer_rt.foundation.units import Z_95

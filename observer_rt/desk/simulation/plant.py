@@ -11,9 +11,9 @@ from observer_rt.core.model.model import Model, Terms, Weights, rest_state
 from observer_rt.core.plant.plant import run_injector
 from observer_rt.desk.simulation.schedule import Stroke
 from observer_rt.model.effective import EffectiveModel
-from observer_rt.model.line.wave import WaveLine, cells_for
 from observer_rt.model.network import constant_network
 from observer_rt.model.stability import fastest_rate
+from observer_rt.model.wave_line import WaveLine, cells_for
 
 LONGEST_STEP = 1e-6  # s
 LONGEST_WAVE_STEP = 2e-6  # s, of a line of cells

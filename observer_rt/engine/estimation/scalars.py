@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from observer_rt.core.model.model import SENSOR_NUMBERS
 from observer_rt.engine.estimation.gating import Gate
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MM3_PER_MS
-from observer_rt.model.effective import Coefficients
-from observer_rt.model.line.interface import stiffened
+from observer_rt.model.effective import LAG_UNIT, Coefficients
+from observer_rt.model.hydraulics import AT, Valve
+from observer_rt.model.line import stiffened
 from observer_rt.model.network import (
     BASIS,
     GROUPS,
@@ -27,8 +28,6 @@ from observer_rt.model.network import (
     network_with,
 )
 from observer_rt.model.right_hand_side import ByTheta
-from observer_rt.model.sensor import LAG_UNIT
-from observer_rt.model.valve import AT, Valve
 
 Theta = NDArray[np.float64]
 """A parameter vector, as wide as its table: (m,)."""

@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop, input_variance, open_loop
-from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.engine.estimation.predictor import (
+    InputVariance,
+    OpenLoop,
+    Setting,
+    Window,
+    input_variance,
+    open_loop,
+)
 from observer_rt.foundation.units import Z_95
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 

@@ -15,12 +15,11 @@ from observer_rt.engine.learning.disturbances.colour import offset_between
 from observer_rt.engine.learning.disturbances.noise_levels import median
 from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, Outcome
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, Outcome
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import explain
 from observer_rt.engine.learning.posterior.outcome import outcome_of
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader
-from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants, Reason
 from observer_rt.foundation.units import MEGAPASCAL

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.whitening import HUBER
-from observer_rt.engine.estimation.open_loop import OpenLoop
 from observer_rt.engine.estimation.prediction_error import EventCost
-from observer_rt.engine.estimation.predictor import Setting, Window, innovations
+from observer_rt.engine.estimation.predictor import OpenLoop, Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import Parameter, learned_of, sensor_lag
 from observer_rt.engine.learning.fitting import EventFit, freed
 

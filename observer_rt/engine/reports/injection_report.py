@@ -21,7 +21,7 @@ from observer_rt.engine.learning.interval import (
     volume_budget,
     volume_interval,
 )
-from observer_rt.engine.reports.event_record import EventRecord
+from observer_rt.engine.learning.knowledge import EventRecord
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import InjectionFacts, contested, reason_of_injection
 from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND, MILLIGRAM, MM3_PER_MS, Z_95, ZERO_CELSIUS

@@ -12,8 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt import __version__
-from observer_rt.bus.alignment.alignment import begun_at, is_stale, make_alignment, progress
-from observer_rt.bus.alignment.timekeeping import MessageTiming, make_timekeeping, timing_of
+from observer_rt.bus.alignment import (
+    MessageTiming,
+    begun_at,
+    is_stale,
+    make_alignment,
+    make_timekeeping,
+    progress,
+    timing_of,
+)
 from observer_rt.bus.database.e2e import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
@@ -21,14 +28,19 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import RING, dead_band
 from observer_rt.engine.estimation.signal_noise import SlowNoise
-from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
+from observer_rt.engine.learning.knowledge import EventRecord, Knowledge, no_knowledge
 from observer_rt.engine.observer import make_observer, samples_at
-from observer_rt.engine.reports.event_record import EventRecord
 from observer_rt.engine.reports.injection_report import report_of
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
-from observer_rt.engine.service.constants import bench_constants, configured_noise
+from observer_rt.engine.service.injector import (
+    LearnerFactory,
+    bench_constants,
+    configured_noise,
+    healthy_injector,
+    make_learner,
+    slow_noise_of,
+)
 from observer_rt.engine.service.judging import InlineExecutor, Judging
-from observer_rt.engine.service.learners import LearnerFactory, healthy_injector, make_learner, slow_noise_of
 from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted
 from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.service.pipeline import (

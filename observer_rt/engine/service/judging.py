@@ -12,10 +12,16 @@ from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.adequacy import Examination, Examiner, Innovations, Objection
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.engine.learning.knowledge import Adoption, EventLearner, Knowledge, Outcome
+from observer_rt.engine.learning.knowledge import (
+    Adoption,
+    EventLearner,
+    EventRecord,
+    Fuel,
+    Knowledge,
+    Outcome,
+)
 from observer_rt.engine.mailbox import has_room, post_examined, post_learned
 from observer_rt.engine.observer import event_innovations, event_standstill, event_window
-from observer_rt.engine.reports.event_record import EventRecord, Fuel
 from observer_rt.engine.service.pipeline import CompiledPipeline
 from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
 from observer_rt.engine.stream.state import Reason, VerdictKind

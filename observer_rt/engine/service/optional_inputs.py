@@ -13,8 +13,8 @@ from observer_rt.config.signals import OptionalRole
 from observer_rt.core.frames.frames import READINGS
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.reports.news import Listener, MeasuredMass
-from observer_rt.engine.service.constants import bench_constants
 from observer_rt.engine.service.energizing import EnergizingFigures, EnergizingWatch
+from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.service.pipeline import CompiledPipeline
 from observer_rt.engine.stream.state import Reason
 

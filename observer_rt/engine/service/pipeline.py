@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.alignment import Alignment
-from observer_rt.bus.alignment.timekeeping import Timekeeping
+from observer_rt.bus.alignment import Alignment, Timekeeping
 from observer_rt.bus.database import e2e
 from observer_rt.bus.database.codec import SIGNAL
 from observer_rt.bus.links.link import FrameBlock

@@ -1,4 +1,9 @@
-"""Findings while the needle is closed: noise levels, the offset between line and rail pressure, the lift sensor."""
+"""Findings while the needle is closed: noise levels, offset between line and rail pressure, lift, a rail held.
+
+A rail pressure that is held is not measured, but the set value, or what a device sends when its sensor is dead. It
+is the same from sample to sample, so that no sample shows it for a channel that repeats its values anyway. But no
+rail keeps its pressure through whole injections, and through the noise that the line pressure shows.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -8,6 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import DIFFERENCE_GAIN, ENOUGH_SAMPLES, LIFT_MEMORY
 from observer_rt.engine.estimation.gain import NoiseLevels
+from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.stream.state import Observer
 
 ENOUGH_OPENINGS = 5
@@ -16,6 +22,7 @@ TOLERATED = 0.03  # share of the lift at the stop
 CONTRADICTED = 5.0
 _SPREAD = 1.3  # n times the variance of that logarithm: neighbouring differences share samples
 FLOOR = NoiseLevels(rail_pressure=0.01e6, line_pressure=0.01e6, needle_lift=0.02e-6)
+HELD_FOR = 2  # events in a row with one rail pressure
 
 
 @dataclass(frozen=True)
@@ -113,3 +120,29 @@ def _level(measured: float, stated: float, squares: int) -> float:
     """The stated level of a noise, unless the one measured from so many squares contradicts it."""
     within = math.exp(CONTRADICTED * math.sqrt(_SPREAD / squares))
     return stated if stated / within <= measured <= stated * within else measured
+
+
+@dataclass(frozen=True)
+class HeldRail:
+    """The one rail pressure [p_0] that the last so many events had; None: it moved in the last one."""
+
+    value: float | None = None
+    events: int = 0
+
+    @property
+    def is_held(self) -> bool:
+        """Whether enough events in a row had one."""
+        return self.events >= HELD_FOR
+
+    def after(self, window: Window, standstill: Standstill, rail_every: float) -> "HeldRail":
+        """Adds an event.
+
+        rail_every: samples to one of the rail pressure; a slow one may have the same value in an event. A recording
+        without noise is computed, and so may its rail pressure be.
+        """
+        rail = window.inputs[:, 0]
+        is_noisy = standstill.noise is not None and standstill.noise.line_pressure > FLOOR.line_pressure
+        value = float(rail[0])
+        if rail_every > 1.0 or not is_noisy or np.ptp(rail) > 0.0:
+            return HeldRail()
+        return HeldRail(value, self.events + 1 if value == self.value else 1)

@@ -1,19 +1,28 @@
-"""The observer: rings of samples, events and injections, its constants, and what of the core works on them."""
+"""The observer: rings of samples, events and injections, constants with those of its front end, what works on them.
 
+A lift recorded too low (`lift_offset` > 0) does not show the lowest part of a ramp, its toe: there the ramp is
+extended to where the needle leaves or meets its seat. So it is in the first and the last sample of a lift that are
+means, for they hold only a part of a ramp.
+
+Stated lags are undone sample by sample. A rail pressure that is late is taken from later samples, on a straight line
+between two. A lift y whose sensor has the time constant tau is y + tau y', by central differences: they leave ramps
+as straight as they are, and what they take from one sample beside a corner they give to the next.
+"""
+
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stepper import Stepper
-from observer_rt.core.stream.stream import RECORDS, SLOTS, Stream
+from observer_rt.core.stream.stream import FEWEST_OPENING, LOOK_BACK, RECORDS, SLOTS, SLOWEST_OPENING, Stream
 from observer_rt.engine.estimation.gain import GainSchedule
-from observer_rt.foundation.continuity import Break, Doubt
 from observer_rt.foundation.records import dtype_of
 from observer_rt.model.accuracy import StatedAccuracy
-from observer_rt.model.effective import Coefficients, InputTerms
-from observer_rt.model.sensor import Sensor
+from observer_rt.model.effective import Coefficients, InputTerms, Sensor
 
 RAIL, LIFT, LINE = range(3)  # numbers of the channels
 EVENT = dtype_of(RECORDS["Event"])
@@ -23,6 +32,20 @@ MEMORY = dtype_of(RECORDS["ObserverMemory"])
 _VERDICT = dtype_of(RECORDS["Verdict"])
 SAMPLE = dtype_of(RECORDS["Sample"])
 """A sample of the ring."""
+
+OPENING = 40e-6  # s above the dead band that open it: less is a spike
+MOST_OPENING = 8  # samples of that
+RAMP = 30e-6  # s of a ramp from which its slope is taken, behind its first sample
+LONGEST_RAMP = LOOK_BACK + FEWEST_OPENING - 2  # samples; so many are known when the slope is needed
+
+
+class Doubt(IntEnum):
+    """Fault of a sample that is there but cannot be trusted; numbers are those of `stream.state.Reason`."""
+
+    NONE = 0
+    TIME_BASE = 16  # when it was taken is not known well enough
+    FROZEN = 24  # an input keeps its value for longer than can be bridged
+    CLIPPED = 25  # an input stays at the end of its range
 
 
 class State(IntEnum):
@@ -177,3 +200,37 @@ class Observer(NamedTuple):
     verdicts: Verdicts
     stream: Stream
     stepper: Stepper  # of the pair
+
+
+def toe_samples(inputs: InputTerms, interval: float) -> int:
+    """Most samples of an opening ramp that the recorded lift does not show; sample interval [s]."""
+    return math.ceil(max(inputs.lift_shift, 0.0) / (SLOWEST_OPENING * interval))
+
+
+def confirming_samples(interval: float) -> int:
+    """Samples in a row above the dead band that open the needle; sample interval [s]."""
+    return min(max(round(OPENING / interval), FEWEST_OPENING), MOST_OPENING)
+
+
+def samples_ahead(interval: float) -> int:
+    """Samples the front end must know beyond the first recorded as open; sample interval [s]."""
+    return LOOK_BACK + confirming_samples(interval) - 1
+
+
+def ramp_samples(interval: float) -> int:
+    """Samples behind the first of a ramp from which its slope is taken; sample interval [s]."""
+    return min(max(round(RAMP / interval), 1), LONGEST_RAMP)
+
+
+def undoing_of(inputs: InputTerms, interval: float) -> Undoing:
+    """Corrections to undo at a sample interval [s]."""
+    late = inputs.rail_delay / interval
+    whole_samples = math.floor(late)
+    ahead = max(math.ceil(late), int(inputs.lift_lag > 0.0), 0)
+    stated = inputs.rail_delay != 0.0 or inputs.lift_lag != 0.0
+    return Undoing(stated, whole_samples, late - whole_samples, inputs.lift_lag / interval, ahead)
+
+
+def noise_gain(lag: float) -> float:
+    """Factor on the white noise of a lift where a lag of its sensor [samples] is undone."""
+    return math.sqrt(1.0 + 0.5 * lag**2)  # of central differences

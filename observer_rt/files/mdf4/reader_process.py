@@ -5,8 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.extras import require
+from observer_rt.foundation.errors import UserError, require
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.sandbox import WorkerError, run_apart
 

@@ -14,8 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from observer_rt.bus.links.link import FdFlags, Link, LinkDownError
-from observer_rt.bus.links.opening import first_heard, open_link
-from observer_rt.bus.links.outage import RECONNECT_PERIOD
+from observer_rt.bus.links.opening import RECONNECT_PERIOD, first_heard, open_link
 from observer_rt.bus.mapping.bus_map import map_bench, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.config.bench_file import LinkConfig, NamedLink

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import GainSchedule, gain_schedule
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics, phase_statistics
-from observer_rt.engine.stream.front_end import noise_gain
+from observer_rt.engine.stream.state import noise_gain
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MM3_PER_MS
 from observer_rt.identification.likelihood.bounded_fit import Residuals
@@ -31,7 +31,7 @@ from observer_rt.identification.likelihood.windows import (
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.hydraulics import Seat
-from observer_rt.model.line.interface import Line
+from observer_rt.model.line import Line
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording

@@ -17,8 +17,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effective import Coefficients, EffectiveModel, averaged
-from observer_rt.model.forcing import NO_CLOCK, Clock
+from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients, EffectiveModel, averaged
 
 LEAD = 3e-3  # s before an opening from which x~ runs
 COUNTED_LEAD = 1e-3  # s before an opening from which innovations count: by then x~ has forgotten its start

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.stream.stream import CONFIRM, FOOT, LOOK_BACK, dead_band
-from observer_rt.engine.stream.front_end import noise_gain
+from observer_rt.engine.stream.state import noise_gain
 
 RAMP = 8  # samples at most, through which the straight line of a ramp is laid
 RAMP_TIME = 80e-6  # s, of these samples

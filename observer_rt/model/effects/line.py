@@ -17,8 +17,8 @@ from observer_rt.model.effect import (
     scaled,
 )
 from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.hydraulics import valve_of
 from observer_rt.model.parameters import LineOutflow
-from observer_rt.model.valve import valve_of
 
 BULK_MODULUS = Effect(
     id="bulk_modulus",

@@ -16,8 +16,7 @@ from observer_rt.model.terms.law import (
     Quantity,
     Resonance,
 )
-from observer_rt.model.terms.term import TermEquation
-from observer_rt.model.terms.variable import PURE, Unit, unit_named
+from observer_rt.model.terms.term import PURE, TermEquation, Unit, unit_named
 
 _ALIKE = (Operation.ADD, Operation.SUBTRACT, Operation.GREATER, Operation.LESS, Operation.MIN, Operation.MAX)
 _COMPARED = (Operation.GREATER, Operation.LESS)

@@ -7,8 +7,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from observer_rt.foundation.errors import UserError, did_you_mean
-from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.model.terms.variable import PURE, UNIT_NAMES, VARIABLES, Variable, unit_named
+from observer_rt.model.terms.term import PURE, UNIT_NAMES, VARIABLES, Term, TermEquation, Variable, unit_named
 
 SeenRange = Mapping[Variable, tuple[float, float]]
 """Lowest and highest value of variables, in their units."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.model.terms.variable import Variable, unit_named
+from observer_rt.model.terms.term import Variable, unit_named
 
 Values = NDArray[np.float64]
 Memory = Callable[["Lag | Resonance", Values], Values]

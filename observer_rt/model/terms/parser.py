@@ -31,7 +31,7 @@ from observer_rt.model.terms.law import (
     Quantity,
     Resonance,
 )
-from observer_rt.model.terms.variable import UNIT_NAMES, VARIABLES, unit_named
+from observer_rt.model.terms.term import UNIT_NAMES, VARIABLES, unit_named
 
 LONGEST = 300  # characters
 DEEPEST = 30  # parentheses within parentheses

@@ -20,8 +20,7 @@ from observer_rt.model.terms.law import (
     Quantity,
     Resonance,
 )
-from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.model.terms.variable import Variable
+from observer_rt.model.terms.term import Term, TermEquation, Variable
 
 Numbers = NDArray[np.float64]
 

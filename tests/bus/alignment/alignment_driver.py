@@ -6,12 +6,11 @@ from enum import IntEnum
 
 import numpy as np
 
-from observer_rt.bus.alignment.alignment import Alignment, make_alignment, make_recorded
+from observer_rt.bus.alignment import Alignment, Break, make_alignment, make_recorded
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import decide_samples, place_samples, store_value
 from observer_rt.core.stream.stream import RECORDED_RING
-from observer_rt.foundation.continuity import Break
 
 CLOSED_LIFT = 2e-6  # m
 LIFT = ROLES.index(Role.NEEDLE_LIFT)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.timekeeping import jitter_of, make_clock
+from observer_rt.bus.alignment import jitter_of, make_clock
 from observer_rt.core.frames.frames import WINDOW, take_clock_stamp, time_by_clock
 
 EPOCH = 1_700_000_000_000_000_000  # ns

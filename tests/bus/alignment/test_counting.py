@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.alignment.timekeeping import make_clock, make_counting
+from observer_rt.bus.alignment import make_clock, make_counting
 from observer_rt.core.frames.frames import (
     count_one_frame,
     forget_clock,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from observer_rt.bus.alignment.timekeeping import Jitter, MessageTiming
+from observer_rt.bus.alignment import Jitter, MessageTiming
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.config.signals import Role

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from observer_rt.daemon.event_logger import line
+from observer_rt.daemon.log import line
 from observer_rt.engine.reports.injection_report import FIELDS, Output, row_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import contested

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.bus.links.outage import BusDownError
+from observer_rt.bus.links.opening import BusDownError
 from observer_rt.config.bench import load_bench
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.replay.framing import TimedFrame

@@ -11,7 +11,7 @@ from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash
 from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.engine.learning.knowledge import no_knowledge
-from observer_rt.engine.service.constants import configured_noise
+from observer_rt.engine.service.injector import configured_noise
 from observer_rt.model.parameters import LineOutflow
 from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
 

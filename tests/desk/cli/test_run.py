@@ -14,7 +14,7 @@ import pytest
 
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text, load_bench, load_injector
-from observer_rt.daemon import link_opening
+from observer_rt.daemon import bus_connection
 from observer_rt.daemon.persistence.state_file import learned_beside, load_knowledge, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.formats import read_recording
@@ -238,7 +238,7 @@ def test_an_interface_that_is_not_there_is_waited_for(
             raise LinkDownError(f"there is no interface {channel}\n  remedy: plug it in")
         return link if (BLOCK_ID, False) in wanted else FakeLink()
 
-    monkeypatch.setattr(link_opening, "open_link", opened)
+    monkeypatch.setattr(bus_connection, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert outcome.code == 1
     channel = load_bench(bench).config.link.channel
@@ -256,7 +256,7 @@ def test_another_sender_is_told_before_anything_is_sent(
         is_input = (BLOCK_ID, False) in wanted
         return ScriptedLink((), RunError("that was it")) if is_input else ScriptedLink([other])
 
-    monkeypatch.setattr(link_opening, "open_link", opened)
+    monkeypatch.setattr(bus_connection, "open_link", opened)
     outcome = command("run", "--bench", bench)
     assert "WARNING sender: another node sends ObserverStatus 0x202 already; remedy: stop" in outcome.err
     assert outcome.err.index("sender:") < outcome.err.index("ready")

@@ -13,11 +13,10 @@ from observer_rt.core.model.model import advance_state, slopes_of_flows
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels, gain_schedule
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import PARAMETERS, WEIGHTS, Parameter, learned_of
-from observer_rt.model.effective import Coefficients, coefficients
+from observer_rt.model.effective import LAG_UNIT, Coefficients, coefficients
 from observer_rt.model.effects import effective_model, sized
 from observer_rt.model.network import HIDDEN, Network, constant_network
 from observer_rt.model.parameters import InjectorParameters, LineOutflow
-from observer_rt.model.sensor import LAG_UNIT
 from observer_rt.model.stability import substeps_needed
 from tests.intervals import Interval
 

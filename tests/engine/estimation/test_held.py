@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.gating import Belief, prior_belief
-from observer_rt.engine.estimation.held import held_at
+from observer_rt.engine.estimation.gating import Belief, held_at, prior_belief
 
 HELD, DRAWS = 2, 15_000
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.model.laws import seat_area_slope
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.open_loop import input_variance, open_loop
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import Window, input_variance, open_loop
 from tests.engine.estimation.conftest import NOISE, Case, event_inputs, simulated_event, worn_theta
 
 DRAWS = 300

@@ -5,8 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.core.model.model import advance_state, fault_with_rate
-from observer_rt.engine.estimation.open_loop import open_loop
-from observer_rt.engine.estimation.predictor import Window
+from observer_rt.engine.estimation.predictor import Window, open_loop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter, learned_of
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import Case, event_inputs, simulated_event, with_time, worn_theta

@@ -20,9 +20,9 @@ from observer_rt.engine.estimation.scalars import (
     network_of,
 )
 from observer_rt.model.effective import coefficients
-from observer_rt.model.line.interface import stiffened
-from observer_rt.model.line.wave import RESOLVED
+from observer_rt.model.line import stiffened
 from observer_rt.model.parameters import LineOutflow
+from observer_rt.model.wave_line import RESOLVED
 from tests.differences import differences
 from tests.engine.estimation.conftest import (
     SAMPLE_RATE,

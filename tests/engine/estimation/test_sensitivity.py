@@ -10,7 +10,7 @@ from observer_rt.config.bench import load_injector
 from observer_rt.core.model.model import rest_state
 from observer_rt.engine.estimation.predictor import Window, innovations_with_sensitivity
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
-from observer_rt.model.sensor import LAG_UNIT
+from observer_rt.model.effective import LAG_UNIT
 from tests.differences import assert_columns_agree, differences
 from tests.engine.estimation.conftest import (
     Case,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter
-from observer_rt.engine.estimation.shrinkage import SMALL, shrink
+from observer_rt.engine.learning.learned_injector import SMALL, shrink
 from observer_rt.model.network import OF_NOZZLE
 
 PRIOR = SCALARS.prior(1.0)

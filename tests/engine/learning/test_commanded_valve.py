@@ -15,7 +15,7 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.model.effects import sized
-from observer_rt.model.valve import DELAY
+from observer_rt.model.hydraulics import DELAY
 from tests.benches import SAMPLE_RATE, sample_bench
 from tests.daemon.pulses import EnergizingBy, Pulses, blocks, durations, on_change, pulse_bench, samples
 from tests.device import merged, run

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop
+from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
 from observer_rt.engine.learning.interval import Resimulation, is_revised, rate_sigma, volume_interval
 
 SIZE, SAMPLES = 13, 121

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.estimation.open_loop import InputVariance, OpenLoop
+from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_range import (

@@ -12,10 +12,9 @@ from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter, network_of
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.knowledge import Adoption, Knowledge, no_knowledge
+from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.learning.memory import plain, restored
-from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
 from tests.engine.estimation.conftest import changes_of_flows

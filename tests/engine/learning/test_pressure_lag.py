@@ -17,8 +17,8 @@ from observer_rt.engine.learning.fitting import EventFitter, theta_limits
 from observer_rt.engine.learning.pressure_lag import RELEVANT_RATE, LagDoubt, Lateness, lag_score, no_doubt
 from observer_rt.engine.stream.state import Reason
 from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.effects import sized
-from observer_rt.model.sensor import LAG_UNIT
 from tests.engine.estimation.conftest import event_inputs, make_case, simulated_event, worn_theta
 from tests.engine.sample_stream import NOMINAL
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from observer_rt.daemon.event_logger import line
+from observer_rt.daemon.log import line
 from observer_rt.engine.stream.state import Reason
 from tests.daemon.samples import some_report
 

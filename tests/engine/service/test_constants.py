@@ -4,7 +4,7 @@ import pytest
 
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import SamplingConfig
-from observer_rt.engine.service.constants import bench_constants
+from observer_rt.engine.service.injector import bench_constants
 
 
 @pytest.mark.parametrize(("rate", "bridge", "samples"), [(100e3, 0.5, 50), (100e3, 0.0, 0), (20e3, 2.0, 40)])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import MAX_EVENT, RING
 from observer_rt.engine.observer import Durations
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.foundation.continuity import Break
 from observer_rt.model.effects import sized
 from tests.engine.sample_stream import RAIL, Stream, stroke
 

@@ -9,8 +9,7 @@ from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import Durations, constants_for, make_observer
-from observer_rt.engine.stream.state import Observer, Reason
-from observer_rt.foundation.continuity import Doubt
+from observer_rt.engine.stream.state import Doubt, Observer, Reason
 from tests.engine.sample_stream import NOISE, NOMINAL, Stream, judge
 
 SIGMA = 0.002  # of p_0

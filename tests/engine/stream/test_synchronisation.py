@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import LOOK_BACK
 from observer_rt.engine.stream.state import Reason, State
-from observer_rt.foundation.continuity import Break
 from tests.engine.sample_stream import NOISE, RAIL, Stream, stroke
 
 MS = 100  # samples at 100 kHz

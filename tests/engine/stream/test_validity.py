@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.core.stream.stream import reason_and_state
-from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.stream.state import Doubt, Reason, State
 from observer_rt.engine.stream.validity import (
     InjectionFacts,
     Surroundings,
@@ -13,7 +13,6 @@ from observer_rt.engine.stream.validity import (
     reason_of_injection,
     state_of_service,
 )
-from observer_rt.foundation.continuity import Doubt
 
 WELL = {
     "unsynchronised_by": 0,

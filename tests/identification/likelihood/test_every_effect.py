@@ -13,9 +13,9 @@ from observer_rt.identification.likelihood.likelihood import JointLikelihood, jo
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY, effective_model, sized
-from observer_rt.model.line.wave import STABLE, with_cells
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.stability import in_stable_cells
+from observer_rt.model.wave_line import STABLE, with_cells
 from tests.identification.discovery.hidden import NOMINAL
 
 RATES = (20e3, 50e3, 100e3, 200e3)

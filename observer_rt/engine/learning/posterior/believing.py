@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import best_subset
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.estimation.shrinkage import shrink
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.account.hypotheses import Mode, Possibility, is_alike, is_compatible
 from observer_rt.engine.learning.adequacy import pooled
 from observer_rt.engine.learning.disturbances.colour import Colour, RestingNoise, is_same, resting_segments
-from observer_rt.engine.learning.learned_injector import LearnedInjector
+from observer_rt.engine.learning.knowledge import LearningState
+from observer_rt.engine.learning.learned_injector import LearnedInjector, shrink
 from observer_rt.engine.learning.learned_range import EventPoint, remembered
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.reader import EventReader, Follows
-from observer_rt.engine.learning.state import LearningState
 
 
 class Noise(NamedTuple):

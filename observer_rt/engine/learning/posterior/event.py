@@ -12,6 +12,7 @@ from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account.hypotheses import SETTLED, Possibility
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas
+from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point
 from observer_rt.engine.learning.posterior.believing import Believing, Continued, carried_on, noise_after
@@ -19,7 +20,6 @@ from observer_rt.engine.learning.posterior.explaining import Offers, Weighing, c
 from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader, Follows, setting_of
 from observer_rt.engine.learning.posterior.reading import EventReading
 from observer_rt.engine.learning.posterior.resting_pressure import RestingPressure, resting_pressure
-from observer_rt.engine.learning.state import LearningState
 from observer_rt.foundation.units import MEGAPASCAL
 
 MOVED = 0.005 * MEGAPASCAL  # of offset or gain: beyond it an event is linearised anew

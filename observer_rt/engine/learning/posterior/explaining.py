@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.held import HeldBelief
+from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c

@@ -26,13 +26,13 @@ from observer_rt.engine.learning.adequacy import (
 from observer_rt.engine.learning.disturbances.colour import RestingNoise, resting_segments
 from observer_rt.engine.learning.indicators import nozzle_change
 from observer_rt.engine.learning.interval import Resimulation
+from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.lift_lag import UNEXPLAINED, LiftLag, lift_lag_of
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.reader import EventReader
 from observer_rt.engine.learning.pressure_lag import lag_score, lateness_of
-from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.units import Z_95
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.core.learning.predictor import follow
-from observer_rt.engine.estimation.open_loop import level_of
-from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window
+from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window, level_of
 from observer_rt.engine.estimation.scalars import Theta, learned_of
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account

@@ -19,8 +19,8 @@ from observer_rt.engine.learning.disturbances.colour import LAGS, SEGMENT
 from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of
 from observer_rt.engine.learning.fitting import Limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.state import LearningState
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants
 from observer_rt.model.accuracy import EXACT, StatedAccuracy

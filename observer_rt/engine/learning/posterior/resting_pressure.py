@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.gating import Belief
-from observer_rt.engine.estimation.held import HeldBelief, held_at, nothing_held
+from observer_rt.engine.estimation.gating import Belief, HeldBelief, held_at, nothing_held
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import EXACTLY, Parameter, Theta

@@ -20,7 +20,7 @@ from observer_rt.model.terms.law import (
     Quantity,
     Resonance,
 )
-from observer_rt.model.terms.variable import Variable
+from observer_rt.model.terms.term import Variable
 
 GATES = {
     Variable.OPEN: "while the needle is open",

@@ -18,8 +18,7 @@ from observer_rt.identification.discovery.words.law_reading import (
     with_unit,
 )
 from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, LawTable, Number, Operation, Resonance
-from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.model.terms.variable import Variable
+from observer_rt.model.terms.term import Term, TermEquation, Variable
 
 _AS_IF: Mapping[TermEquation, tuple[str, str, str]] = {
     TermEquation.LINE_FLOW: ("the line lost more pressure, by", "the line lost {} less", "the line lost {} more"),

@@ -30,9 +30,8 @@ from observer_rt.core.model.model import (
     value_across_joint,
 )
 from observer_rt.foundation.units import MICROSECOND
-from observer_rt.model.line.interface import register
-from observer_rt.model.line.lump import STIFFNESS_PRESSURE
-from observer_rt.model.valve import control_flow_at_scale
+from observer_rt.model.hydraulics import control_flow_at_scale
+from observer_rt.model.line import STIFFNESS_PRESSURE, register
 
 if TYPE_CHECKING:
     from observer_rt.model.parameters import Departures, InjectorParameters
@@ -96,7 +95,7 @@ class _WaveCoefficients(NamedTuple):
 
 
 class WaveLine(_WaveCoefficients):
-    """See `interface.Line`."""
+    """See `line.Line`."""
 
     __slots__ = ()
     kind = WAVE
@@ -114,7 +113,7 @@ class WaveLine(_WaveCoefficients):
     def of(
         cls, parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
     ) -> "WaveLine":
-        """See `interface.Line.of`."""
+        """See `line.Line.of`."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
@@ -173,7 +172,7 @@ class WaveLine(_WaveCoefficients):
 
     @property
     def by_rail(self) -> NDArray[np.float64]:
-        """See `interface.Line`."""
+        """See `line.Line`."""
         result = np.zeros(3 + self.further)
         result[flow_at(1, int(self.cells))] = self.a3
         return result
@@ -185,12 +184,12 @@ class WaveLine(_WaveCoefficients):
         return steps * (substeps if substeps <= MOST_OF_A_STEP else 1)
 
     def strain(self, interval: float) -> float:
-        """See `interface.Line`."""
+        """See `line.Line`."""
         step = interval / steps_in(interval)
         return float((self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
-        """See `interface.Line`."""
+        """See `line.Line`."""
         step = interval / steps_in(interval)
         return (
             f"a line of {self.cells:.0f} cells, of which sound crosses {self.crossing * step:.2g} in its step of "
@@ -198,7 +197,7 @@ class WaveLine(_WaveCoefficients):
         )
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """See `interface.Line`."""
+        """See `line.Line`."""
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
         return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + MEMORIES)])
@@ -260,7 +259,7 @@ class WaveLine(_WaveCoefficients):
             flows[first + k, first + k] += keep
 
     def with_mean(self) -> "MeanWaveLine":
-        """See `interface.Line`."""
+        """See `line.Line`."""
         return MeanWaveLine(*self)
 
 
@@ -276,7 +275,7 @@ class MeanWaveLine(WaveLine):
         return super().further + 1
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """See `interface.Line`."""
+        """See `line.Line`."""
         return np.append(super().further_variance(flow), 0.0)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

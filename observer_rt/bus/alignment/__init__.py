@@ -1,1 +1,0 @@
-"""Alignment of frames to one gapless stream of samples, by index or by clock."""

@@ -1,1 +1,0 @@
-"""Models of the feed line, one file each; `line.model` of the injector file chooses one by name."""

@@ -33,7 +33,7 @@ from observer_rt.model.accuracy import Accuracy
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.wave_line import with_cells
 
-PACKAGE_DATA = Path(str(files("observer_rt.data")))
+PACKAGE_DATA = Path(str(files("observer_rt") / "data"))
 NOMINAL_INJECTOR = PACKAGE_DATA / "crin3_nominal.toml"
 EXAMPLE_BENCH = PACKAGE_DATA / "example_bench.toml"
 

@@ -18,9 +18,13 @@ from observer_rt.engine.learning.account.unexplained import UnexplainedPressure
 from observer_rt.engine.learning.account.velocity import Velocity
 from observer_rt.engine.learning.account.wander import Wander
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
-from observer_rt.engine.learning.disturbances.coil_current import CoilCurrent, CoilPulse, Energizing
+from observer_rt.engine.learning.disturbances.coil_current import (
+    CoilCurrent,
+    CoilPulse,
+    EdgeSearch,
+    Energizing,
+)
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
-from observer_rt.engine.learning.disturbances.edges import EdgeSearch
 from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState

@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.signal_survey import (
-    doubts,
-    implausible,
-    refuse_dead,
-    refuse_implausible,
-    refuse_perforated,
-    swapped,
-)
+from observer_rt.engine.signal_survey import implausible, refuse_implausible, swapped
+from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perforated
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import UserError

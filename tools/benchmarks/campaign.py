@@ -25,8 +25,8 @@ from rich.console import Console
 from scipy.stats import binom
 
 import observer_rt
-from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.errors import RunError
+from observer_rt.foundation.progress import progress_bar
 from tests.plants import plant
 
 Row = dict[str, Any]

@@ -9,9 +9,10 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.check.findings import Finding, Level, Said, failed, ruled
 from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.engine.service.injector import SIGNALS
-from observer_rt.engine.signal_survey import doubts, implausible
+from observer_rt.engine.signal_survey import implausible
 from observer_rt.files.formats import is_log, open_recording
 from observer_rt.files.replay.framing import bench_for
+from observer_rt.files.signals.doubts import doubts
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import Bench, BenchInjector, load_bench
 from observer_rt.config.injector import Meaning, SamplingConfig
 from observer_rt.desk.evaluation.evaluate import evaluate
-from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
-from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, stretch_of
+from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, stretch_of
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.engine.learning.learner import Learner

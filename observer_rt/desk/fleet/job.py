@@ -19,8 +19,8 @@ from observer_rt.desk.evaluation.logged import open_source
 from observer_rt.desk.fleet.recordings import PathPattern, injector_of, zero_of
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import Output, columns_of, row_of
-from observer_rt.engine.signal_survey import refuse_dead
 from observer_rt.files.formats import is_log
+from observer_rt.files.signals.doubts import refuse_dead
 from observer_rt.foundation.errors import ObserverError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.model.effects import effective_model

@@ -14,8 +14,8 @@ import pandas as pd
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.library.notes import screen
 from observer_rt.desk.simulation.simulate import two_injections
-from observer_rt.foundation.console import progress_bar
 from observer_rt.foundation.outputs import make_folder
+from observer_rt.foundation.progress import progress_bar
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import AMENDED
 from observer_rt.identification.discovery.discover import DiscoveryTask, planned

@@ -1,4 +1,4 @@
-"""Noise of a recording's signals: its level, and what it holds beside white noise, hum or a colour.
+"""Noise of the signals at rest beside white noise: hum, or a colour.
 
 scipy.signal is imported where it is called: no other import takes as long, and the daemon's start needs none of it.
 """
@@ -17,12 +17,6 @@ MOST_BLOCKS = 8_000
 SEGMENT = 1024  # samples of a spectrum of single stretches
 DECAYING = 2.0  # mean squares, early over late at rest
 FEWEST = 512  # samples, without which nothing is reported
-_ORDER = 4  # differences: what physics does to a signal within four samples is far below the noise
-_GAIN = math.sqrt(70.0)  # by which they raise white noise: 1 4 6 4 1
-_CLIP = 5.0  # standard deviations beyond which a difference is a kink or a spike
-_NORMAL_MEDIAN = 0.6745  # median of |z| of a standard normal z
-_ITERATIONS = 20
-FEWEST_DIFFERENCES = 200
 
 
 @dataclass(frozen=True)
@@ -128,27 +122,3 @@ def _middle(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> flo
 
 def _rounded(frequency: float) -> str:
     return f"{float(f'{frequency:.2g}'):.0f}"
-
-
-def white_noise(values: NDArray[np.float64], chosen: NDArray[np.bool_]) -> float:
-    """Standard deviation of a sample's white noise, nan where too few samples tell.
-
-    values, chosen: (n,); only runs of chosen samples without a nan count. Clipped standard deviation of the fourth
-    differences: their median would be 1.5 % low on signals of few codes, enough to matter.
-    """
-    usable = chosen & np.isfinite(values)
-    is_complete = usable[: -_ORDER or None].copy()
-    for shift in range(1, _ORDER + 1):
-        is_complete &= usable[shift : values.size - _ORDER + shift]
-    differences = np.diff(np.where(usable, values, 0.0), _ORDER)[is_complete]
-    if differences.size < FEWEST_DIFFERENCES:
-        return math.nan
-    size = np.abs(differences)
-    sigma = float(np.median(size)) / _NORMAL_MEDIAN or float(np.sqrt(np.mean(size**2)))
-    for _ in range(_ITERATIONS):
-        kept = size[size <= _CLIP * sigma]
-        clipped = float(np.sqrt(np.mean(kept**2))) if kept.size else sigma
-        if math.isclose(clipped, sigma, rel_tol=1e-9):
-            break
-        sigma = clipped
-    return sigma / _GAIN

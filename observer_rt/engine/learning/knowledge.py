@@ -28,11 +28,11 @@ from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.lift_lag import LiftLagSearch
-from observer_rt.engine.learning.memory import NOT_KEPT, Count
 from observer_rt.engine.learning.overdispersion import Overdispersion, of_healthy
 from observer_rt.engine.learning.pressure_lag import LagDoubt, no_doubt
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason
+from observer_rt.foundation.records import NOT_KEPT, Count
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,10 +14,12 @@ from observer_rt.config.signals import OptionalRole
 from observer_rt.core.frames.frames import READINGS
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.reports.news import Listener, MeasuredMass
-from observer_rt.engine.service.energizing import EnergizingFigures, EnergizingWatch
 from observer_rt.engine.service.injector import bench_constants
 from observer_rt.engine.service.pipeline import CompiledPipeline
 from observer_rt.engine.stream.state import Reason
+
+if TYPE_CHECKING:
+    from observer_rt.engine.service.energizing import EnergizingFigures, EnergizingWatch
 
 
 class OptionalInputs:
@@ -43,7 +46,7 @@ class OptionalInputs:
         self._memory = self._inputs.memory[0]
         self._masses = _MassComparison(tell)
         self._takers = {OptionalRole.MEASURED_MASS: self._masses.take}  # of readings that wait
-        self._watch = EnergizingWatch(bus.energizing, compiled, tell) if bus.energizing else None
+        self._watch = _energizing_watch(bus, compiled, tell)
         self._look_on()
 
     def read(self) -> None:
@@ -104,9 +107,17 @@ class OptionalInputs:
         return None if math.isnan(temperature) else temperature
 
     @property
-    def energizing(self) -> EnergizingFigures | None:
+    def energizing(self) -> "EnergizingFigures | None":
         """Figures of commands and openings; None for a bench without energizing."""
         return None if self._watch is None else self._watch.figures
+
+
+def _energizing_watch(bus: BusMap, compiled: CompiledPipeline, tell: Listener) -> "EnergizingWatch | None":
+    if not bus.energizing:
+        return None
+    from observer_rt.engine.service.energizing import EnergizingWatch  # optional: [signals.energizing]
+
+    return EnergizingWatch(bus.energizing, compiled, tell)
 
 
 class _MassComparison:

@@ -26,8 +26,9 @@ from observer_rt.files.replay.framing import TimedFrame, bench_for, clamped_in
 from observer_rt.files.replay.log_frames import LogPart, Sent, log_frames
 from observer_rt.files.replay.recording_frames import Extent, RecordingPart
 from observer_rt.files.signals.stream import HeldSignals
-from observer_rt.foundation.console import progress_bar, say
+from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
+from observer_rt.foundation.progress import progress_bar
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
 HELD_SAMPLES = 1 << 20  # of a recording that is read before it is sent: reading meanwhile may delay a frame

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.engine.estimation.healthy_shape import EventStretch, ShapeFit, together
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
-from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
+from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, together
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement

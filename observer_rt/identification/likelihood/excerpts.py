@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
-from observer_rt.engine.estimation.signal_noise import white_noise
 from observer_rt.files.signals.recording import Chunk, Recording
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
 from observer_rt.identification.likelihood.measurement import (
@@ -32,6 +31,7 @@ from observer_rt.identification.likelihood.measurement import (
     rail_pressure_before,
     refuse_slow,
 )
+from observer_rt.identification.likelihood.white_noise import white_noise
 
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together

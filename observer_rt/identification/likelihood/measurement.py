@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.signal_noise import white_noise
 from observer_rt.engine.observer import SETTLE, Durations
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import Sampled
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.likelihood.openings import Opening, find_openings, ramp_samples
+from observer_rt.identification.likelihood.white_noise import white_noise
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import NO_CLOCK, Clock, Coefficients, EffectiveModel, averaged
 

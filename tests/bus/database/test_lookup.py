@@ -18,7 +18,7 @@ from observer_rt.bus.database.lookup import (
 )
 from observer_rt.foundation.errors import UserError
 
-OUR_LAYOUT = Path(str(files("observer_rt.data") / "observer_fd.dbc"))
+OUR_LAYOUT = Path(str(files("observer_rt") / "data" / "observer_fd.dbc"))
 
 PRESSURES = "\n".join(
     f' SG_ {name} : {bit}|16@0{sign} (0.1,0) [0|0] "bar" Vector__XXX'

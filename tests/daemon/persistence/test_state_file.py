@@ -22,9 +22,9 @@ from observer_rt.daemon.persistence.state_file import (
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
-from observer_rt.engine.learning.memory import plain
 from observer_rt.engine.stream.standstill import HeldRail
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.records import plain
 from observer_rt.model.effective import LAG_UNIT
 from observer_rt.model.parameters import LineOutflow
 from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge

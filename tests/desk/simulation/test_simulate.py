@@ -194,7 +194,7 @@ def test_truth_file(tmp_path: Path) -> None:
     )
 
 
-DATABASE = cantools.database.load_string((files("observer_rt.data") / "observer_fd.dbc").read_text("utf-8"))
+DATABASE = cantools.database.load_string((files("observer_rt") / "data/observer_fd.dbc").read_text("utf-8"))
 SIGNALS = {signal.name: signal for signal in DATABASE.get_message_by_name("SampleBlock").signals}
 
 QUANTITIES = pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from observer_rt.engine.estimation.healthy_shape import KNOTS, EventStretch, ShapeFit, expected, together
+from observer_rt.engine.learning.healthy import KNOTS, EventStretch, ShapeFit, expected, together
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.model.baseline import HealthyShape
 

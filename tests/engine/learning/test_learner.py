@@ -14,9 +14,9 @@ from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, no_knowledge
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.learning.memory import plain, restored
 from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer
 from observer_rt.engine.stream.standstill import Standstill
+from observer_rt.foundation.records import plain, restored
 from tests.engine.estimation.conftest import changes_of_flows
 from tests.engine.learning.strokes import stroke_of
 from tests.engine.sample_stream import NOISE, NOMINAL, judge

@@ -8,7 +8,7 @@ from observer_rt.engine.learning.account.scatter import Scatter
 from observer_rt.engine.learning.account.unexplained import UnexplainedPressure
 from observer_rt.engine.learning.account.wander import Wander
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.memory import Count
+from observer_rt.foundation.records import Count
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,11 @@ from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.coil_current import (
     CoilCurrent,
     CoilPulse,
+    Edge,
     Energizing,
+    OtherColumns,
     pulse_ends,
 )
-from observer_rt.engine.learning.disturbances.edges import Edge, OtherColumns
 
 INTERVAL = 1e-5  # s
 COUNT = 600

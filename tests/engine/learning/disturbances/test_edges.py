@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer_rt.engine.learning.disturbances.edges import (
+from observer_rt.engine.learning.disturbances.coil_current import (
     EdgeSearch,
     OtherColumns,
     edge_places,

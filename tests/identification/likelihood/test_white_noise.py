@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.engine.estimation.signal_noise import FEWEST_DIFFERENCES, white_noise
+from observer_rt.identification.likelihood.white_noise import FEWEST_DIFFERENCES, white_noise
 
 RATE = 100e3
 EVERYWHERE = np.ones(20_000, np.bool_)

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.engine.learning.memory import NOT_KEPT, NotAsExpectedError, plain, restored
 from observer_rt.engine.stream.state import Reason
+from observer_rt.foundation.records import NOT_KEPT, NotAsExpectedError, plain, restored
 
 
 @dataclass(frozen=True)

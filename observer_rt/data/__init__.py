@@ -1,1 +1,0 @@
-"""Package data: nominal injector, example bench, bus databases."""

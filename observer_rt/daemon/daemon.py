@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 
 from observer_rt.bus.database.lookup import database_hash
 from observer_rt.bus.links.link import Link, LinkDownError
@@ -50,16 +50,14 @@ class Daemon:
         listeners: Sequence[Listener] = (),
         on_alive: Callable[[], None] = lambda: None,
         failed_writes: Callable[[], int] = lambda: 0,
-        learning: Executor | None = None,
         on_thread: Callable[[], object] = lambda: None,
         evidence_kept: Callable[[], int] = lambda: 0,
     ) -> None:
         """links: of all buses, in order. knowledge: restored from an earlier run.
 
         on_alive: called some ten times a second by the loop, for whoever watches that it goes round. failed_writes:
-        so far, of whoever writes files beside the loop; for the status. learning: where events are learned from,
-        one after another; None: in a thread of its own. on_thread: called first by the loop's thread, to claim its
-        rights. evidence_kept: events kept so far; for the status.
+        so far, of whoever writes files beside the loop; for the status. on_thread: called first by the loop's thread,
+        to claim its rights. evidence_kept: events kept so far; for the status.
         """
         self._links = links
         self._bus = bus
@@ -74,9 +72,7 @@ class Daemon:
             Port(named.label, named.config.channel, link, number in with_inputs, self._tell)
             for number, (named, link) in enumerate(zip(bench.config.buses, links, strict=True))
         )
-        self._executor = learning or ThreadPoolExecutor(
-            1, thread_name_prefix="learning", initializer=take_time
-        )
+        self._executor = ThreadPoolExecutor(1, thread_name_prefix="learning", initializer=take_time)
         self._menders = ThreadPoolExecutor(len(self.ports), thread_name_prefix="reconnecting")
         self._injector = bench.injector
         self.core = Core(bench.injector, bus, knowledge, self._executor, listeners=listeners)

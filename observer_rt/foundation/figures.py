@@ -1,10 +1,9 @@
 """Figures: colours and settings, files of them, and SVG to stand in a page."""
 
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
@@ -41,11 +40,9 @@ class NotebookFigure(Figure):
 
 
 @contextmanager
-def svg_figure(
-    width: float, height: float, look: Mapping[str, Any] = LOOK
-) -> Iterator[tuple[Figure, Callable[[], str]]]:
+def svg_figure(width: float, height: float) -> Iterator[tuple[Figure, Callable[[], str]]]:
     """A figure to draw on, inches, and what makes an <svg> element of it."""
-    settings = {**look, **_SVG}
+    settings = {**LOOK, **_SVG}
     with mpl.rc_context(settings):
         figure = Figure(figsize=(width, height), layout="constrained")
 

@@ -1,17 +1,15 @@
 """Databases as benches have them, with the bench files of `docs/dbc.md`: the same samples, the same estimate."""
 
-import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 
-import can
 import cantools.database
 import e2e.p01
 import numpy as np
 import pytest
 
-from observer_rt.bus.links.opening import open_link
+from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.bus.mapping.output_signals import StatusValues
 from observer_rt.config.bench import PACKAGE_DATA, load_bench, load_injector
@@ -20,7 +18,6 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.engine.estimation.scalars import NOZZLE
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.replay.framing import TimedFrame
-from observer_rt.files.replay.player import play
 from observer_rt.files.replay.recording_frames import RecordingPart
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
@@ -34,12 +31,8 @@ from tests.daemon.foreign_frames import (
     fd_frames,
     multiplexed_frames,
 )
-from tests.daemon.participants import HeardDaemon, serving, until
+from tests.daemon.participants import HeardDaemon, ScriptedLink, serving, until
 from tests.device import Device, Result, frames_of, run, simulated
-
-RESULTS: list[can.typechecking.CanFilter] = [
-    {"can_id": frame_id, "can_mask": 0x7FF, "extended": False} for frame_id in (0x201, 0x202)
-]
 
 Frames = Callable[[Recording], Iterable[TimedFrame]]
 
@@ -126,7 +119,7 @@ def test_a_lost_half_of_a_channel_is_lost_samples() -> None:
     assert outcome.core.counters.jumps == 0
 
 
-def _pages(frames: list[OutputFrame], name: str) -> list[dict[str, float]]:
+def _pages(frames: Sequence[OutputFrame] | Sequence[Frame], name: str) -> list[dict[str, float]]:
     """Summaries or statuses put together from their frames, protection checked."""
     message = cantools.database.load_file(PACKAGE_DATA / "observer_classic.dbc").get_message_by_name(name)
     pages = [frame for frame in frames if frame.frame_id == message.frame_id]
@@ -158,37 +151,22 @@ def test_a_classic_bus_gets_summaries_and_no_rates() -> None:
         assert summary["RailPressureAtStart"] == pytest.approx(report.rail_pressure / 1e6, abs=0.0025)
 
 
-def test_replay_and_daemon_on_a_bus(tmp_path: Path) -> None:
-    """Classic frames only; summaries and status in pages."""
+def test_a_daemon_sends_summaries_and_status_in_pages(tmp_path: Path) -> None:
+    """Classic frames only."""
     text = (DATABASES / "testbed_classic.toml").read_text()
-    text = text.replace('channel = "can0"', 'interface = "virtual"\nchannel = "classic"')
     text = text.replace('"testbed_classic.dbc"', f'"{DATABASES / "testbed_classic.dbc"}"')
     path = tmp_path / "bench.toml"
     path.write_text(text + "status_period_ms = 1000\n[learning]\nlockstep = true\n")
-    bench = load_bench(path)
-    bus = map_bus(bench)
     data = simulated(rate=10e3)
-    frames = list(RecordingPart(HeldSignals(data), bus).frames())
-    inputs = [(layout.frame_id, layout.is_extended) for layout in bus.input_layouts]
-    received: list[can.Message] = []
-    with (
-        can.Bus(interface="virtual", channel="classic", can_filters=RESULTS) as listener,
-        open_link("virtual", "classic", False, inputs) as daemon_link,
-        open_link("virtual", "classic", False, []) as player_link,
-    ):
-        daemon = HeardDaemon(bench, daemon_link)
-        with serving(daemon):
-            play(frames, player_link, math.inf)
-            until(lambda: daemon.core.counters.frames + daemon.dropped >= len(frames))
-        while (message := listener.recv(0.1)) is not None:
-            received.append(message)
-    assert daemon.dropped == 0
-    assert not any(message.is_fd for message in received)
-    sent = [OutputFrame(m.arbitration_id, m.is_extended_id, m.is_fd, bytes(m.data)) for m in received]
-    assert {frame.frame_id for frame in sent} == {0x201, 0x202}
+    link = ScriptedLink(frames_of(load_bench(path), data))
+    daemon = HeardDaemon(path, link)
+    with serving(daemon):
+        until(lambda: daemon.core.counters.frames >= link.frames)
+    assert not any(frame.is_fd for frame in link.sent)
+    assert {frame.frame_id for frame in link.sent} == {0x201, 0x202}
     direct = run(DATABASES / "testbed_classic.toml", classic_frames(data))
-    assert [f.payload for f in sent if f.frame_id == 0x201] == [f.payload for f in direct.frames]
-    status = _pages(sent, "ObserverStatus")[-1]
+    assert [f.payload for f in link.sent if f.frame_id == 0x201] == [f.payload for f in direct.frames]
+    status = _pages(link.sent, "ObserverStatus")[-1]
     assert status["SamplesProcessed"] == daemon.core.processed
     assert status["LostSamples"] == 0
     # CRC, counter and page too, but nothing of the energizing, of outliers and of refused frames

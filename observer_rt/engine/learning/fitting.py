@@ -60,7 +60,6 @@ class EventFit:
     unfiltered: NDArray[np.float64]
     slopes: NDArray[np.float64]
     prior: Belief
-    contradicts: bool = False  # what was believed before the event
 
 
 @dataclass(frozen=True)

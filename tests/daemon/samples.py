@@ -11,12 +11,14 @@ from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
-from observer_rt.engine.learning.account.account import Account, MassDoubt
-from observer_rt.engine.learning.account.hypotheses import Mode, Possibility
-from observer_rt.engine.learning.account.scatter import Scatter
-from observer_rt.engine.learning.account.unexplained import UnexplainedPressure
-from observer_rt.engine.learning.account.velocity import Velocity
-from observer_rt.engine.learning.account.wander import Wander
+from observer_rt.engine.learning.account.account import (
+    Account,
+    MassDoubt,
+    Scatter,
+    UnexplainedPressure,
+    Wander,
+)
+from observer_rt.engine.learning.account.hypotheses import Mode, Possibility, Velocity
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import (
     CoilCurrent,

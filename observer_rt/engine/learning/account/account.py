@@ -1,14 +1,138 @@
-"""The account of change as it goes from event to event: what may be so, and what a mass is unsure by."""
+"""The account of change as it goes from event to event: what may be so, and what a mass is unsure by.
 
-from collections.abc import Callable
+- `Scatter` of events about what was believed: where they differ by more than it says, it is too sure of itself.
+- `Wander` of a model from operating point to operating point: how much its masses scatter that it never shows. A
+  model that is right at every point by itself, with another theta, is wrong at the next one. What the theta that led
+  before an event makes of its mass, over what the theta does that was learned from it, tells how much.
+- `UnexplainedPressure` that a model leaves, as a share of the mass it would be at the nozzle. With a hum of the
+  supply the noise takes its colour, and no test hears it any more; the mass does.
+"""
+
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.engine.estimation.predictor import Setting, Window, innovations
+from observer_rt.engine.estimation.scalars import Theta, learned_of
+from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.hypotheses import Possibility
-from observer_rt.engine.learning.account.scatter import Scatter
-from observer_rt.engine.learning.account.unexplained import UnexplainedPressure
-from observer_rt.engine.learning.account.wander import Wander
+from observer_rt.engine.learning.disturbances.colour import resting_segments
+from observer_rt.engine.learning.disturbances.noise_levels import mask_of
 from observer_rt.engine.learning.learned_injector import LearnedInjector
+from observer_rt.engine.learning.learned_range import REACH, EventPoint
 from observer_rt.foundation.records import Count
+from observer_rt.foundation.units import Z_95
+
+Vector = NDArray[np.float64]
+# Standard deviations, of a mass.
+SIZES = np.append(0.0, c.WANDER_LEAST * 2.0 ** (0.5 * np.arange(c.WANDER_STEPS)))
+_SHARES = np.append(1.0 - c.WANDER_PRIOR, c.WANDER_PRIOR / SIZES[1:] / np.sum(1.0 / SIZES[1:]))
+_LEAST_VARIANCE = 1e-8  # of a ratio of masses
+_STEPS, _CLOSE = 30, 1e-12  # of Newton's method: at most, and relative change from which on it is settled
+FEWEST = 5  # samples with the needle open
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Running mean of the scores of events that came as believed, over the usual one."""
+
+    events: float = c.SCATTER_PRIOR
+    ratios: float = c.SCATTER_PRIOR
+
+    @property
+    def factor(self) -> float:
+        """Factor on the variances of theta, 1 at least."""
+        return max(1.0, self.ratios / self.events)
+
+    def after(self, score: float) -> "Scatter":
+        """Adds the score of an event before it was fitted."""
+        return Scatter(
+            c.SCATTER_KEPT * self.events + 1.0, c.SCATTER_KEPT * self.ratios + min(score, c.LARGEST_SCORE)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Wander:
+    """Belief (SIZES,) about the standard deviation of masses between distant points; point: of the last event."""
+
+    weights: Vector = field(default_factory=lambda: _SHARES.copy())
+    point: EventPoint | None = None
+
+    def after(self, moved: float, variance: float, point: EventPoint) -> "Wander":
+        """Adds an event at a point, whose mass is a share larger than the last theta says, with a variance."""
+        weights = c.WANDER_KEPT * self.weights + (1.0 - c.WANDER_KEPT) * _SHARES
+        spread = max(variance, _LEAST_VARIANCE) + self._apart(point) * SIZES**2
+        usual = np.exp(-0.5 * moved**2 / spread) / np.sqrt(spread)
+        changed = math.exp(-0.5 * (moved / c.CHANGE_SIZE) ** 2) / c.CHANGE_SIZE
+        weights = weights * ((1.0 - c.REALLY_CHANGED) * usual + c.REALLY_CHANGED * changed + 1e-30)
+        return Wander(weights / weights.sum(), point)
+
+    def at(self, point: EventPoint) -> "Wander":
+        """Moves on over an event without a comparison."""
+        return replace(self, point=point)
+
+    def widened(self, variance: float) -> float:
+        """Standard deviation of a normal distribution whose 95 % interval is that of a mass with such a variance."""
+        spreads = np.sqrt(2.0 * (variance + SIZES**2)).tolist()
+        parts, half = list(zip(self.weights.tolist(), spreads, strict=True)), Z_95 * math.sqrt(variance)
+        for _ in range(_STEPS):  # from below, where what lies beyond is convex
+            beyond = sum(weight * math.erfc(half / spread) for weight, spread in parts) - (1.0 - 0.95)
+            slope = sum(weight / spread * math.exp(-((half / spread) ** 2)) for weight, spread in parts)
+            step = 0.5 * math.sqrt(math.pi) * beyond / slope
+            half += step
+            if abs(step) < _CLOSE * half:
+                break
+        return max(half / Z_95, math.sqrt(variance))
+
+    def _apart(self, point: Sequence[float]) -> float:
+        """Variance of the difference between the last point and this one, over that of distant ones, 1: 0 .. 2."""
+        if self.point is None:
+            return 0.0
+        distance = (np.array(point) - np.array(self.point)) / REACH
+        return 2.0 * (1.0 - math.exp(-0.5 * float(distance @ distance)))
+
+
+@dataclass(frozen=True)
+class UnexplainedPressure:
+    """Mean square of the share, over recent events: sum, and of how many stretches."""
+
+    squares: float = 0.0
+    count: float = 0.0
+
+    @property
+    def variance(self) -> float:
+        """Variance of a mass, as a share, by it."""
+        return c.UNEXPLAINED_COUNTS * self.squares / self.count if self.count else 0.0
+
+    def after(self, window: Window, setting: Setting, theta: Theta, first: int) -> "UnexplainedPressure":
+        """Adds an event explained with theta (m,), from sample `first` on.
+
+        Means of the recorded less the indicated line pressure, with no gain, over the injection and over stretches of
+        rest as long: half of it, over the rail pressure, is the share of a flow.
+        """
+        counts = np.zeros(window.output.size, np.bool_)
+        counts[window.opening :] = True
+        counts &= (window.inputs[:, 1] > 0.0) & ~mask_of(window)
+        length = int(np.count_nonzero(counts))
+        if length < FEWEST:
+            return self
+        left = np.empty(window.output.size)
+        setting = setting._replace(gain=np.zeros_like(setting.gain))
+        innovations(window, setting, learned_of(theta, setting.coefficients), left)
+        if not np.isfinite(left).all():
+            return self
+        means = [float(left[counts].mean())]
+        for segment in resting_segments(window, first, length):
+            blocks = left[segment][: (segment.stop - segment.start) // length * length].reshape(-1, length)
+            means += blocks.mean(axis=1).tolist()
+        shares = np.array(means) / (2.0 * float(window.inputs[window.opening, 0]))
+        kept = c.UNEXPLAINED_KEPT
+        return UnexplainedPressure(
+            kept * self.squares + float(shares @ shares), kept * self.count + shares.size
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,13 @@ from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint, operating_point
 from observer_rt.engine.learning.posterior.believing import Believing, Continued, carried_on, noise_after
 from observer_rt.engine.learning.posterior.explaining import Offers, Weighing, coming_back, offered
-from observer_rt.engine.learning.posterior.reader import ClosedEvent, EventReader, Follows, setting_of
-from observer_rt.engine.learning.posterior.reading import EventReading
+from observer_rt.engine.learning.posterior.reader import (
+    ClosedEvent,
+    EventReader,
+    EventReading,
+    Follows,
+    setting_of,
+)
 from observer_rt.engine.learning.posterior.resting_pressure import RestingPressure, resting_pressure
 from observer_rt.foundation.units import MEGAPASCAL
 

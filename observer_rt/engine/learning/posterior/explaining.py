@@ -12,8 +12,7 @@ from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import Theta
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.evidence import evidences
-from observer_rt.engine.learning.account.fault_density import nearly_white
+from observer_rt.engine.learning.account.evidence import evidences, nearly_white
 from observer_rt.engine.learning.account.hypotheses import (
     AT_FAULT,
     BEFORE,
@@ -22,15 +21,15 @@ from observer_rt.engine.learning.account.hypotheses import (
     QUICK,
     SETTLED,
     Kind,
+    Moving,
     Possibility,
     is_compatible,
+    moving,
     transitions,
 )
-from observer_rt.engine.learning.account.velocity import Moving, moving
 from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
 from observer_rt.engine.learning.fitting import EventFit, EventFitter
-from observer_rt.engine.learning.posterior.reader import EventReader
-from observer_rt.engine.learning.posterior.reading import EventReading
+from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 
 _OWN = (BEFORE, QUICK)
 

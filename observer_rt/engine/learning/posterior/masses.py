@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.predictor import NO_SLOPES, Setting, Window, 
 from observer_rt.engine.estimation.scalars import Theta, learned_of
 from observer_rt.engine.learning.account import constants as c
 from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.velocity import FLOWS
+from observer_rt.engine.learning.account.hypotheses import FLOWS
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.foundation.units import Z_95

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
-from observer_rt.engine.learning.account.fault_density import at_fault, nearly_white
+from observer_rt.engine.learning.account.evidence import at_fault, nearly_white
 from observer_rt.engine.learning.adequacy import CLIP
 from observer_rt.engine.learning.healthy import NOT_FITTED
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
 from observer_rt.engine.learning.account.constants import SPEED, TURNS
-from observer_rt.engine.learning.account.velocity import moving
+from observer_rt.engine.learning.account.hypotheses import moving
 
 WIDTH = SCALARS.width
 FLOWS = [int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)]

@@ -12,7 +12,7 @@ from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.masses import EventMass, Shares
-from observer_rt.engine.learning.posterior.verdict import verdict_of
+from observer_rt.engine.learning.posterior.outcome import verdict_of
 from observer_rt.engine.stream.state import Reason
 
 WIDE = SCALARS.prior(1e8)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.foundation import file_kinds
+from observer_rt.foundation import files
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import check_own_file, replacing, write_text
@@ -37,10 +37,10 @@ REPORT, PLAN, FITS = "report.html", "plan.csv", "fits.jsonl"
 ANSWER = (REPORT, FINDINGS, AMENDED, PLAN)
 _KINDS = {
     REPORT: None,
-    FINDINGS: file_kinds.FINDINGS,
+    FINDINGS: files.FINDINGS,
     AMENDED: None,
-    PLAN: file_kinds.PLAN,
-    FITS: file_kinds.FITS,
+    PLAN: files.PLAN,
+    FITS: files.FITS,
 }
 FORMAT = 2
 _PACKAGE = Path(__file__).parents[2]

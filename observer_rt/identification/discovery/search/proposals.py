@@ -46,8 +46,7 @@ from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.in_force import SeenRange
 from observer_rt.model.terms.law import Law, Number, Values
-from observer_rt.model.terms.term import Term, TermEquation
-from observer_rt.model.terms.variable import VARIABLES, Variable
+from observer_rt.model.terms.term import VARIABLES, Term, TermEquation, Variable
 
 VAGUE = 1.0  # times what the law spans, from which on an uncertain point shows nothing
 DRAWN = 201  # points of a line

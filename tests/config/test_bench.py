@@ -1,4 +1,4 @@
-"""The user's files: their content, and refusals that name file, key and remedy."""
+"""The user's files: their content, what they say otherwise than before, refusals that name file, key and remedy."""
 
 import re
 import tomllib
@@ -13,12 +13,14 @@ from observer_rt.config.bench import (
     NOMINAL_INJECTOR,
     PACKAGE_DATA,
     Bench,
+    changes,
+    content_of,
     load_bench,
     load_injector,
 )
 from observer_rt.config.bench_file import BenchConfig, DatabaseConfig
 from observer_rt.config.injector import InjectorConfig
-from observer_rt.config.signals import Role, SignalConfig
+from observer_rt.config.signals import OPTIONAL_SIGNALS, OptionalRole, Role, SignalConfig, SignalsConfig
 from observer_rt.foundation.errors import UserError
 
 SIGNALS = "".join(
@@ -191,3 +193,40 @@ def test_for_files_a_layout_is_all_it_takes(
     example = load_bench().injector.config
     assert config.signals.needle_lift == example.signals.needle_lift.model_copy(update={"delay_us": 20.0})
     assert config.sampling == example.sampling
+
+
+def test_keys_are_named_with_both_values(tmp_path: Path) -> None:
+    injector, database, path = (tmp_path / name for name in ("injector.toml", "mine.dbc", "bench.toml"))
+    injector.write_text(NOMINAL_INJECTOR.read_text())
+    database.write_bytes(EXAMPLE_BENCH.with_name("observer_fd.dbc").read_bytes())
+    text = EXAMPLE_BENCH.read_text().replace('"observer_fd.dbc"', '"mine.dbc"', 1)
+    path.write_text(text.replace("# file = ", "file = ", 1))
+    before = content_of(load_bench(path))
+    assert changes(before, content_of(load_bench(path))) == []
+    path.write_text(
+        path.read_text().replace("bridge_ms = 0.5", "bridge_ms = 1").replace('"can0"', '"can1"', 1)
+    )
+    injector.write_text(injector.read_text().replace("holes = 8", "holes = 9"))
+    assert changes(before, content_of(load_bench(path))) == [
+        "link.channel can0 -> can1",
+        "sampling.bridge_ms 0.5 -> 1.0",
+        "model: nozzle.holes 8 -> 9",
+    ]
+
+
+def test_a_database_of_other_content_is_one(tmp_path: Path) -> None:
+    database, path = tmp_path / "mine.dbc", tmp_path / "bench.toml"
+    database.write_bytes(EXAMPLE_BENCH.with_name("observer_fd.dbc").read_bytes())
+    path.write_text(EXAMPLE_BENCH.read_text().replace('"observer_fd.dbc"', '"mine.dbc"', 1))
+    before = content_of(load_bench(path))
+    database.write_bytes(database.read_bytes() + b"\n")
+    assert changes(before, content_of(load_bench(path))) == [f"{database}: other content"]
+
+
+@pytest.mark.parametrize("role", OptionalRole)
+def test_every_role_has_row_section_and_example(role: OptionalRole) -> None:
+    row = OPTIONAL_SIGNALS[role]
+    assert row.units is None or row.origins is None
+    assert row.possible[0] <= row.possible[1]
+    assert role.value in SignalsConfig.model_fields
+    assert f"[signals.{role.value}]" in EXAMPLE_BENCH.read_text("utf-8")

@@ -1,4 +1,4 @@
-"""Signals in a wrong unit are refused with the column and the likely unit; all others are not."""
+"""Signals in a wrong unit are refused with the column and the likely unit, all others are not; notes on a lift."""
 
 from functools import cache
 from pathlib import Path
@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
-from observer_rt.engine.signal_survey import implausible, refuse_implausible, swapped
+from observer_rt.engine.signal_survey import Survey, implausible, refuse_implausible, swapped
 from observer_rt.files.signals.doubts import doubts, refuse_dead, refuse_perforated
 from observer_rt.files.signals.recording import Recording
 from observer_rt.files.signals.stream import HeldSignals
@@ -209,3 +212,28 @@ def test_a_ratio_of_units_names_both_columns_units() -> None:
     made = recorded()
     (first,) = implausible(HeldSignals(changed(made, rail_pressure=made.rail_pressure / 10.0)).survey)
     assert "line_pressure is likely bar, or that of rail_pressure MPa, read as bar" in first.remedy
+
+
+@given(
+    lift=arrays(np.float64, st.integers(1, 80), elements=st.floats(-5e-6, 60e-6)),
+    opens=st.floats(2e-6, 50e-6),
+    cuts=st.lists(st.integers(1, 79), max_size=4),
+)
+def test_the_needle_never_opens_more_often_than_told(
+    lift: np.ndarray[tuple[int], np.dtype[np.float64]], opens: float, cuts: list[int]
+) -> None:
+    survey = Survey()
+    for part in np.split(lift, sorted(cuts)):
+        survey.take("needle_lift", part)
+    is_open, openings = False, 0
+    for value in lift:
+        openings += int(not is_open and value > opens)
+        is_open = bool(value > (0.5 * opens if is_open else opens))
+    assert openings <= survey.openings.most <= lift.size
+
+
+def test_a_value_that_is_missing_is_no_movement() -> None:
+    lift = np.tile([0.0, np.nan, 30e-6, np.nan, 200e-6, 0.0], 7)
+    survey = Survey()
+    survey.take("needle_lift", lift)
+    assert survey.openings.most == 7

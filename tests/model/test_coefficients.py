@@ -1,11 +1,14 @@
-"""Coefficients of (25) against the figures beside the nominal parameters and against the paper's ratio."""
+"""Coefficients of (25) against figures beside the nominal parameters and the paper's; tanh against the C library."""
 
 import math
 
+import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.laws import seat_area
+from observer_rt.core.model.laws import seat_area, take_tanh
 from observer_rt.model.effective import coefficients
 from observer_rt.model.hydraulics import full_lift_area
 from observer_rt.model.parameters import LineOutflow
@@ -51,3 +54,28 @@ def test_seat_area_of_the_full_cone_angle() -> None:
 @pytest.mark.parametrize("lift", [0.0, -1e-9, -5e-6])
 def test_closed_needle_has_no_area(lift: float) -> None:
     assert seat_area(lift, 2.2e-3, math.radians(30)) == 0.0
+
+
+def tanh(argument: float) -> float:
+    values = np.array([[argument]])
+    take_tanh(values)
+    return float(values[0, 0])
+
+
+@given(st.floats(-1e6, 1e6))
+@example(math.inf)
+@example(-math.inf)
+@example(-20.0)
+@example(7.76)  # where the error is largest
+def test_tanh_is_that_of_the_c_library(argument: float) -> None:
+    assert tanh(argument) == pytest.approx(math.tanh(argument), abs=1e-12)
+
+
+@given(st.floats(1e-150, 1e-3))
+def test_tanh_of_small_arguments_keeps_its_relative_accuracy(argument: float) -> None:
+    assert tanh(argument) == pytest.approx(math.tanh(argument), rel=1e-14, abs=0.0)
+    assert tanh(-argument) == -tanh(argument)
+
+
+def test_tanh_of_nan_is_nan() -> None:
+    assert math.isnan(tanh(math.nan))

@@ -1,13 +1,13 @@
-"""The laws that effects change against the formulas of the vocabulary in physical units."""
+"""Laws that effects change against formulas in physical units; the root of the orifice laws."""
 
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import load_injector
-from observer_rt.core.model.laws import normalised_area
+from observer_rt.core.model.laws import normalised_area, root
 from observer_rt.core.model.model import rates_of_change, slopes_of_flows
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model, sized
@@ -17,6 +17,10 @@ from observer_rt.model.network import constant_network
 NOMINAL = load_injector()
 P_0, P_C, P_V, K_L = 1e8, 5e6, 2e3, 1.6e9
 pressures = st.floats(20e6, 200e6)
+
+DIFFERENCES = st.floats(-3, 3, allow_nan=False)
+TRANSITIONS = st.floats(1e-4, 1e-1)
+compiled = settings(deadline=None)  # the first example may compile
 
 
 def model(**parameters: dict[str, float]) -> Coefficients:
@@ -73,3 +77,29 @@ def test_a_shut_seat_has_no_area_whatever_its_coefficient() -> None:
     c = model(lift_dependent_seat_coefficient={"a": 0.5})
     assert normalised_area(0.0, c.seat) == 0.0
     assert normalised_area(-1e-6, c.seat) == 0.0
+
+
+@compiled
+@given(DIFFERENCES, TRANSITIONS)
+def test_root_is_odd(difference: float, transition: float) -> None:
+    assert root(-difference, transition) == -root(difference, transition)
+
+
+@compiled
+@given(st.floats(-1, 1), TRANSITIONS)
+def test_root_is_the_signed_square_root_far_from_zero(direction: float, transition: float) -> None:
+    """The relative difference is (t/d)^2 / 4 to first order: never more than that."""
+    assume(abs(direction) > 10 * transition)
+    exact = math.copysign(math.sqrt(abs(direction)), direction)
+    shortfall = 1.0 - root(direction, transition) / exact
+    assert 0.0 <= shortfall <= 0.25 * (transition / direction) ** 2 + 1e-15
+
+
+@compiled
+@given(DIFFERENCES, TRANSITIONS)
+def test_it_rises_and_is_steepest_at_zero(difference: float, transition: float) -> None:
+    """The bound that the number of integration steps rests on."""
+    step = 1e-4 * math.hypot(difference, transition)
+    rise = (root(difference + step, transition) - root(difference - step, transition)) / (2 * step)
+    assert 0.0 < rise <= (1 + 1e-7) / math.sqrt(transition)
+    assert root(1e-6 * transition, transition) == pytest.approx(1e-6 * math.sqrt(transition), rel=1e-9)

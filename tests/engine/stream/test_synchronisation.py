@@ -1,4 +1,4 @@
-"""When x^ follows x~, when it runs open loop, and how long outputs are not available after a break."""
+"""When x^ follows x~, when it runs open loop, how long outputs are not available after a break."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from observer_rt.bus.alignment import Break
 from observer_rt.core.stream.stream import LOOK_BACK
 from observer_rt.engine.stream.state import Reason, State
-from tests.engine.sample_stream import NOISE, RAIL, Stream, stroke
+from observer_rt.model.parameters import InjectorParameters
+from tests.engine.sample_stream import NOISE, NOMINAL, RAIL, Stream, stroke
 
 MS = 100  # samples at 100 kHz
 
@@ -140,3 +141,17 @@ def test_positions_and_indices_of_every_sample_stay_together() -> None:
         expected += range(index, index + length)
     stream.finish()
     assert stream.rows["index"].tolist() == expected
+
+
+def with_line(**line: str | int) -> InjectorParameters:
+    return NOMINAL.model_copy(update={"line": NOMINAL.line.model_copy(update=line)})
+
+
+def test_each_observer_steps_its_own_model() -> None:
+    lines = (NOMINAL, with_line(model="wave", cells=5), with_line(model="wave", cells=9))
+    streams = [Stream(line).stay_shut(2e-3) for line in lines]
+    assert [stream.rows["x_hat"].shape[1] for stream in streams] == [
+        stream.observer.constants.coefficients.states for stream in streams
+    ]
+    for stream in streams:
+        assert abs(stream.rows["x_hat"][-1, 0] - stream.rows["line_pressure"][-1]) < 1e-9

@@ -17,10 +17,11 @@ from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.desk.evaluation.results import print_evaluation, write_document
 from observer_rt.desk.evaluation.segment import SUFFIXES, TRACE_SUFFIX
 from observer_rt.desk.recording_options import EvaluateOptions
-from observer_rt.foundation.console import FIGURE_SUFFIXES, progress_bar, results, say
+from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.file_kinds import LEARNED_STATE
+from observer_rt.foundation.files import LEARNED_STATE
 from observer_rt.foundation.outputs import check_output, make_folder, replacing
+from observer_rt.foundation.progress import progress_bar
 from observer_rt.model.effects import effective_model
 
 

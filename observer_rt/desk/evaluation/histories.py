@@ -15,9 +15,9 @@ from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs
 from observer_rt.desk.evaluation.run import Progress
 from observer_rt.desk.evaluation.twice import SecondLook
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.service.learners import doubt_about_fit, make_learner
-from observer_rt.engine.signal_survey import doubts, refuse_dead
+from observer_rt.engine.service.injector import doubt_about_fit, make_learner
 from observer_rt.files.replay.framing import bench_for, clamped_in
+from observer_rt.files.signals.doubts import doubts, refuse_dead
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError

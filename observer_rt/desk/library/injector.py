@@ -23,11 +23,12 @@ from observer_rt.desk.library.fit import FitResult
 from observer_rt.desk.library.notes import CallNotes, noted, screen
 from observer_rt.desk.library.recordings import Recordings, digests, path_of, sources_of
 from observer_rt.desk.library.results import EvaluationResult
-from observer_rt.engine.service.constants import calibration_of
+from observer_rt.engine.service.injector import calibration_of
 from observer_rt.files.signals.stream import SignalStream
-from observer_rt.foundation.console import progress_bar, say
-from observer_rt.foundation.file_kinds import INJECTOR_FILE
+from observer_rt.foundation.console import say
+from observer_rt.foundation.files import INJECTOR_FILE
 from observer_rt.foundation.outputs import IN_A_CALL, check_output, write_text
+from observer_rt.foundation.progress import progress_bar
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer, refuse_incomparable
 from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES

@@ -12,19 +12,16 @@ cdef inline bint handle(
 
     Frames caused are in the publisher's `out`. Returns True when Python must do something first, as of `proceed`.
     """
+    return listen(pipeline, key, payload, size, stamp) and proceed(pipeline)
+
+
+cdef bint listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
+    """Take one frame as `handle` does, but observe nothing; whether it is an input's, whose samples go into the ring."""
     for number in range(pipeline.inputs.message_count):
         if pipeline.inputs.messages[number].key == key:
             _take(pipeline, number, payload, size, stamp)
-            return proceed(pipeline)
+            return True
     return False
-
-
-cdef void listen(Pipeline* pipeline, int64_t key, const uint8_t* payload, int64_t size, int64_t stamp) noexcept nogil:
-    """Take one frame as `handle` does, but observe nothing: its samples only go into the observer's ring."""
-    for number in range(pipeline.inputs.message_count):
-        if pipeline.inputs.messages[number].key == key:
-            _take(pipeline, number, payload, size, stamp)
-            return
 
 
 cdef bint proceed(Pipeline* pipeline) noexcept nogil:

@@ -1,7 +1,8 @@
 # Pump loop: takes frames from sockets through the pipeline, sends rates back onto the bus, without Python.
 #
 # One turn: frames that wait, of several buses the earliest first; each through the pipeline; what it caused is sent.
-# With one bus and nothing to send late, a turn is two system calls. Nothing is allocated.
+# With one bus it sleeps until the frame that completes a block of rates is due, so that one wake brings several frames.
+# Nothing is allocated.
 
 cdef enum:
     BATCH = 16  # frames that one system call may bring
@@ -12,6 +13,7 @@ cdef enum:
     WAIT_MS = 20  # longest time deaf to Python
     RETRY_MS = 1  # a full transmit queue cannot be polled for
     HEADER_BYTES = 8  # of a frame, before its data
+    SPARED = 10000  # ns by which it wakes before a frame is due, for a sleep ends late by about as much
     LATENCIES = 64  # four to an octave
     SHORTEST_LATENCY = 10  # bits of those [ns] that come before them: 1 us
 
@@ -30,8 +32,13 @@ cdef extern from "<time.h>" nogil:
         long tv_sec
         long tv_nsec
     int clock_gettime(int clock, timespec* now)
+    int nanosleep(const timespec* length, timespec* left)
     int CLOCK_REALTIME
     int CLOCK_MONOTONIC
+
+cdef extern from "<sys/prctl.h>" nogil:
+    int prctl(int option, ...)
+    int PR_SET_TIMERSLACK
 
 cdef extern from "<sys/uio.h>" nogil:
     struct iovec:
@@ -114,23 +121,24 @@ cdef bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
     memory = pump.memory
     cdef bint waits = proceed(pipeline)  # with what it waited for
     cdef int64_t bus
+    prctl(PR_SET_TIMERSLACK, 1)
     _send_rates(pump, &pipeline.publisher)
     if waits:
         return True
-    while not memory.is_to_stop:
-        memory.turns += 1
-        if not _frame_is_there(pump):
-            _receive(pump)
-        while True:
-            bus = _earliest(pump)
-            if bus < 0:
-                break
+    while True:
+        bus = _earliest(pump)
+        if bus >= 0:
             if _take_frame(pump, pipeline, bus):
                 return True
+            continue
         if memory.first_waiting < memory.end_waiting:
             _send_waiting(pump)
         _wake_python(pump, pipeline.observer, wake)
-    return False
+        if memory.is_to_stop:
+            return False
+        memory.turns += 1
+        _sleep(pump, pipeline)
+        _receive(pump)
 
 
 cdef void _send_rates(Pumped* pump, Publisher* publisher) noexcept nogil:
@@ -158,35 +166,35 @@ cdef void _send_rates(Pumped* pump, Publisher* publisher) noexcept nogil:
 
 cdef void _send_waiting(Pumped* pump) noexcept nogil:
     """Send in order, as far as there is room; what waits when the bus goes down would be old when it is back."""
-    cdef ssize_t sent
-    cdef int error
     memory = pump.memory
     bus = &pump.buses[memory.bus]
-    while memory.first_waiting < memory.end_waiting:
-        sent = -1
-        if bus.failure == 0:
-            frame = pump.waiting + (memory.first_waiting % WAITING) * CANFD_MTU
-            sent = send(<int> bus.fd, frame, memory.size, MSG_DONTWAIT)
-        if sent >= 0:
+    while memory.first_waiting < memory.end_waiting and bus.failure == 0:
+        frame = pump.waiting + (memory.first_waiting % WAITING) * CANFD_MTU
+        if send(<int> bus.fd, frame, memory.size, MSG_DONTWAIT) >= 0:
             memory.first_waiting += 1
-            continue
-        error = errno
-        if bus.failure == 0 and error == EINTR:
-            continue
-        if bus.failure == 0 and (error == EAGAIN or error == ENOBUFS):
+        elif errno == EAGAIN or errno == ENOBUFS:
             return
-        if bus.failure == 0:
-            bus.failure = error
-        memory.unsent += memory.end_waiting - memory.first_waiting
-        memory.first_waiting = memory.end_waiting
+        elif errno != EINTR:
+            bus.failure = errno
+    memory.unsent += memory.end_waiting - memory.first_waiting
+    memory.first_waiting = memory.end_waiting
 
 
-cdef bint _frame_is_there(Pumped* pump) noexcept nogil:
-    cdef int64_t number
-    for number in range(pump.bus_count):
-        if pump.buses[number].failure == 0 and pump.buses[number].next < pump.buses[number].count:
-            return True
-    return False
+cdef void _sleep(Pumped* pump, Pipeline* pipeline) noexcept nogil:
+    """Until the frame is due that completes a block of rates, if another comes before: by what the last one brought."""
+    cdef timespec length
+    cdef int64_t samples, left
+    memory, rates = pump.memory, pipeline.publisher.memory
+    samples = rates.samples - rates.filled
+    if pump.bus_count > 1 or memory.first_waiting < memory.end_waiting or not 0 < memory.brought < samples:
+        return
+    samples += (memory.brought - samples % memory.brought) % memory.brought
+    left = <int64_t> (samples * pipeline.observer.constants.interval * NANOSECONDS)
+    left = min(left, memory.brought_at + left - now(CLOCK_REALTIME), <int64_t> WAIT_MS * 1000000) - SPARED
+    memory.brought = 0
+    if left > 0:
+        length.tv_sec, length.tv_nsec = 0, left
+        nanosleep(&length, NULL)
 
 
 cdef void _receive(Pumped* pump) noexcept nogil:
@@ -283,7 +291,7 @@ cdef void _note_stamp(Pumped* pump, int64_t number) noexcept nogil:
 cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept nogil:
     """Take the next frame of a bus through the pipeline: whether Python must do something first."""
     cdef uint32_t identifier
-    cdef int64_t place, length, key, stamp
+    cdef int64_t place, length, key, stamp, published = pipeline.publisher.memory.published
     cdef uint8_t* frame
     cdef bint waits, has_rates
     bus = &pump.buses[number]
@@ -307,6 +315,8 @@ cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept
             _note_error(pump, number, identifier, frame + HEADER_BYTES, length)
         return False
     waits = handle(pipeline, key, frame + HEADER_BYTES, length, stamp)
+    if pipeline.publisher.memory.published > published:
+        pump.memory.brought, pump.memory.brought_at = pipeline.publisher.memory.published - published, stamp
     has_rates = pipeline.publisher.memory.frames > 0
     _send_rates(pump, &pipeline.publisher)
     if has_rates:

@@ -320,6 +320,8 @@ cdef struct PumpMemory:
     int64_t reported  # events closed and taken, failures, errors that Python knows of
     int64_t turns
     int64_t unsent
+    int64_t brought  # samples observed by the last frame that had any observed
+    int64_t brought_at  # its stamp [ns]
     # results
     int64_t bus  # they go to, -1: none are sent
     uint32_t identifier

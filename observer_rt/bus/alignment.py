@@ -47,7 +47,6 @@ FOLLOWER = dtype_of(RECORDS["Follower"])
 SLOT = dtype_of(RECORDS["Slot"])
 ALIGNMENT = dtype_of(RECORDS["AlignmentMemory"])
 
-POINTS = 16  # windows whose lowest stamps the line goes by
 CLOCK = dtype_of(RECORDS["Clock"])
 COUNTING = dtype_of(RECORDS["Counting"])
 SHIFT = dtype_of(RECORDS["Shift"])

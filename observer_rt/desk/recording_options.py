@@ -7,14 +7,13 @@ from typing import Annotated
 
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.desk import options as shared
-from observer_rt.files.formats import log_formats, signal_formats, suffixes_of
+from observer_rt.files import formats
 from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Writes
 
-_logs = log_formats()
-SIGNALS = ", ".join(suffixes_of(signal_formats()))
-LOGS = ", ".join(suffixes_of(_logs))
-RECORDED = ", ".join(suffixes_of(each for each in _logs if each.recorder))
-CLASSIC_ONLY = ", ".join(suffixes_of(each for each in _logs if not each.keeps_fd))
+SIGNALS = ", ".join(formats.suffixes_of(formats.SIGNALS))
+LOGS = ", ".join(formats.suffixes_of(formats.LOGS))
+RECORDED = ", ".join(formats.RECORDED)
+CLASSIC_ONLY = ", ".join(formats.suffixes_of(each for each in formats.LOGS if not each.keeps_fd))
 
 Recording = Annotated[Path, Argument(f"Recording ({SIGNALS}) or CAN log ({LOGS}).", "RECORDING")]
 Recordings = Annotated[

@@ -24,7 +24,7 @@ from observer_rt.daemon.reloading import RELOAD
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.model_steps import TakeOver, naming, note_steps, replace_text, steps
 from observer_rt.desk.other_changes import other_changes, parameter_changes
-from observer_rt.files.evidence.evidence_file import KeptEvent
+from observer_rt.files.evidence import KeptEvent
 from observer_rt.files.signals.stream import HeldSignals
 from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.files import file_errors

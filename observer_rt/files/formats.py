@@ -1,10 +1,9 @@
 """The one registry of formats: what kinds of files hold recordings or CAN logs, and which of them a file is of.
 
-A further format is one entry of `BUILT_IN`.
+A further format is one entry of `SIGNALS` or `LOGS`.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -22,11 +21,11 @@ from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
 from observer_rt.files.signals.naming import in_words, layout_of
 from observer_rt.files.signals.parquet_table import ParquetTable
-from observer_rt.files.signals.recording import OPTIONAL, TRUTH_SUFFIX, Recording
-from observer_rt.files.signals.signal_format import OwnLayout, SignalFormat
+from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.files.signals.stream import SignalStream
+from observer_rt.files.signals.table import SignalFormat
 from observer_rt.files.signals.table_signals import EvenSignals
-from observer_rt.files.signals.table_writers import PRINTED, SI, WrittenColumn, recording_writer, write_whole
+from observer_rt.files.signals.table_writers import PRINTED, SI, WrittenColumn, recording_writer
 from observer_rt.foundation.console import check_suffix
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -47,47 +46,33 @@ _ADVICE = {  # what to do with other kinds of files
 }
 
 
-def _header(columns: Sequence[WrittenColumn]) -> str:
-    texts = (f"[,{each.header}]" if each.channel in OPTIONAL else f",{each.header}" for each in columns)
-    return "".join(texts)[1:]
-
-
 def _by_header(columns: Sequence[WrittenColumn]) -> RecordingConfig:
     mapped = {column.channel: {"column": column.header, "unit": column.unit} for column in columns}
     return RecordingConfig.model_validate(mapped)
 
 
 _CHANNELS = RecordingConfig.model_validate({column.channel: {"column": column.channel} for column in SI[1:]})
-CSV = SignalFormat((".csv",), _header(PRINTED), OwnLayout(CsvTable, _by_header(PRINTED)), write_whole)
-TEXT = SignalFormat((".txt",), "text as .csv", OwnLayout(CsvTable, _by_header(PRINTED)))
-MDF4_SIGNALS = SignalFormat(
-    (".mf4",), "ASAM MDF4, one channel a signal, with its unit", OwnLayout(Mdf4Table, _CHANNELS), write_whole
+SIGNALS = (
+    SignalFormat(".csv", CsvTable, _by_header(PRINTED)),
+    SignalFormat(".mf4", Mdf4Table, _CHANNELS),
+    SignalFormat(".parquet", ParquetTable, _by_header(SI)),
+    SignalFormat(".txt", CsvTable, _by_header(PRINTED), is_written=False),
 )
-PARQUET = SignalFormat(
-    (".parquet",), f"Parquet, {_header(SI)}", OwnLayout(ParquetTable, _by_header(SI)), write_whole
-)
-
-BUILT_IN: tuple[Format, ...] = (CSV, MDF4_SIGNALS, PARQUET, TEXT, CANDUMP, BLF, ASC, TRC, MDF4_LOG, CSV_LOG)
-
-
-def log_formats() -> list[LogFormat]:
-    """Every format of CAN logs."""
-    return [each for each in BUILT_IN if isinstance(each, LogFormat)]
-
-
-def signal_formats() -> list[SignalFormat]:
-    """Every format of recordings."""
-    return [each for each in BUILT_IN if isinstance(each, SignalFormat)]
+"""Every format of recordings."""
+LOGS = (CANDUMP, BLF, ASC, TRC, MDF4_LOG, CSV_LOG)
+"""Every format of CAN logs."""
 
 
 def suffixes_of(kinds: Iterable[Format]) -> tuple[str, ...]:
     """The suffixes of some formats, each once."""
-    return tuple(dict.fromkeys(suffix for each in kinds for suffix in each.suffixes))
+    return tuple(dict.fromkeys(each.suffix for each in kinds))
 
 
-def written(kinds: Iterable[F]) -> list[F]:
-    """Formats that can be written, of some."""
-    return [each for each in kinds if each.writer is not None]
+SUFFIXES = suffixes_of((*SIGNALS, *LOGS))
+SIGNALS_WRITTEN = suffixes_of(each for each in SIGNALS if each.is_written)
+LOGS_WRITTEN = suffixes_of(each for each in LOGS if each.writer is not None)
+RECORDED = suffixes_of(each for each in LOGS if each.recorder is not None)
+"""Formats of logs into which frames can go as they come in."""
 
 
 def is_log(path: Path) -> bool:
@@ -95,43 +80,36 @@ def is_log(path: Path) -> bool:
 
     Raises `UserError` for an unknown suffix, and for a file that had to be opened and is not there or damaged.
     """
-    kinds = _kinds(path, BUILT_IN)
-    logs = [each for each in kinds if isinstance(each, LogFormat)]
-    return len(logs) == len(kinds) or _recognised(path, logs) is not None
+    _check_suffix(path, SUFFIXES)
+    log = next((each for each in LOGS if each.suffix == path.suffix.lower()), None)
+    if log is None or log.recognises is None:
+        return log is not None
+    with file_errors(path):
+        return log.recognises(path)
 
 
 def log_format(path: Path) -> LogFormat:
     """The format in which a log of this suffix is written. Raises `UserError` for an unknown one."""
-    return _of(path, log_formats())
+    return _of(path, LOGS)
 
 
 def open_log(path: Path) -> LogReader:
-    """The reader of a log; nothing is read before it is iterated, unless its suffix leaves the format open.
-
-    Raises `UserError` for an unknown suffix.
-    """
-    kinds = _kinds(path, log_formats())
-    kind = _recognised(path, kinds) if len(kinds) > 1 else None
-    return (kind or next(each for each in kinds if each.recognises is None or len(kinds) == 1)).reader(path)
+    """The reader of a log; nothing is read before it is iterated. Raises `UserError` for an unknown suffix."""
+    return _of(path, LOGS).reader(path)
 
 
 def open_writer(path: Path, start_ns: int) -> LogWriter:
     """The writer of a log that begins at a time [ns]. Raises `UserError` for a suffix that cannot be written."""
-    writer = _of(path, written(log_formats())).writer
+    writer = _of(path, [each for each in LOGS if each.writer is not None]).writer
     assert writer is not None
     return writer(path, start_ns)
 
 
 def open_recorder(path: Path, start_ns: int) -> LogRecorder:
     """Open a log for frames as they come in; raises like `open_writer`."""
-    recorder = _of(path, recorded()).recorder
+    recorder = _of(path, [each for each in LOGS if each.recorder is not None]).recorder
     assert recorder is not None
     return recorder(path, start_ns)
-
-
-def recorded() -> list[LogFormat]:
-    """Formats of logs into which frames can go as they come in."""
-    return [each for each in log_formats() if each.recorder is not None]
 
 
 def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalStream:
@@ -141,7 +119,7 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
     headings say which column is which.
     Raises `UserError` for an unknown suffix, a file that cannot be opened or whose content is wrong.
     """
-    reader = _of(path, signal_formats()).reader
+    kind = _of(path, SIGNALS)
     mapping = injector.config.recording if injector is not None else None
     if path.name.endswith(TRUTH_SUFFIX):
         raise UserError(
@@ -151,13 +129,12 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
         )
     with file_errors(path):
         stream: SignalStream
-        if reader.is_of(path, mapping):
-            stream = EvenSignals(reader.table(path, reader.mapping, is_own=True))
+        if kind.is_own(path, mapping):
+            stream = EvenSignals(kind.table(path, kind.mapping, is_own=True))
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
-            table = reader.table
-            layout = mapping or layout_of(str(path), table.headings(path), table.brings_time)
-            stream = MappedSignals(reader.table(path, layout), rate)
+            layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)
+            stream = MappedSignals(kind.table(path, layout), rate)
             stream.notes = (*(() if mapping else (f"{path}: {in_words(layout)}",)), *stream.notes)
     if injector is not None:
         stated = mapping.meaning if mapping is not None else None
@@ -186,21 +163,9 @@ def write_recording(path: Path, recording: Recording) -> None:
 
     Raises `UserError` for an unknown suffix or a path that cannot be written, `RunError` when writing fails.
     """
-    writer = _of(path, written(signal_formats())).writer
-    assert writer is not None
-    with file_errors(path), replacing(path) as part:
-        writer(part, recording)
-
-
-@contextmanager
-def open_parts(path: Path, optional: Collection[str]) -> Iterator[Callable[[Recording], None]]:
-    """Open a recording for writing; the function given appends a part. optional: as of `recording_writer`.
-
-    Raises `UserError` for a suffix that cannot be written, `OSError` when writing fails.
-    """
-    _check_suffix(path, suffixes_of(written(signal_formats())))
-    with recording_writer(path, optional) as write:
-        yield write
+    _check_suffix(path, SIGNALS_WRITTEN)
+    with file_errors(path), replacing(path) as part, recording_writer(part, recording.signals) as write:
+        write(recording)
 
 
 def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
@@ -216,16 +181,6 @@ def _check_suffix(path: Path, suffixes: Collection[str]) -> None:
 
 
 def _of(path: Path, kinds: Sequence[F]) -> F:
-    return _kinds(path, kinds)[0]
-
-
-def _kinds(path: Path, kinds: Sequence[F]) -> list[F]:
-    """The formats that a file may be of by its suffix."""
+    """The format of a file by its suffix."""
     _check_suffix(path, suffixes_of(kinds))
-    return [each for each in kinds if path.suffix.lower() in each.suffixes]
-
-
-def _recognised(path: Path, kinds: Iterable[LogFormat]) -> LogFormat | None:
-    """The format that takes a file for its own."""
-    with file_errors(path):
-        return next((each for each in kinds if each.recognises is not None and each.recognises(path)), None)
+    return next(each for each in kinds if path.suffix.lower() == each.suffix)

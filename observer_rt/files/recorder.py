@@ -10,7 +10,7 @@ from typing import Any
 from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.receiver import EnduringReading
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
-from observer_rt.files.formats import open_recorder, recorded, suffixes_of
+from observer_rt.files.formats import RECORDED, open_recorder
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import begin_stream, check_output
@@ -61,12 +61,11 @@ class RecordStatistics:
 
 def check_recording_path(path: Path, force: bool) -> None:
     """Raise `UserError` for a format that is not safe while recording, and for a log that is there without force."""
-    suffixes = suffixes_of(recorded())
-    if path.suffix.lower() not in suffixes:
+    if path.suffix.lower() not in RECORDED:
         raise UserError(
             f"--out {path}",
             f"'{path.suffix}' cannot be recorded into safely",
-            f"record into {' or '.join(suffixes)}, then convert",
+            f"record into {' or '.join(RECORDED)}, then convert",
         )
     check_output("--out", path, force)
 

@@ -9,11 +9,11 @@ import pandas as pd
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.config.toml_file import validated
-from observer_rt.files.signals.calendar import seconds_since
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.naming import in_words, layout_of, name_and_unit
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream
 from observer_rt.files.signals.table import LARGEST, TIME, Heading, Table, TablePart, Values, present
+from observer_rt.files.signals.time_axis import seconds_since
 from observer_rt.foundation.errors import UserError
 
 

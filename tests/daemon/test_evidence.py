@@ -16,7 +16,7 @@ from observer_rt.daemon.evidence import evidence_keeper
 from observer_rt.daemon.persistence.keeper import is_written
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.engine.reports.evidence import EvidenceKind
-from observer_rt.files.evidence.evidence_file import KeptEvent, read_evidence
+from observer_rt.files.evidence import KeptEvent, read_evidence
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.parameters import EffectInForce, EffectValue
 from tests.daemon.participants import bench_file, until

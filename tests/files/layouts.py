@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pyarrow import Table as ArrowTable
 from pyarrow import parquet
 
-from observer_rt.files.formats import write_recording
 from observer_rt.files.signals.recording import Recording
 
 Columns = Mapping[str, NDArray[np.float64]]
@@ -108,11 +107,6 @@ def _parquet(folder: Path, recording: Recording, is_dated: bool) -> Path:
     return folder / "a.parquet"
 
 
-def _own(folder: Path, recording: Recording, suffix: str) -> Path:
-    write_recording(folder / f"a{suffix}", recording)
-    return folder / f"a{suffix}"
-
-
 def _indexed(recording: Recording) -> pd.DataFrame:
     frame = _frame(recording).drop(columns="time_s")
     start = pd.Timestamp("2026-03-01T12:00:00", tz="Europe/Berlin")
@@ -128,20 +122,6 @@ LAYOUTS = (
         above=["Prüfstand 4", "Lauf 12"],
         change=lambda content: content.replace("\n", "\r\n"),
     ),
-    _csv("commas", separator=",", names=ENGLISH, form=".7f", time=1.0),
-    _csv("tabulators", separator="\t"),
-    _csv("tabulators and decimal commas", separator="\t", decimal=","),
-    _csv("blanks", separator=" ", names=ENGLISH, form=".7f", time=1.0),
-    _csv("bars", separator="|"),
-    _csv("byte order mark", encoding="utf-8-sig"),
-    _csv("UTF-16", encoding="utf-16"),
-    _csv(
-        "quoted",
-        change=lambda content: (
-            "\n".join(";".join(f'"{cell}"' for cell in line.split(";")) for line in content.splitlines())
-            + "\n"
-        ),
-    ),
     _csv(
         "numbered rows",
         change=lambda content: (
@@ -152,7 +132,6 @@ LAYOUTS = (
             + "\n"
         ),
     ),
-    _csv("powers of ten", form=".8E"),
     _csv("a line of units", names=PLAIN, under=("us", "bar", "um", "bar")),
     _csv(
         "bracketed units below", names=PLAIN, under=("[ms]", "[bar]", "[µm]", "[bar]"), time=1e3, form=".5f"
@@ -172,21 +151,6 @@ LAYOUTS = (
         form=".5f",
     ),
     _csv("commented names", separator=",", names=("# Zeit [µs]", *GERMAN[1:])),
-    _csv(
-        "rounded time",
-        names=("Zeit [ms]", *GERMAN[1:]),
-        time=1e3,
-        change=lambda content: (
-            "\n".join(
-                line if at == 0 else f"{float(line.split(';')[0]):.0f};{line.split(';', 1)[1]}"
-                for at, line in enumerate(content.splitlines())
-            )
-            + "\n"
-        ),
-    ),
-    Layout("own CSV", lambda folder, recording: _own(folder, recording, ".csv")),
-    Layout("own MDF 4", lambda folder, recording: _own(folder, recording, ".mf4")),
-    Layout("own Parquet", lambda folder, recording: _own(folder, recording, ".parquet")),
     Layout("MDF 4", lambda folder, recording: _mdf(folder, recording, "4.10", "mf4")),
     Layout("Parquet", lambda folder, recording: _parquet(folder, recording, is_dated=False)),
     Layout("Parquet moments", lambda folder, recording: _parquet(folder, recording, is_dated=True)),

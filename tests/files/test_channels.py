@@ -5,11 +5,16 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.link import Frame
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
 from observer_rt.config.bench_file import LinkConfig, NamedLink
+from observer_rt.desk.evaluation.logged import LoggedSignals
 from observer_rt.files.canlog.can_log import LogFrame
-from observer_rt.files.channels import chosen_channels
+from observer_rt.files.channels import InputFrames, chosen_channels
 from observer_rt.files.formats import open_writer
 from observer_rt.foundation.errors import UserError
+from tests.bus.extended_bench import IDENTIFIER, write_extended_bench
+from tests.files.canlog.log_cases import START, write_log
 
 BENCH = [
     NamedLink(name, LinkConfig(channel=channel))
@@ -68,3 +73,40 @@ def test_where_it_is_not_clear_the_remedy_says_how(
         chosen_channels(log(tmp_path, suffix, *channels), BENCH, INPUTS, ())
     assert all(channel in raised.value.problem for channel in channels)
     assert raised.value.remedy.endswith("--from-channel CHANNEL --from-channel lift=CHANNEL")
+
+
+OTHER = 0x18FEF2FE
+
+
+def input_frames(folder: Path, *identifiers: int) -> InputFrames:
+    """The input frames of a log with one frame of each identifier."""
+    bench = load_bench(write_extended_bench(folder))
+    frames = [
+        LogFrame(Frame(identifier, bytes(8), START + n * 1000, True, False), "1")
+        for n, identifier in enumerate(identifiers)
+    ]
+    write_log(folder / "bus.blf", frames)
+    return InputFrames(folder / "bus.blf", map_bus(bench), {0: None})
+
+
+def test_a_log_without_frames_of_a_bench_says_what_it_has(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"holds no frame of Daq \(0x18FEF1FE\); it has 0x18FEF100"):
+        list(input_frames(tmp_path, 0x18FEF100))
+
+
+def test_frames_that_come_too_seldom_give_the_cause(tmp_path: Path) -> None:
+    """Two messages that nothing counts, far slower than the sample rate: none joins the other."""
+    database, bench = tmp_path / "user.dbc", write_extended_bench(tmp_path)
+    lift = ' SG_ Lift : 16|16@1+ (0.1,0) [0|0] "um" Device\n'
+    other = f"BO_ {OTHER | 1 << 31} Slow: 8 Device\n{lift}"
+    database.write_text(database.read_text().replace(lift, "") + other)
+    text = bench.read_text().replace('message = "Daq"\nsignal = "Lift"', 'message = "Slow"\nsignal = "Lift"')
+    bench.write_text(text.replace('counter = "Count"', ""))
+    log = tmp_path / "slow.log"
+    times = [(10 + n * 0.01, identifier) for n in range(50) for identifier in (IDENTIFIER, OTHER)]
+    log.write_text("".join(f"({time:.6f}) can0 {identifier:08X}#{'00' * 8}\n" for time, identifier in times))
+    with pytest.raises(UserError) as raised:
+        LoggedSignals(load_bench(bench), log)
+    assert "its 100 input frames give 0 samples" in raised.value.problem
+    assert "they come at 204 a second, where sampling.rate_hz is 100000" in raised.value.problem
+    assert "set sampling.rate_hz" in raised.value.remedy

@@ -12,8 +12,8 @@ import numpy as np
 import typer
 
 from observer_rt.desk.simulation.schedule import Event, Schedule, Shot
+from observer_rt.files.formats import write_recording
 from observer_rt.files.signals.recording import Recording
-from observer_rt.files.signals.table_writers import write_whole
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MILLISECOND
 from tools.benchmarks import command_line as cli
@@ -52,7 +52,7 @@ def write_files(folder: Path, files: int, repeats: int) -> Path:
     rail, lift, line = (np.tile(values, repeats) for values in once.signals.values())
     for number in range(files):
         recording = Recording(np.arange(rail.size) / SAMPLE_RATE, rail + number * STEP, lift, line)
-        write_whole(target / f"{number}.parquet", recording)
+        write_recording(target / f"{number}.parquet", recording)
     return target
 
 

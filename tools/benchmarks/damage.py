@@ -47,8 +47,8 @@ BARS = (
 
 def kinds() -> list[str]:
     """Names of whole files: frames and signals in every format that is written."""
-    logs = formats.suffixes_of(formats.written(formats.log_formats()))
-    signals = formats.suffixes_of(formats.written(formats.signal_formats()))
+    logs = formats.LOGS_WRITTEN
+    signals = formats.SIGNALS_WRITTEN
     return [f"frames{suffix}" for suffix in logs] + [f"signals{suffix}" for suffix in signals]
 
 

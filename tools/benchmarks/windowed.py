@@ -9,7 +9,7 @@ from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.evaluation.segment import UNKNOWN, Trace, trace_of
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.stream.state import State
-from observer_rt.files.replay.framing import Span, windows
+from observer_rt.files.replay.framing import Span, windows_of
 from observer_rt.files.signals.recording import Recording
 
 
@@ -28,7 +28,7 @@ def evaluate_windowed(bench: Bench, recording: Recording) -> WindowedEvaluation:
     To the observer, recordings of one history are windows of a source: the index jumps with the needle closed, the
     E2E counters go on. Where nothing was recorded nothing is available; samples and indices are those of the whole.
     """
-    spans = windows(recording)
+    spans = windows_of((recording,))
     history = evaluate(bench, [part_of(recording, span) for span in spans])
     trace = trace_of(np.repeat(UNKNOWN, recording.samples))
     trace.state[:] = State.WAITING_FOR_DATA

@@ -219,17 +219,10 @@ def named(location: str) -> Iterator[None]:
         raise UserError(location, f"{error.location} {error.problem}", error.remedy) from None
 
 
-class RepairedDbc(NamedTuple):
-    """The text, and what was wrong with it."""
-
-    text: str
-    complaints: tuple[str, ...]
-
-
-def repaired_dbc(text: str) -> RepairedDbc:
+def repaired_dbc(text: str) -> tuple[str, tuple[str, ...]]:
     """Take identifiers of more than 11 bits as extended; leave out impossible ones and values of absent signals.
 
-    Words without quotes as defaults of attributes are put into them.
+    Words without quotes as defaults of attributes are put into them. Returns the text, and what was wrong with it.
     """
     complaints = [f'{match[0].strip()}: "{match[2]}" is meant' for match in _BARE_DEFAULT.finditer(text)]
     text = _BARE_DEFAULT.sub(r'\1"\2"\3', text)
@@ -256,7 +249,7 @@ def repaired_dbc(text: str) -> RepairedDbc:
         if match.group(2, 3) not in defined:
             complaints.append(f"{match[1]}: there is no such signal, it is left out")
             text = text.replace(match[0], "")
-    return RepairedDbc(text, tuple(complaints))
+    return text, tuple(complaints)
 
 
 def _as_extended(match: re.Match[str], extended: set[int]) -> str:

@@ -60,13 +60,13 @@ def simulate(options: SimulateOptions) -> None:
     """Simulate a healthy or worn injector; the truth goes to FILE.truth.csv, which the observer never reads."""
     from observer_rt.desk.simulation import schedule as times
     from observer_rt.desk.simulation import simulate as simulation
-    from observer_rt.files.formats import signal_formats, suffixes_of, write_recording, written
+    from observer_rt.files.formats import SIGNALS_WRITTEN, write_recording
 
     if options.noise not in ("on", "off"):
         raise UserError("--noise", f"is {options.noise!r}", "give on or off")
     output, rate, injections = options.output, options.sample_rate, options.injections
     truth = simulation.truth_path(output)
-    check_output("--output", output, options.force, suffixes=suffixes_of(written(signal_formats())))
+    check_output("--output", output, options.force, suffixes=SIGNALS_WRITTEN)
     check_output("--output", truth, options.force)
     spacing = options.period * MILLISECOND
     samples = injections * spacing * rate

@@ -11,19 +11,16 @@ from observer_rt.config.bench import Bench
 from observer_rt.desk.evaluation.logged import LoggedSignals, open_source
 from observer_rt.files.canlog.can_log import LogFrame
 from observer_rt.files.formats import (
-    BUILT_IN,
+    LOGS_WRITTEN,
+    SIGNALS_WRITTEN,
     is_log,
     log_format,
-    log_formats,
     open_log,
-    open_parts,
     open_writer,
-    signal_formats,
-    suffixes_of,
-    written,
 )
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.replay.recording_frames import Device
+from observer_rt.files.signals.table_writers import recording_writer
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
@@ -50,11 +47,11 @@ def convert(
     """
     holds_frames = is_log(source)
     suffix = target.suffix.lower()
-    takes_signals = suffix in suffixes_of(written(signal_formats()))
-    takes_frames = suffix in suffixes_of(written(log_formats()))
+    takes_signals = suffix in SIGNALS_WRITTEN
+    takes_frames = suffix in LOGS_WRITTEN
     if target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
-    check_output("OUT", target, force, suffixes=suffixes_of(written(BUILT_IN)))
+    check_output("OUT", target, force, suffixes=tuple(dict.fromkeys((*SIGNALS_WRITTEN, *LOGS_WRITTEN))))
     if not holds_frames and not takes_signals:
         return _encoded(source, target, bench, console)
     if holds_frames and (not takes_signals or (bench is None and takes_frames)):
@@ -82,7 +79,7 @@ def _signals(
             with (
                 replacing(targets[number]) as part,
                 file_errors(targets[number]),
-                open_parts(part, stream.optional) as write,
+                recording_writer(part, stream.optional) as write,
             ):
                 for chunk in part_of:
                     write(chunk)

@@ -12,7 +12,7 @@ from typing import Self
 
 from observer_rt.config.bench import Bench
 from observer_rt.files.canlog.can_log import NANOSECONDS
-from observer_rt.files.formats import BUILT_IN, is_log, open_log, suffixes_of
+from observer_rt.files.formats import SUFFIXES, is_log, open_log
 from observer_rt.files.signals.recording import TRUTH_SUFFIX
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
@@ -34,7 +34,7 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
     for source in sources:
         files = list(_files(source))
         if not files:
-            suffixes = ", ".join(suffixes_of(BUILT_IN))
+            suffixes = ", ".join(SUFFIXES)
             raise UserError(source, "names no recording", f"give files, folders or patterns of {suffixes}")
         paths |= dict.fromkeys(files)
     return list(paths)
@@ -43,7 +43,7 @@ def recordings_in(sources: Sequence[str]) -> list[Path]:
 def _files(source: str) -> Iterator[Path]:
     path = Path(source)
     if path.is_dir():
-        suffixes = set(suffixes_of(BUILT_IN)) - _NOTES
+        suffixes = set(SUFFIXES) - _NOTES
         for file in sorted(path.rglob("*")):
             if file.is_file() and file.suffix.lower() in suffixes and not file.name.endswith(TRUTH_SUFFIX):
                 yield file

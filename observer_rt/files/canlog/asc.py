@@ -9,9 +9,14 @@ import can
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, text_nanoseconds
-from observer_rt.files.canlog.python_can import PythonCanLog, log_frame
+from observer_rt.files.canlog.python_can import (
+    MICROSECOND,
+    MILLISECOND,
+    PythonCanLog,
+    PythonCanWriter,
+    log_frame,
+)
 from observer_rt.files.canlog.text_log import Rising
-from observer_rt.files.canlog.writers import MICROSECOND, MILLISECOND, PythonCanWriter
 from observer_rt.foundation.errors import UserError
 
 FLAG_REMOTE, FLAG_FD = 0x10, 0x1000  # of CAN FD lines
@@ -165,4 +170,4 @@ class AscWriter(PythonCanWriter):
         self._writer.log_event("Start of measurement", self._start / NANOSECONDS)
 
 
-ASC = LogFormat((".asc",), "Vector, text", AscLog, AscWriter, stamp_step=MICROSECOND)
+ASC = LogFormat(".asc", AscLog, AscWriter, stamp_step=MICROSECOND)

@@ -230,13 +230,12 @@ def text_nanoseconds(text: str) -> int:
 
 @dataclass(frozen=True)
 class LogFormat:
-    """A kind of file that holds CAN frames; callables take the path, those that write the time of the start [ns].
+    """A kind of file that holds CAN frames, by its suffix, in lower case with its dot.
 
-    suffixes: in lower case with their dot; description: for help texts.
+    Callables take the path, those that write the time of the start [ns].
     """
 
-    suffixes: tuple[str, ...]
-    description: str
+    suffix: str
     reader: Callable[[Path], LogReader]
     writer: Callable[[Path, int], LogWriter] | None = None
     """Writer of a log; None where the format is only read."""
@@ -247,4 +246,4 @@ class LogFormat:
     stamp_step: int = 1
     """ns to which stamps are written."""
     recognises: Callable[[Path], bool] | None = None
-    """Whether a file is of this format, where those of another have the same suffix; None: any is."""
+    """Whether a file is a log, where recordings have the same suffix; None: any is."""

@@ -175,4 +175,4 @@ class CandumpWriter(LogRecorder):
         self._file.close()
 
 
-CANDUMP = LogFormat((".log",), "text of `candump -l`", CandumpLog, CandumpWriter, CandumpWriter)
+CANDUMP = LogFormat(".log", CandumpLog, CandumpWriter, CandumpWriter)

@@ -1,4 +1,4 @@
-"""Logs of text that python-can reads, line by line, and nothing it passes over is lost; its own `.csv`."""
+"""Logs that python-can writes, and those of text that it reads, line by line: nothing it passes over is lost."""
 
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -10,9 +10,11 @@ from can.io.generic import TextIOMessageReader
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogWriter
 from observer_rt.files.canlog.text_log import EARLIEST_DATE, TextLogReader, head_of, likeness
+from observer_rt.foundation.errors import UserError
 
+MICROSECOND, MILLISECOND = 1000, 1_000_000  # ns
 _CSV_HEADING = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 
 
@@ -91,6 +93,34 @@ def log_frame(message: can.Message, stamp: int, is_fd: bool, channel: object) ->
     return LogFrame(frame, str(channel), not message.is_rx)
 
 
+class PythonCanWriter(LogWriter):
+    """Writer by one of python-can's: stamps are float seconds there, off by less than 1 us. Channels count from 1."""
+
+    _writer: can.BLFWriter | can.ASCWriter | can.TRCWriter
+
+    def write(self, entry: LogFrame) -> None:
+        frame = entry.frame
+        if frame.stamp_ns < self._start:
+            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
+        self._writer.on_message_received(
+            can.Message(
+                timestamp=frame.stamp_ns / NANOSECONDS,
+                arbitration_id=frame.frame_id,
+                is_extended_id=frame.is_extended,
+                data=frame.payload,
+                is_fd=frame.is_fd,
+                bitrate_switch=frame.bit_rate_switch,
+                error_state_indicator=frame.error_state_indicator,
+                is_rx=not entry.is_sent,
+                channel=self._numbers.of(entry.channel) - 1,
+            )
+        )
+
+    def close(self) -> None:
+        if not self._writer.file.closed:
+            self._writer.stop()
+
+
 class CsvLog(PythonCanLog):
     """Reader of python-can's own text, which has no channels."""
 
@@ -126,4 +156,4 @@ def is_csv_log(path: Path) -> bool:
     return head.startswith(_CSV_HEADING.encode()) or bool(likeness(path)[0] if head else "")
 
 
-CSV_LOG = LogFormat((".csv",), "of python-can, text", CsvLog, recognises=is_csv_log)
+CSV_LOG = LogFormat(".csv", CsvLog, recognises=is_csv_log)

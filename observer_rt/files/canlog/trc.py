@@ -8,8 +8,13 @@ import can
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame
-from observer_rt.files.canlog.python_can import PythonCanLog, log_frame
-from observer_rt.files.canlog.writers import MICROSECOND, MILLISECOND, PythonCanWriter
+from observer_rt.files.canlog.python_can import (
+    MICROSECOND,
+    MILLISECOND,
+    PythonCanLog,
+    PythonCanWriter,
+    log_frame,
+)
 from observer_rt.foundation.errors import UserError
 
 DAY_ZERO = datetime(1899, 12, 30, tzinfo=UTC)
@@ -117,8 +122,7 @@ class TrcWriter(PythonCanWriter):
 
 
 TRC = LogFormat(
-    (".trc",),
-    "PEAK, text: read in 1.0, 1.1, 1.3, 2.0, 2.1, written in 2.1",
+    ".trc",
     TrcLog,
     TrcWriter,
     keeps_fd=False,

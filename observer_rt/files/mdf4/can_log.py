@@ -146,4 +146,4 @@ class Mdf4LogWriter(LogWriter):
             file.save(handle, add_history_block=False)
 
 
-MDF4_LOG = LogFormat((".mf4",), "ASAM MDF4, bus logging", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
+MDF4_LOG = LogFormat(".mf4", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)

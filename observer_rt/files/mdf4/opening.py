@@ -1,35 +1,27 @@
-"""Opens MDF4 files by asammdf, whose failures on damaged ones become errors that name the file; to be run apart."""
+"""Opens MDF4 files by asammdf, and reads their channels; to be run apart, for it trusts what stands in a file.
+
+Its failures on damaged files become errors that name the file. What goes to the caller are lists, texts, numbers and
+arrays.
+"""
 
 import gc
 import logging
-import struct
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from asammdf import MDF
-from asammdf.blocks.utils import MdfException
+import numpy as np
+from asammdf import MDF, Signal
 from asammdf.blocks.v4_blocks import FileHistory
+from numpy.typing import NDArray
 
 from observer_rt.files.mdf4.reader_process import READABLE, refuse_other_files
 from observer_rt.foundation.errors import UserError
 
-DAMAGE = (  # the ways in which asammdf fails on a damaged file
-    MdfException,
-    struct.error,
-    OSError,
-    MemoryError,
-    ArithmeticError,
-    ValueError,
-    LookupError,
-    EOFError,
-    TypeError,
-    AttributeError,
-)
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
 _ANY_SIZE = 1 << 62  # bytes
 NO_DATE = datetime.fromtimestamp(0, UTC)
@@ -42,17 +34,13 @@ def opened(path: Path) -> Iterator[MDF]:
     One that is not finalised asammdf finalises in a temporary copy.
     """
     refuse_other_files(path)
-    with damage_told(path), MDF(path) as file:
-        yield file
-
-
-@contextmanager
-def damage_told(path: Path) -> Iterator[None]:
-    """Turn asammdf's own errors into `UserError`."""
     try:
-        yield
-    except DAMAGE as error:
-        discard(error)
+        with MDF(path) as file:
+            yield file
+    except UserError:
+        raise
+    except Exception as error:  # asammdf fails in many ways on a damaged file
+        _discard(error)
         raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
 
 
@@ -65,7 +53,7 @@ def add_history(file: MDF) -> None:
     file.file_history.append(history)
 
 
-def discard(error: Exception) -> None:
+def _discard(error: Exception) -> None:
     """Drop the half-read file: asammdf's destructor fails on it, which would print a traceback later on."""
     hook = sys.unraisablehook
     sys.unraisablehook = lambda _: None
@@ -113,3 +101,66 @@ def stored_bytes(file: MDF, address: int) -> int:
         inval_total_size=_ANY_SIZE,
     )
     return sum(block.original_size for block in blocks)
+
+
+def channels(path: Path) -> Iterator[list[Any]]:
+    """Name, unit, group and index of every channel but the times, and how many more samples its group holds than its
+    heading states.
+    """
+    with opened(path) as file:
+        surplus = {
+            number: stored_records(file, group) - int(group.channel_group.cycles_nr)
+            for number, group in enumerate(file.groups)
+        }
+        for name, places in file.channels_db.items():
+            for group, index in places:
+                refuse_outside(file, group)
+                if index != file.masters_db.get(group):
+                    yield [name, _unit(file, group, index), int(group), int(index), surplus[group]]
+
+
+def parts(
+    path: Path, group: int, indices: Mapping[str, int], at_once: int
+) -> Iterator[dict[str, NDArray[Any]]]:
+    """Time [s] and channels of one group by name, so many samples at once; NaN where a sample is marked invalid.
+
+    A channel that holds no plain numbers is empty. Raises `UserError` where fewer samples are read than there are.
+    """
+    with opened(path) as file:
+        refuse_outside(file, group)
+        samples = min(file.groups[group].channel_group.cycles_nr, stored_records(file, file.groups[group]))
+        for first in range(0, samples, at_once):
+            count = min(at_once, samples - first)
+            channels = {
+                name: file.get(
+                    group=group,
+                    index=index,
+                    ignore_invalidation_bits=True,
+                    record_offset=first,
+                    record_count=count,
+                )
+                for name, index in indices.items()
+            }
+            columns = {name: _numbers(signal, count) for name, signal in channels.items()}
+            yield {"time": next(iter(channels.values())).timestamps.astype(np.float64), **columns}
+
+
+def _unit(file: MDF, group: int, index: int) -> str:
+    """Unit of a channel, or of its conversion."""
+    channel = file.groups[group].channels[index]
+    unit = channel.unit or (channel.conversion.unit if channel.conversion is not None else "")
+    return str(unit or "").strip()
+
+
+def _numbers(signal: Signal, count: int) -> NDArray[np.float64]:
+    if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "buif":
+        return np.empty(0)
+    values: NDArray[np.float64] = signal.samples.astype(np.float64)
+    marks = values if signal.invalidation_bits is None else signal.invalidation_bits
+    if not values.size == signal.timestamps.size == len(marks) == count:
+        raise ValueError(
+            f"{signal.name} has {values.size} samples, {signal.timestamps.size} stamps, not {count}"
+        )
+    if signal.invalidation_bits is not None:
+        values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+    return values

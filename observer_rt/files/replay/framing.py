@@ -99,13 +99,11 @@ def all_samples(recording: Recording) -> list[Span]:
     return [Span(0, recording.samples)]
 
 
-def windows(recording: Recording) -> list[Span]:
-    """Spans round the injections, as a windowed source sends them; overlapping ones are joined."""
-    return windows_of((recording,))
-
-
 def windows_of(parts: Iterable[Recording]) -> list[Span]:
-    """Windows of a recording in parts that follow one another."""
+    """Spans round the injections of parts that follow one another, as a windowed source sends them.
+
+    Overlapping ones are joined.
+    """
     spans: list[Span] = []
     samples = 0
     for part in parts:

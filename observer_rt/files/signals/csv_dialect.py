@@ -9,10 +9,10 @@ from itertools import islice
 from pathlib import Path
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
-from observer_rt.files.signals.calendar import Calendar, calendar_of
 from observer_rt.files.signals.naming import is_unit, name_and_unit, signals_named
 from observer_rt.files.signals.recording import OPTIONAL
 from observer_rt.files.signals.table import TIME, Heading
+from observer_rt.files.signals.time_axis import Calendar, calendar_of
 from observer_rt.foundation.errors import UserError, hint
 from observer_rt.foundation.files import encoding_of
 

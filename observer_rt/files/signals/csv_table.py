@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.calendar import NO_MOMENT, seconds_since
 from observer_rt.files.signals.csv_dialect import MISSING, dialect_of, split_line
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
+from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
 from observer_rt.foundation.errors import UserError
 
 ENOUGH = 60  # cells with three digits behind the sign, none of which ends so by chance
@@ -57,8 +57,8 @@ class CsvTable(FileTable):
         if self._is_cut:
             self.notes.append(f"{path}: its last line has no line end and is left out: it may be cut short")
 
-    @staticmethod
-    def names(path: Path) -> Collection[str]:
+    @classmethod
+    def names(cls, path: Path) -> Collection[str]:
         """Names of the columns, of a file in our own layout all."""
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             return [name.strip() for name in file.readline(_LONGEST_HEADER).split(",")]

@@ -10,18 +10,14 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from observer_rt.files.signals.pacing import StampPace, stamps_of
 from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
 from observer_rt.files.signals.table_signals import TableSignals
+from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, StampPace, rate_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
-
-SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
-LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
 
 MOST_STRETCHES = 10_000
 LOWEST_RATE, HIGHEST_RATE = 1e3, 1e6  # Hz, as of the bench file
@@ -31,103 +27,6 @@ SAME_RATE = 0.01  # relative, of a file and the grid
 MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
 _FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
 _SHOWN = 5  # places where a file is split
-
-
-@dataclass
-class RowRun:
-    """Rows without a gap that is not bridged. begin, end: their first and last stamp [s]; rows [first, last]."""
-
-    first: int
-    last: int
-    begin: float
-    end: float
-    is_restart: bool
-
-
-class AxisSurvey:
-    """Takes the stamps of one axis in order. rate: of the grid they go onto [Hz]; bridge: longest gap [s] closed."""
-
-    def __init__(self, rate: float, bridge: float) -> None:
-        self._rate, self._bridge = rate, bridge
-        self.period = 0.0
-        """Period of the stamps [s], their median in the first part."""
-        self.runs: list[RowRun] = []
-        self.bridged = 0
-        """Gaps that are closed by a straight line."""
-        self.longest_bridge = 0.0  # s
-        self.disordered = 0
-        """Stamps that repeat, or step back a little: left out."""
-        self.off_grid = 0.0
-        """Largest distance of a stamp from a grid that begins with its run [samples]."""
-        self.rows = 0
-        """Rows that were taken."""
-
-    @property
-    def reach(self) -> float:
-        """Longest time from stamp to stamp over which values are interpolated [s]."""
-        return self._bridge + LOST * self.period
-
-    @property
-    def is_on_grid(self) -> bool:
-        """Whether the stamps are the grid's but for their jitter."""
-        return self.off_grid <= SNAPPED
-
-    def take(self, time: Values) -> None:
-        """Go on with stamps [s], (n,), n >= 1, all finite."""
-        if not self.period:
-            rising = np.diff(time)
-            rising = rising[rising > 0.0]
-            self.period = float(np.median(rising)) if rising.size else 0.0
-        before = self.runs[-1].end if self.runs else np.nan
-        step = np.diff(time, prepend=before)
-        limit = max(self.reach, self.period)
-        breaks = np.flatnonzero(~((step <= limit) & (step >= -limit)))
-        gaps = step[(step > LOST * self.period) & (step <= limit)]
-        self.bridged += gaps.size
-        self.longest_bridge = max(self.longest_bridge, float(gaps.max()) if gaps.size else 0.0)
-        self.disordered += int(np.count_nonzero((step <= 0.0) & (step >= -limit)))
-        edges = [*([0] if not breaks.size or breaks[0] else []), *breaks.tolist(), time.size]
-        for first, end in pairwise(edges):
-            if first in breaks:
-                stamp, row = float(time[first]), self.rows + first
-                self.runs.append(RowRun(row, row, stamp, stamp, bool(step[first] < 0.0)))
-            run = self.runs[-1]
-            run.last = self.rows + end - 1
-            run.end = max(run.end, float(time[first:end].max()))
-            position = (time[first:end] - run.begin) * self._rate
-            self.off_grid = max(self.off_grid, float(np.abs(position - np.rint(position)).max()))
-        self.rows += time.size
-
-
-class Cursor:
-    """Rows of one axis as knots of straight lines, for grid places that only rise."""
-
-    def __init__(self, rate: float, reach: float, is_on_grid: bool) -> None:
-        """reach [s]: as of `AxisSurvey`."""
-        self._rate = rate
-        self._reach = reach * rate + 1e-6
-        self._is_on_grid = is_on_grid
-
-    def knots(self, time: Values, begin: float) -> tuple[Values, NDArray[np.bool_]]:
-        """Places of stamps [s] on the grid that begins at `begin`, and which of them rise."""
-        position = (time - begin) * self._rate
-        if self._is_on_grid:
-            position = np.rint(position)
-        rises = np.ones(position.size, np.bool_)
-        rises[1:] = position[1:] > np.maximum.accumulate(position)[:-1]
-        return position, rises
-
-    def at(self, grid: Values, position: Values, values: Values) -> Values:
-        """Values at places of the grid: NaN beyond the knots, and where neighbours are too far apart."""
-        available = ~np.isnan(values)
-        position, values = position[available], values[available]
-        if not position.size:
-            return np.full(grid.size, np.nan)
-        result = np.interp(grid, position, values, left=np.nan, right=np.nan)
-        after = np.minimum(np.searchsorted(position, grid), position.size - 1)
-        before = np.maximum(after - 1, 0)
-        result[(position[after] != grid) & (position[after] - position[before] > self._reach)] = np.nan
-        return result
 
 
 @dataclass
@@ -182,14 +81,13 @@ class MappedSignals(TableSignals):
 
     def _own_rate(self) -> float:
         first = next(super()._parts(0), None)
-        stamps = None if first is None else stamps_of(first.time)
-        if stamps is None:
+        rate = None if first is None else rate_of(first.time)
+        if rate is None:
             raise UserError(
                 f"{self.path}: time",
                 "has no even rate",
                 "state it in the bench file: [recording] rate_hz = 100e3",
             )
-        rate = stamps.rate(1.0)
         if not LOWEST_RATE <= rate <= HIGHEST_RATE:
             raise UserError(
                 f"{self.path}: time",
@@ -215,7 +113,6 @@ class MappedSignals(TableSignals):
     def chunks(self) -> Iterator[Chunk]:
         """Read all samples anew, every axis beside the others."""
         rows = [_Rows(self._parts(raster)) for raster in range(len(self._axes))]
-        cursors = [Cursor(self.rate, axis.reach, axis.is_on_grid) for axis in self._axes]
         for number, (run, stretch) in enumerate(zip(self._runs, self.stretches, strict=True)):
             main = rows[self._main]
             while main.first + main.time.size <= run.first and main.read():
@@ -224,13 +121,13 @@ class MappedSignals(TableSignals):
             for first in range(0, stretch.samples, SAMPLES_AT_ONCE):
                 grid = np.arange(first, min(first + SAMPLES_AT_ONCE, stretch.samples), dtype=np.float64)
                 signals: dict[str, Values] = {}
-                for raster, cursor in enumerate(cursors):
+                for raster, axis in enumerate(self._axes):
                     last = run.last if raster == self._main else None
-                    signals |= self._on_grid(rows[raster], cursor, run.begin, last, grid)
+                    signals |= self._on_grid(rows[raster], axis, run.begin, last, grid)
                 yield self._chunk(run.begin + grid / self.rate, signals, number, first)
 
     def _on_grid(
-        self, rows: _Rows, cursor: Cursor, begin: float, last: int | None, grid: Values
+        self, rows: _Rows, axis: AxisSurvey, begin: float, last: int | None, grid: Values
     ) -> dict[str, Values]:
         """The signals of an axis at places of a grid that begins at a time [s]; last: row of the main axis."""
         until = begin + (grid[-1] + 1.0) / self.rate
@@ -241,13 +138,13 @@ class MappedSignals(TableSignals):
         ):
             pass
         count = rows.time.size if last is None else min(rows.time.size, last + 1 - rows.first)
-        position, rises = cursor.knots(rows.time[:count], begin)
+        position, rises = axis.knots(rows.time[:count], begin)
         signals = {
-            name: cursor.at(grid, position[rises], values[:count][rises])
+            name: axis.at(grid, position[rises], values[:count][rises])
             for name, values in rows.signals.items()
         }
         passed = int(np.searchsorted(np.maximum.accumulate(position), grid[-1] - 1.0)) if count else 0
-        longest = max(axis.reach for axis in self._axes)
+        longest = max(each.reach for each in self._axes)
         kept = math.ceil(longest * self.rate) + 2  # rows that a bridge may begin with
         rows.drop(max(0, min(passed - kept, count - 1)))
         return signals

@@ -1,6 +1,6 @@
 """MDF4: channels by their names; their time is that of their groups, in seconds."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,11 +14,11 @@ from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, T
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.sandbox import checked
 
-FILE = "observer_rt.files.signals.mdf4_channels"  # what touches the file runs apart
+FILE = "observer_rt.files.mdf4.opening"  # what touches the file runs apart
 
 
 class Channel(NamedTuple):
-    """A channel as `mdf4_channels.channels` gives it. surplus: samples that no heading states."""
+    """A channel as `mdf4.opening.channels` gives it. surplus: samples that no heading states."""
 
     name: str
     unit: str
@@ -59,11 +59,6 @@ class Mdf4Table(FileTable):
             )
         groups = ", ".join(map(str, self._groups))
         self.layout = f"MDF4, channels in group{'s' * (len(self._groups) > 1)} {groups}"
-
-    @staticmethod
-    def names(path: Path) -> Collection[str]:
-        """Names of the channels."""
-        return [each.name for each in _channels(path)]
 
     @staticmethod
     def headings(path: Path) -> Sequence[Heading]:

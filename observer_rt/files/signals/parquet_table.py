@@ -1,6 +1,6 @@
 """Parquet: columns by their names, with units from the metadata."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,12 +33,6 @@ class ParquetTable(FileTable):
             self.units[TIME] = "s"
         self.rasters = (tuple(name for name in self.mapped if name != TIME),)
         self.layout = f"Parquet, {len(schema.names)} columns"
-
-    @staticmethod
-    def names(path: Path) -> Collection[str]:
-        """Names of the columns."""
-        with _opened(path) as file:
-            return list(file.schema_arrow.names)
 
     @staticmethod
     def headings(path: Path) -> Sequence[Heading]:

@@ -1,4 +1,4 @@
-"""A file as its mapping sees it: columns with names and units, on one time axis or several."""
+"""A file as its mapping sees it: columns with names and units, on one time axis or several; formats of such files."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -106,13 +106,13 @@ class FileTable(Table):
 
     @staticmethod
     @abstractmethod
-    def names(path: Path) -> Collection[str]:
-        """Names of the columns, of a file in our own layout all."""
-
-    @staticmethod
-    @abstractmethod
     def headings(path: Path) -> Sequence[Heading]:
         """Headings of the columns of numbers and moments."""
+
+    @classmethod
+    def names(cls, path: Path) -> Collection[str]:
+        """Names of the columns, of a file in our own layout all."""
+        return [each.name for each in cls.headings(path)]
 
 
 def present(
@@ -131,3 +131,24 @@ def present(
                 f"bench file which is which: it has {', '.join(list(names)[:40])}",
             )
     return columns
+
+
+@dataclass(frozen=True)
+class SignalFormat:
+    """A kind of file that holds a recording's signals, by its suffix, in lower case with its dot.
+
+    table: reads its files by any mapping; mapping: that of our own layout; is_written: or only read.
+    """
+
+    suffix: str
+    table: type[FileTable]
+    mapping: RecordingConfig
+    is_written: bool = True
+
+    def is_own(self, path: Path, other: RecordingConfig | None) -> bool:
+        """Whether a file is in our own layout, and not in another one."""
+        names = self.table.names(path)
+        needed = [column.name for name, column in self.mapping.signals if name not in OPTIONAL]
+        needed += [self.mapping.time.name] if self.mapping.time is not None else []
+        is_in_another = other is not None and all(column.name in names for _, column in other.signals)
+        return all(name in names for name in needed) and not is_in_another

@@ -208,12 +208,6 @@ def recording_writer(path: Path, optional: Collection[str]) -> Iterator[Callable
         yield write
 
 
-def write_whole(path: Path, recording: Recording) -> None:
-    """Write a recording that is in memory."""
-    with recording_writer(path, recording.signals) as write:
-        write(recording)
-
-
 def write_columns(path: Path, columns: Sequence[tuple[WrittenColumn, NDArray[np.float64]]]) -> None:
     """Write SI arrays of one length (n,) as CSV columns in their printed units, NaN as an empty cell."""
     with CsvWriter(path, [column for column, _ in columns]) as writer:

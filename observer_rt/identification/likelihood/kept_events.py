@@ -11,7 +11,7 @@ from rich.console import Console
 
 from observer_rt.config.injector import Meaning
 from observer_rt.engine.reports.evidence import EvidenceKind
-from observer_rt.files.evidence.evidence_file import SUFFIX, KeptEvent, read_evidence
+from observer_rt.files.evidence import SUFFIX, KeptEvent, read_evidence
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError

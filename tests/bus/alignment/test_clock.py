@@ -88,7 +88,7 @@ def test_nothing_is_certain_at_first() -> None:
     assert fed(sent(0.6) + DELAY)["residual"][0] == np.inf
 
 
-@pytest.mark.parametrize("step", [5e6, -5e6, 3.6e12])
+@pytest.mark.parametrize("step", [-5e6, 3.6e12])
 def test_receivers_clock_set_anew_is_noticed_and_learned(step: float) -> None:
     taken = sent(4.0)
     come = taken + DELAY + np.where(taken > 2e9, step, 0.0)

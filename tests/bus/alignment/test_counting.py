@@ -129,7 +129,7 @@ def test_lost_frames_are_counted_or_the_count_is_not_sure(
     assert counter.wrong_and_sure() == 0
 
 
-@pytest.mark.parametrize("lost", [1, 2, 15, 16, 17, 40])
+@pytest.mark.parametrize("lost", [1, 15, 16, 40])
 def test_losses_are_counted_by_a_nibble_and_stamps(lost: int) -> None:
     numbers, taken = sent()
     come = one_by_one(taken + np.random.default_rng(2).uniform(0.0, 300e-6, FRAMES))

@@ -4,7 +4,6 @@ import math
 import struct
 
 import numpy as np
-import pytest
 from cantools.database.can import Message, Signal
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
@@ -166,14 +165,6 @@ def test_a_frame_with_an_unknown_selector_carries_nothing_multiplexed(random: Ra
     assert set(selected(random.load(), payload)) == {
         one.name for one in random.fields if one.mark in ("", "M")
     }
-
-
-@pytest.mark.parametrize("is_big_endian", [False, True])
-def test_the_bit_walk_of_these_tests(is_big_endian: bool) -> None:
-    """Intel: up from the start; Motorola: down from the start, from bit 0 on to bit 7 of the next byte."""
-    field = Field("X", 4, 8, is_big_endian)
-    expected = b"\xf0\x0f" if not is_big_endian else b"\x1f\xe0"
-    assert with_bits(bytes(2), field, 0xFF) == expected
 
 
 @many

@@ -35,7 +35,6 @@ RESTART = (ERROR_FLAG | RESTARTED, NOTHING)
         (0x04, BusState.WARNING),
         (0x08, BusState.WARNING),
         (0x10, BusState.PASSIVE),
-        (0x20, BusState.PASSIVE),
         (0x04 | 0x20, BusState.PASSIVE),
         (0x40, BusState.ACTIVE),
         (0x01, BusState.ACTIVE),  # an overrun says nothing of the state

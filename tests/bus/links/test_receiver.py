@@ -2,15 +2,13 @@
 
 import threading
 import time
-import uuid
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 
 import pytest
 
 from observer_rt.bus.links.link import BusFrame, Frame, LinkDownError
-from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.links.receiver import EnduringReading
 from observer_rt.foundation.errors import RunError
 from tests.links import FakeLink
@@ -95,26 +93,10 @@ def test_a_failure_for_good_is_raised() -> None:
 
 
 def test_it_ends_while_a_link_is_away() -> None:
+    threads = threading.active_count()
     with links_and_reading(1) as (links, reader):
         links[0].away_for = 1 << 30
         links[0].waiting.put(LinkDownError("unplugged"))
         assert reader.receive(0.05) is None
     assert links[0].away_for < 1 << 30 or reader.outages <= 1
-
-
-def test_python_can_buses_are_read_side_by_side() -> None:
-    channels = [f"reading-{uuid.uuid4().hex[:8]}-{n}" for n in range(3)]
-    with ExitStack() as stack:
-        links = [stack.enter_context(open_link("virtual", name, True, None, True)) for name in channels]
-        senders = [stack.enter_context(open_link("virtual", name, True, [])) for name in channels]
-        reader = EnduringReading(links)
-        threads = threading.active_count()
-        for number in range(60):
-            senders[number % 3].send(number, b"", False, True)
-        frames = received(reader, 60)
-        reader.close()
-        assert threading.active_count() == threads - 3
-    stamps = [f.frame.stamp_ns for f in frames]
-    assert abs(stamps[-1] - time.time_ns()) < PATIENCE * 1e9
-    for bus in range(3):
-        assert [f.frame.frame_id for f in frames if f.bus == bus] == list(range(bus, 60, 3))
+    assert threading.active_count() == threads

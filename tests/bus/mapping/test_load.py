@@ -7,14 +7,6 @@ from observer_rt.bus.mapping.output_messages import BITS_PER_STUFF_BIT, frame_ti
 
 
 @pytest.mark.parametrize(
-    ("bit_rate", "data_bit_rate", "microseconds"), [(500e3, 2e6, 342), (500e3, 5e6, 173), (1e6, 8e6, 100)]
-)
-def test_a_full_fd_frame(bit_rate: float, data_bit_rate: float, microseconds: float) -> None:
-    time = frame_time(64, True, bit_rate, data_bit_rate, False)
-    assert time == pytest.approx(microseconds * 1e-6, rel=0.01)
-
-
-@pytest.mark.parametrize(
     ("length", "stuffed", "checksum", "fixed_stuff_bits"), [(64, 517, 25, 7), (16, 133, 21, 6)]
 )
 def test_bits_sent_at_the_data_bit_rate(

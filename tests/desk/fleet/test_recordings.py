@@ -15,8 +15,8 @@ from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom, injector_of
 from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.foundation.errors import UserError
 from tests.device import worn_recording
-from tests.files.signals.foreign import RATE, bench
-from tests.files.signals.test_csv_unnamed import FORMATS, ISO, START, rows, write
+from tests.files.signals.foreign import RATE, bench, write
+from tests.files.signals.test_csv_dialects import FORMATS, ISO, START, lines, named
 
 
 def test_a_pattern_names_the_injectors_of_paths() -> None:
@@ -81,7 +81,7 @@ WHEN = datetime(2026, 3, 1, 12, 5, tzinfo=UTC)
 
 @pytest.mark.parametrize("form", FORMATS)
 def test_a_column_of_calendar_time_says_it(tmp_path: Path, form: str) -> None:
-    path = write(tmp_path, ["t;p_Rail;lift;p_Line", *rows(";", "." if form == ISO else ",", form)])
+    path = write(tmp_path, named(*lines(decimal="." if form == ISO else ",", form=form)))
     stream = open_recording(path, bench(tmp_path, time=form).injector)
     zero, by = zero_of(path, stream)
     assert by == TimeFrom.COLUMN
@@ -89,8 +89,8 @@ def test_a_column_of_calendar_time_says_it(tmp_path: Path, form: str) -> None:
 
 
 def test_so_does_one_that_counts_from_1970(tmp_path: Path) -> None:
-    lines = [f"{WHEN.timestamp() + k / RATE:.5f};{100 + k % 2};{k % 3};{90 + k % 2}" for k in range(400)]
-    path = write(tmp_path, ["t;p_Rail;lift;p_Line", *lines])
+    rows = [f"{WHEN.timestamp() + k / RATE:.5f};{100 + k % 2};{k % 3};{90 + k % 2}" for k in range(400)]
+    path = write(tmp_path, named(*rows))
     stream = open_recording(path, bench(tmp_path, time='unit = "s"').injector)
     zero, by = zero_of(path, stream)
     assert (zero.timestamp(), by) == (0.0, TimeFrom.COLUMN)

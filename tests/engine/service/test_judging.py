@@ -10,7 +10,7 @@ import pytest
 from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.stream.state import Reason
-from observer_rt.files.replay.framing import Span, windows
+from observer_rt.files.replay.framing import Span, windows_of
 from observer_rt.files.signals.recording import Recording
 from tests.benches import sample_bench
 from tests.device import Device, core_of, hand, simulated
@@ -112,7 +112,7 @@ def test_a_windowed_source_is_judged_and_learned_from(tmp_path: Path, worn: Reco
     path, notes, slow = sample_bench(tmp_path), Notes(), Slow()
     core = core_of(path, executor=slow, listeners=[notes])
     device = Device(path)
-    for span in windows(worn):
+    for span in windows_of([worn]):
         for number, frame in enumerate(device.send(worn, Span(span.start, span.end + 1))):
             hand(core, [frame])
             if number == 5:

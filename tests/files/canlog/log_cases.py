@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import LogFrame
-from observer_rt.files.formats import log_format, log_formats, open_writer, suffixes_of, written
+from observer_rt.files.formats import LOGS, LOGS_WRITTEN, open_writer
 from observer_rt.files.replay.framing import TimedFrame
 
 START = 1_700_000_000_123_456_789  # ns since 1970
-FORMATS = {suffix: log_format(Path(f"bus{suffix}")) for suffix in suffixes_of(written(log_formats()))}
+FORMATS = {each.suffix: each for each in LOGS if each.suffix in LOGS_WRITTEN}
 
 
 @st.composite

@@ -9,9 +9,7 @@ import pytest
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.blf import BlfLog
 from observer_rt.files.canlog.can_log import LogFrame
-from observer_rt.files.canlog.writers import BlfWriter
 from observer_rt.foundation.errors import UserError
-from tests.files.canlog.log_cases import START, mixture, moved
 
 DAY = (2017, 9, 6, 30, 15, 6, 13, 191)  # Saturday
 DAY_NS = 1_506_783_973_191_000_000
@@ -69,10 +67,13 @@ def test_objects_may_be_split_over_containers(tmp_path: Path, packed: bool) -> N
     data = b"".join(obj(1, classic(identifier=0x100 + n), n) for n in range(20))
     pieces = [container(data[at : at + 77], packed) for at in range(0, len(data), 77)]
     assert [f.frame.frame_id for f in log(tmp_path, *pieces)] == [0x100 + n for n in range(20)]
-
-
-def test_objects_outside_containers(tmp_path: Path) -> None:
-    assert len(list(log(tmp_path, obj(1, classic()), container(obj(1, classic()))))) == 2
+    assert len(list(log(tmp_path, obj(1, classic()), *pieces))) == 21  # one outside of any container
+    entries = log(tmp_path, pieces[0], container(data, packed)[:-3])
+    assert len(list(entries)) == 1
+    assert entries.notes() == [
+        f"{entries.path}: it ends within container 2, whose frames are lost",
+        f"{entries.path}: it ends within object 2, which is left out",
+    ]
 
 
 @pytest.mark.parametrize("padding", [1, 7, 8, 40])
@@ -119,25 +120,21 @@ def test_fd_64_with_all_some_and_too_few_bytes(tmp_path: Path) -> None:
 
 
 def test_what_is_no_data_frame_is_counted(tmp_path: Path) -> None:
+    """A request to send is no frame; a length code above 8 means 8 bytes."""
+    fd_request = struct.pack("<HBBLLBBB5x64s", 1, 2, 8, 1, 0, 0, 1, 8, b"")
     objects = (
+        *(obj(kind, classic(flags=2)) for kind in (1, 86)),
+        obj(100, fd_request),
         obj(1, classic(flags=0x80)),
         obj(101, fd_64(0, 0, 0x10, b"")),
         obj(73, bytes(32)),
         obj(2, bytes(8)),
         obj(31, bytes(20)),
-        obj(1, classic()),
+        obj(1, classic(flags=1, dlc=15)),
     )
     entries = log(tmp_path, container(b"".join(objects)))
-    assert len(list(entries)) == 1
-    assert (entries.remote_frames, entries.error_frames, entries.other_entries) == (2, 2, 1)
-
-
-def test_requests_to_send_are_no_frames(tmp_path: Path) -> None:
-    fd = struct.pack("<HBBLLBBB5x64s", 1, 2, 8, 1, 0, 0, 1, 8, b"")
-    objects = [obj(kind, classic(flags=2)) for kind in (1, 86)] + [obj(100, fd), obj(1, classic(flags=1))]
-    entries = log(tmp_path, container(b"".join(objects)))
-    assert [entry.is_sent for entry in entries] == [True]
-    assert entries.other_entries == 3
+    assert [(entry.is_sent, entry.frame.payload) for entry in entries] == [(True, bytes(range(8)))]
+    assert (entries.remote_frames, entries.error_frames, entries.other_entries) == (2, 2, 4)
 
 
 def test_stamps_before_the_start(tmp_path: Path) -> None:
@@ -165,11 +162,6 @@ def test_objects_that_the_heading_counts_and_that_are_not_there_are_told(tmp_pat
     assert entries.notes() == [f"{entries.path}: its heading counts 3 objects, 1 are in it"]
 
 
-def test_a_length_code_above_8_means_8_bytes(tmp_path: Path) -> None:
-    (entry,) = log(tmp_path, container(obj(1, classic(dlc=15))))
-    assert entry.frame.payload == bytes(range(8))
-
-
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
@@ -193,40 +185,6 @@ def test_damaged_files_are_refused(tmp_path: Path, parts: tuple[bytes, ...], sai
     assert said in str(raised.value)
 
 
-def test_an_unfinished_last_container_is_told(tmp_path: Path) -> None:
-    entries = log(tmp_path, container(obj(1, classic())), container(obj(1, classic()) * 50)[:-3])
-    assert len(list(entries)) == 1
-    assert entries.notes() == [f"{entries.path}: it ends within container 2, whose frames are lost"]
-
-
-def test_what_was_flushed_is_read_though_the_writer_never_ended(tmp_path: Path) -> None:
-    path = tmp_path / "bus.blf"
-    frames = mixture(".blf", 30)
-    writer = BlfWriter(path, frames[0].frame.stamp_ns)
-    for frame in frames[:20]:
-        writer.write(frame)
-    writer.flush()
-    for frame in frames[20:]:
-        writer.write(frame)
-    log_reader = BlfLog(path)
-    assert moved(log_reader, frames[:20]) < 2000
-    writer.close()
-    assert moved(log_reader, frames) < 2000
-
-
-def test_lost_frames_are_written_and_read(tmp_path: Path) -> None:
-    path = tmp_path / "bus.blf"
-    frame = LogFrame(Frame(1, b"", START, False, False), "1")
-    with BlfWriter(path, START) as writer:
-        for lost in (3, 9):
-            writer.write(frame)
-            writer.write_lost(lost)
-    log_reader = BlfLog(path)
-    assert moved(log_reader, [frame, frame]) < 2000
-    assert log_reader.lost_frames == 12
-    assert log_reader.other_entries == 0
-
-
 def test_what_is_packed_is_unpacked_to_its_end_and_no_further(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -235,9 +193,3 @@ def test_what_is_packed_is_unpacked_to_its_end_and_no_further(
     assert len(list(log(tmp_path, container(objects)))) == 80
     with pytest.raises(UserError, match="what is packed does not end"):
         list(log(tmp_path, container(objects + bytes(2000))))
-
-
-def test_no_remedy_is_to_delete_a_line_of_a_binary_file(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"4444444 is no standard identifier") as raised:
-        list(log(tmp_path, container(obj(1, classic(identifier=0x4444444)))))
-    assert raised.value.remedy == "record it again, or take another copy"

@@ -12,17 +12,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.files.formats import (
-    log_formats,
+    LOGS_WRITTEN,
+    SIGNALS_WRITTEN,
     open_log,
     open_recording,
-    signal_formats,
-    suffixes_of,
     write_recording,
-    written,
 )
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from tests.files.canlog.log_cases import mixture, write_log
+from tests.files.signals.foreign import COLUMNS, PLACES, bench
 
 FRAMES = 12
 COMMENTS = {
@@ -79,7 +78,7 @@ def often(suffix: str) -> settings:
     )
 
 
-@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(log_formats()))))
+@pytest.mark.parametrize("suffix", sorted(LOGS_WRITTEN))
 def test_a_damaged_log(tmp_path: Path, suffix: str) -> None:
     complete = undamaged(suffix, tmp_path)
 
@@ -107,18 +106,23 @@ def _comments(suffix: str, data: bytes) -> set[bytes]:
     return {line for line in data.splitlines() if line.strip()[:1] in marks and line.strip()}
 
 
-@pytest.mark.parametrize("suffix", sorted(suffixes_of(written(signal_formats()))))
-def test_a_damaged_recording(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"recording{suffix}"
+@pytest.mark.parametrize("layout", [*sorted(SIGNALS_WRITTEN), "by names", "by places"])
+def test_a_damaged_recording(tmp_path: Path, layout: str) -> None:
+    is_own = layout in SIGNALS_WRITTEN
+    path = tmp_path / f"recording{layout if is_own else '.csv'}"
     values = np.arange(20.0)
     write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
+    if not is_own:
+        heading = "t;p_Rail;lift;p_Line\nms;bar;um;MPa\n" if layout == "by names" else ""
+        path.write_text(heading + "".join(f"{n / 100};{n};{n};{n / 10}\n" for n in range(20)))
+    injector = None if is_own else bench(tmp_path, text=COLUMNS if layout == "by names" else PLACES).injector
     complete = path.read_bytes()
 
-    @often(suffix)
+    @often(path.suffix)
     @given(damages())
     def check(damage: Damage) -> None:
         path.write_bytes(damage(complete))
-        stream = unless_refused(path, lambda: open_recording(path))
-        assert stream is None or stream.samples == values.size or stream.notes
+        recording = unless_refused(path, lambda: open_recording(path, injector).collected())
+        assert recording is None or recording.samples == values.size or recording.notes or not is_own
 
     check()

@@ -42,6 +42,14 @@ ROWS = {
     ),
 }
 
+ERRORS = {
+    "1.0": "     5)     21098      0008  4  ERROR 00 1C 02 05\n",
+    "1.1": "     5)     21098.0  Error      0008  4  00 1C 02 05\n",
+    "1.3": "     5)     21098.000 1  Error     0008 -  4    00 1C 02 05\n",
+    "2.0": "      5     21098.000 ER          Rx    02 01 0A 00 00\n",
+    "2.1": "      5     21098.000 ER 1         - Rx -  5    02 01 0A 00 00\n",
+}
+
 
 def log(folder: Path, text: str) -> TrcLog:
     path = folder / "bus.trc"
@@ -51,20 +59,21 @@ def log(folder: Path, text: str) -> TrcLog:
 
 @pytest.mark.parametrize("version", HEADS)
 def test_versions(tmp_path: Path, version: str) -> None:
-    entries = log(tmp_path, HEADS[version] + ROWS[version])
+    entries = log(tmp_path, HEADS[version] + ROWS[version] + ERRORS[version])
     first, last = entries
     assert (first.frame.frame_id, first.frame.is_extended) == (0x100, True)
     assert first.frame.payload == bytes(range(8))
     assert (last.frame.frame_id, last.frame.is_extended, last.frame.payload) == (0x705, False, b"")
     assert last.is_sent is (version != "1.0")
-    assert (entries.remote_frames, entries.other_entries) == (1, 1)
+    assert (entries.error_frames, entries.remote_frames, entries.other_entries) == (1, 1, 1)
     step = last.frame.stamp_ns - first.frame.stamp_ns
     assert step == (3_562_000_000 if version == "1.0" else 3_561_700_000)
     assert any("whole milliseconds" in note for note in entries.notes()) is (version == "1.0")
 
 
 def test_the_start_time_counts_in_days(tmp_path: Path) -> None:
-    text = ";$FILEVERSION=1.1\n;$STARTTIME=25569.5\n     1)      0.1  Rx     0100  0\n"
+    """A semicolon may end it."""
+    text = ";$FILEVERSION=1.1\n;$STARTTIME=25569.5;\n     1)      0.1  Rx     0100  0\n"
     (only,) = log(tmp_path, text)
     assert only.frame.stamp_ns == 43_200 * 10**9 + 100_000
 
@@ -83,22 +92,6 @@ def test_fd_frames_by_length_code_and_by_length(
         assert (item.frame.payload, item.frame.is_fd) == (bytes(12), True)
         assert (item.frame.bit_rate_switch, item.frame.error_state_indicator) == (switched, state)
     assert (coded.channel, plain.channel) == ("2", "1")
-
-
-ERRORS = {
-    "1.0": "     5)     21098      0008  4  ERROR 00 1C 02 05\n",
-    "1.1": "     5)     21098.0  Error      0008  4  00 1C 02 05\n",
-    "1.3": "     5)     21098.000 1  Error     0008 -  4    00 1C 02 05\n",
-    "2.0": "      5     21098.000 ER          Rx    02 01 0A 00 00\n",
-    "2.1": "      5     21098.000 ER 1         - Rx -  5    02 01 0A 00 00\n",
-}
-
-
-@pytest.mark.parametrize("version", HEADS)
-def test_error_frames_are_counted(tmp_path: Path, version: str) -> None:
-    entries = log(tmp_path, HEADS[version] + ROWS[version] + ERRORS[version])
-    assert len(list(entries)) == 2
-    assert (entries.error_frames, entries.remote_frames) == (1, 1)
 
 
 def test_messages_of_a_transport_protocol_are_left_out_and_told(tmp_path: Path) -> None:
@@ -144,8 +137,3 @@ def test_a_start_of_0_is_none(tmp_path: Path, start: str) -> None:
     entries = log(tmp_path, head + ROWS["1.1"])
     assert [entry.frame.stamp_ns for entry in entries] == [17_535_400_000, 21_097_100_000]
     assert f"{entries.path}: its times are taken to count from its start" in entries.notes()
-
-
-def test_a_start_may_end_with_a_semicolon(tmp_path: Path) -> None:
-    plain, other = HEADS["1.1"], HEADS["1.1"].replace("5139", "5139;")
-    assert list(log(tmp_path, other + ROWS["1.1"])) == list(log(tmp_path, plain + ROWS["1.1"]))

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
-from observer_rt.files.replay.framing import Framer, Span, all_samples, windows
+from observer_rt.engine.signal_survey import Survey
+from observer_rt.files.replay.framing import Framer, Span, all_samples, clamped_in, windows_of
 from observer_rt.files.signals.recording import Recording
 from tests.files.replay.decoded import SIGNALS, decoded
 
@@ -74,12 +75,6 @@ def test_missing_values_and_a_frame_not_filled_are_not_available(bus: BusMap) ->
     assert np.flatnonzero(np.isnan(list(values[0].values()))).tolist() == list(range(10, 18))
 
 
-def test_values_beyond_the_bus_are_clamped_and_never_read_as_not_available(bus: BusMap) -> None:
-    recording = recording_of(9, np.full(9, 1.0))
-    values = decoded(list(Framer(bus).frames(recording, all_samples(recording))))
-    assert list(values[1].values()) == pytest.approx([605.33e-6] * 9)
-
-
 def test_messages_of_their_own_come_in_order_of_time(three_messages: BusMap) -> None:
     recording = recording_of(28 * 5 + 3)
     frames = list(Framer(three_messages).frames(recording, all_samples(recording)))
@@ -103,21 +98,31 @@ def test_spans_send_their_samples_only(bus: BusMap) -> None:
 
 def test_windows_reach_from_2_ms_before_to_4_ms_after_an_injection() -> None:
     lift = np.zeros(5000)
-    lift[1000:1150] = 1e-4
+    lift[1000:1050] = lift[1150:1250] = 1e-4  # a pilot and its main injection
     lift[4900:4950] = 1e-4  # its window ends with the recording
-    spans = windows(recording_of(5000, lift))
+    spans = windows_of([recording_of(5000, lift)])
     assert len(spans) == 2
     assert (spans[0].start, spans[1]) == (800, Span(4700, 5000))
-    assert spans[0].end == pytest.approx(1550, abs=1)
-
-
-def test_windows_of_a_pilot_and_its_main_injection_are_one() -> None:
-    lift = np.zeros(5000)
-    lift[1000:1050] = lift[1250:1400] = 1e-4
-    (span,) = windows(recording_of(5000, lift))
-    assert span.start == 800
-    assert span.end == pytest.approx(1800, abs=1)
+    assert spans[0].end == pytest.approx(1650, abs=1)
 
 
 def test_noise_of_the_lift_opens_no_window() -> None:
-    assert windows(recording_of(50_000, np.random.default_rng(0).normal(0.0, 0.4e-6, 50_000))) == []
+    assert windows_of([recording_of(50_000, np.random.default_rng(0).normal(0.0, 0.4e-6, 50_000))]) == []
+
+
+def warnings_of(**changed: float) -> list[str]:
+    """Warnings about signals that leave the range of the bus in one value each."""
+    survey = Survey()
+    for name, inside in (("rail_pressure", 100e6), ("needle_lift", 100e-6), ("line_pressure", 100e6)):
+        survey.take(name, np.array([inside, changed.get(name, inside), np.nan]))
+    return clamped_in(survey, map_bus(load_bench()))
+
+
+def test_values_out_of_range_are_told_by_role() -> None:
+    assert warnings_of(needle_lift=605.334e-6) == []  # rounds to the largest value
+    (lift,) = warnings_of(needle_lift=605.336e-6)
+    assert lift.startswith("needle_lift: reaches 0.605336 mm, beyond 0.60533 mm")
+    (above,) = warnings_of(line_pressure=400e6)
+    assert above.startswith("line_pressure: reaches 400 MPa, beyond 317.665 MPa, the limit of ")
+    (below,) = warnings_of(line_pressure=-10.1e6)
+    assert below.startswith("line_pressure: reaches -10.1 MPa, beyond -10 MPa")

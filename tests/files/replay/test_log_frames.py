@@ -37,11 +37,8 @@ def test_a_part_of_a_log_begins_at_its_start(log: Path) -> None:
     frames = list(LogPart(log, start=0.2, stop=1.0))
     assert [frame.frame_id for frame in frames] == [0x200, 0x1ABCDEF0]
     assert [frame.time for frame in frames] == pytest.approx([0.05, 0.3])
-
-
-def test_frames_can_be_left_out_of_a_log(log: Path) -> None:
-    frames = list(LogPart(log, leave_out=[Sent(0, 0x200, False), Sent(0, 0x1ABCDEF0, False)]))
-    assert [frame.frame_id for frame in frames] == [0x100, 0x1ABCDEF0, 0x100]
+    left = LogPart(log, start=0.2, stop=1.0, leave_out=[Sent(0, 0x200, False)])
+    assert [frame.frame_id for frame in left] == [0x1ABCDEF0]
 
 
 def test_the_time_of_a_looped_log_goes_on(log: Path) -> None:

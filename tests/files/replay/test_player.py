@@ -48,6 +48,9 @@ def test_no_frame_is_sent_before_its_time() -> None:
     assert statistics.frames == 5
     assert statistics.duration >= 0.06
     assert 0 <= statistics.lateness.median <= statistics.lateness.p99 <= statistics.lateness.maximum
+    assert statistics.as_text().startswith(f"5 frames in {statistics.duration:.3f} s")
+    document = statistics.as_json()
+    assert (document["frames"], document["lateness_median_s"]) == (5, statistics.lateness.median)
 
 
 def test_a_frame_is_sent_at_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -104,14 +107,6 @@ def test_without_a_grid_nothing_is_late() -> None:
     assert "late" not in statistics.as_text()
 
 
-def test_statistics_for_screen_and_program() -> None:
-    statistics = play(at(0.0, 0.001), Sink(), 1.0)
-    assert statistics.as_text().startswith(f"2 frames in {statistics.duration:.3f} s")
-    assert "median" in statistics.as_text()
-    assert statistics.as_json()["frames"] == 2
-    assert statistics.as_json()["lateness_median_s"] == statistics.lateness.median
-
-
 def test_stop_ends_a_long_wait() -> None:
     class Stopping(Sink):
         def on_sent(self, frame: Frame) -> None:
@@ -122,21 +117,6 @@ def test_stop_ends_a_long_wait() -> None:
     statistics = play(at(0.0, 3600.0), Stopping(), 1.0, stop=stop)
     assert statistics.frames == 1
     assert statistics.duration < 600
-
-
-def test_stop_ends_an_endless_replay() -> None:
-    stop = threading.Event()
-    sink = Sink()
-
-    def endless() -> Iterator[TimedFrame]:
-        number = 0
-        while True:
-            number += 1
-            if number == 100:
-                stop.set()
-            yield TimedFrame(0.0, 1, False, True, b"")
-
-    assert play(endless(), sink, math.inf, stop=stop).frames == len(sink.sent) == 99
 
 
 def test_progress_rises_with_the_time_of_the_recording() -> None:

@@ -85,12 +85,6 @@ def test_time_index_and_counter_go_on_over_loops(bus: BusMap) -> None:
     assert [frame.time for frame in frames] == pytest.approx([(9 * n + 8) / RATE for n in range(301)])
 
 
-def test_loop_0_never_ends(bus: BusMap) -> None:
-    frames = part_of(recording_of(20), bus, False).frames(loop=0)
-    indices = [next(frames).payload[4] for _ in range(20)]
-    assert indices == [9 * n for n in range(20)]
-
-
 def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:
     recording = recording_of(20_000, open_at=(5000, 9000, 19_900))
     frames = list(part_of(recording, bus, True).frames())

@@ -1,17 +1,13 @@
 """Files as other tools write them, with a bench file that describes their columns."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.files.formats import open_recording
 from observer_rt.files.signals.recording import Recording
-from observer_rt.foundation.errors import UserError
 
 RATE = 100e3
 COLUMNS = """
@@ -78,32 +74,6 @@ def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
     return path
 
 
-def damaged(draw: Callable[[st.SearchStrategy[Any]], Any], text: str) -> bytes:
-    """A text with some bytes changed, left out, inserted, or cut off."""
-    content = bytearray(text.encode())
-    for _ in range(draw(st.integers(1, 4))):
-        position = draw(st.integers(0, len(content) - 1))
-        match draw(st.sampled_from(["change", "delete", "insert", "cut"])):
-            case "change":
-                content[position] = draw(st.integers(0, 255))
-            case "delete":
-                del content[position : position + draw(st.integers(1, 60))]
-            case "insert":
-                content[position:position] = draw(st.binary(min_size=1, max_size=8))
-            case "cut":
-                del content[position:]
-        content = content or bytearray(b" ")
-    return bytes(content)
-
-
 def read(path: Path, fitted: Bench) -> Recording:
     """All of a file, put on one grid."""
     return open_recording(path, fitted.injector).collected()
-
-
-def tells(path: Path, fitted: Bench) -> bool:
-    """Whether a file gives a recording, or an error that names it and says what to do."""
-    try:
-        return read(path, fitted).samples >= 2
-    except UserError as error:
-        return str(path) in error.location and bool(error.remedy)

@@ -1,7 +1,8 @@
-"""CSV as other tools write it."""
+"""CSV as other tools write it, with a line of names or without, and with a time by the calendar."""
 
 import codecs
 from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -9,30 +10,45 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from observer_rt.files.formats import open_recording, read_recording, write_recording
+from observer_rt.files.formats import open_recording
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import COLUMNS, PLACES, RATE, bench, damaged, read, signals, tells, write
+from tests.files.signals.foreign import COLUMNS, PLACES, RATE, bench, read, signals, write
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 NAMES = ("t", "p_Rail", "lift", "p_Line")
+START = datetime(2026, 3, 1, 23, 59, 59, 999_900, UTC)  # midnight is among the samples
+ISO = ""  # no `format`
+FORMATS = {
+    ISO: "%Y-%m-%dT%H:%M:%S.%fZ",
+    'format = "%d.%m.%Y %H:%M:%S,%f"': "%d.%m.%Y %H:%M:%S,%f",
+    'format = "%Y/%m/%d %H:%M:%S.%f"': "%Y/%m/%d %H:%M:%S.%f",
+}
+
+
+def cells(k: int, columns: Sequence[str], decimal: str, form: str | None) -> list[str]:
+    """Row k of some columns: time [ms], or a stamp, and the three signals."""
+    values = {
+        name: f"{column[k] * (1e3 if name == 't' else 1):.6g}" for name, column in signals(k + 1).items()
+    }
+    texts = {name: text.replace(".", decimal) for name, text in values.items()}
+    if form is not None:
+        texts["t"] = (START + timedelta(microseconds=10 * k)).strftime(FORMATS[form])
+    return [texts[name] for name in columns]
 
 
 def lines(
-    samples: int = 40, separator: str = ";", decimal: str = ",", extra: Sequence[str] = ()
+    samples: int = 40,
+    separator: str = ";",
+    decimal: str = ",",
+    extra: Sequence[str] = (),
+    form: str | None = None,
 ) -> list[str]:
-    columns = signals(samples)
-    return [
-        separator.join(
-            [
-                *(
-                    f"{columns[name][k] * (1e3 if name == 't' else 1):.6g}".replace(".", decimal)
-                    for name in NAMES
-                ),
-                *extra,
-            ]
-        )
-        for k in range(samples)
-    ]
+    return [separator.join([*cells(k, NAMES, decimal, form), *extra]) for k in range(samples)]
+
+
+def stamped(samples: int = 40) -> list[str]:
+    """Lines with stamps of ISO 8601."""
+    return lines(samples, decimal=".", form=ISO)
 
 
 def named(*rows: str) -> str:
@@ -51,12 +67,14 @@ def message(path: Path, folder: Path, **bench_options: str) -> str:
     decimal=st.sampled_from([".", ","]),
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]),
     ending=st.sampled_from(["\n", "\r\n"]),
-    order=st.permutations(range(4)),
-    has_units=st.booleans(),
+    order=st.permutations(NAMES),
+    heading=st.sampled_from(["none", "names", "names and units"]),
     preamble=st.lists(
-        st.sampled_from(["", "# made by a tool", "Prüfstand 7", "date;2024-01-02"]), max_size=4
+        st.sampled_from(["", "# made by a tool", "Prüfstand 7", "date;2024-01-02", "1;2"]), max_size=4
     ),
     is_quoted=st.booleans(),
+    form=st.sampled_from([None, *FORMATS]),
+    further=st.sampled_from([[], ["on"]]),
 )
 @reuse_folder
 def test_every_dialect_gives_the_same_signals(
@@ -65,23 +83,28 @@ def test_every_dialect_gives_the_same_signals(
     decimal: str,
     encoding: str,
     ending: str,
-    order: list[int],
-    has_units: bool,
+    order: list[str],
+    heading: str,
     preamble: list[str],
     is_quoted: bool,
+    form: str | None,
+    further: list[str],
 ) -> None:
     quote = '"' if is_quoted and separator != " " else ""
-    if separator == "," and decimal == "," and not quote:
-        decimal = "."
-    result = signals(30)
-    columns = [NAMES[i] for i in order]
+    if separator == " " or (separator == "," and not quote):
+        decimal = "." if separator == "," else decimal
+        form = None if separator == " " or (form or "").endswith(',%f"') else form
+    columns = list(NAMES) if heading == "none" else order
     units = {"t": "ms", "p_Rail": "bar", "lift": "µm", "p_Line": "MPa"}
-    rows = [columns, *([[units[name] for name in columns]] * has_units)]
+    rows = [] if heading == "none" else [[*columns, *further]]
+    if heading == "names and units":
+        rows.append([*(units[name] for name in columns), *further])
     for k in range(30):
-        numbers = (result[name][k] * (1e3 if name == "t" else 1.0) for name in columns)
-        rows.append([f"{quote}{number:.6g}{quote}".replace(".", decimal) for number in numbers])
+        rows.append([f"{quote}{cell}{quote}" for cell in (*cells(k, columns, decimal, form), *further)])
     path = write(tmp_path, ending.join([*preamble, *map(separator.join, rows), ""]), encoding)
-    recording = read(path, bench(tmp_path))
+    time = 'unit = "ms"' if form is None else form
+    recording = read(path, bench(tmp_path, text=PLACES if heading == "none" else COLUMNS, time=time))
+    result = signals(30)
     assert recording.samples == 30
     assert recording.sample_rate == RATE
     np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5, rtol=1e-12)
@@ -116,14 +139,6 @@ def test_a_missing_column_names_line_and_the_nearest(tmp_path: Path) -> None:
     text = message(write(tmp_path, "\n".join(["made by a tool", "t;pRail;lift;p_Line", *lines()])), tmp_path)
     assert "line 2: column 'p_Rail' is missing; the nearest is 'pRail'" in text
     assert "it has t, pRail, lift, p_Line" in text
-
-
-@pytest.mark.parametrize("bad", ["abc", "1.5", "12:30", "1_0", "10\x1c"])
-def test_a_cell_that_is_no_number_names_line_and_column(tmp_path: Path, bad: str) -> None:
-    rows = lines()
-    rows[11] = f"0,11;1000;{bad};99"
-    text = message(write(tmp_path, named(*rows)), tmp_path)
-    assert f"line 13: column lift (needle_lift): '{bad}' is not a number" in text
 
 
 def test_cells_without_a_value_are_not_available(tmp_path: Path) -> None:
@@ -167,28 +182,7 @@ def test_a_recording_cut_anywhere_has_the_samples_of_its_whole_lines(
     )
 
 
-def test_our_own_layout_is_read_as_ever_beside_a_mapping(tmp_path: Path) -> None:
-    fitted = bench(tmp_path)
-    foreign = read(write(tmp_path, named(*lines())), fitted)
-    for suffix in (".csv", ".mf4", ".parquet"):
-        own = tmp_path / f"own{suffix}"
-        write_recording(own, foreign)
-        again = read_recording(own, fitted.injector)
-        np.testing.assert_array_equal(again.line_pressure, foreign.line_pressure)
-        np.testing.assert_array_equal(again.needle_lift, read_recording(own).needle_lift)
-
-
-@pytest.mark.parametrize("mapping", [COLUMNS, PLACES], ids=["by names", "by places"])
-@given(data=st.data())
-@reuse_folder
-def test_damage_is_told_and_never_a_traceback(tmp_path: Path, mapping: str, data: st.DataObject) -> None:
-    heading = ["p;q", ";".join(NAMES), "ms;bar;um;MPa"] if mapping == COLUMNS else []
-    path = tmp_path / "foreign.csv"
-    path.write_bytes(damaged(data.draw, "\n".join([*heading, *lines(25)])))
-    assert tells(path, bench(tmp_path, text=mapping))
-
-
-@pytest.mark.parametrize(("separator", "decimal"), [(";", ","), (",", "."), (" ", "."), ("\t", ",")])
+@pytest.mark.parametrize(("separator", "decimal"), [(";", ","), (" ", ".")])
 def test_a_line_with_a_separator_too_many_is_refused(tmp_path: Path, separator: str, decimal: str) -> None:
     rows = lines(separator=separator, decimal=decimal)
     rows[20] += f"{separator}7"
@@ -196,12 +190,6 @@ def test_a_line_with_a_separator_too_many_is_refused(tmp_path: Path, separator: 
     said = message(path, tmp_path)
     assert "line 22: 5 cells, but there are 4 columns" in said
     assert "mend the line" in said
-
-
-def test_a_separator_behind_every_line_is_no_cell(tmp_path: Path) -> None:
-    plain = read(write(tmp_path, named(*lines())), bench(tmp_path))
-    trailing = read(write(tmp_path, named(*(f"{row};" for row in lines()))), bench(tmp_path))
-    np.testing.assert_array_equal(trailing.line_pressure, plain.line_pressure)
 
 
 def column_of(cells: Sequence[str]) -> list[str]:
@@ -240,9 +228,55 @@ def test_a_row_of_types_is_no_row_of_units(tmp_path: Path) -> None:
     assert read(write(tmp_path, "\n".join(rows)), bench(tmp_path, rail="")).rail_pressure[0] == 1000e3
 
 
+def test_the_calendar_is_told_and_loses_no_digit(tmp_path: Path) -> None:
+    path = write(tmp_path, named(*stamped()))
+    stream = open_recording(path, bench(tmp_path, time="").injector)
+    assert "calendar stamps as ISO 8601, counted from 2026-03-01T23:59:59.999900000" in stream.details[0]
+    assert stream.notes == ()  # seconds since 1970 would lie 0.02 samples off the grid
+    assert stream.collected().time[-1] == pytest.approx(39 / RATE, abs=1e-12)
+
+
+def test_a_gap_in_the_calendar_splits(tmp_path: Path) -> None:
+    body = stamped(100)
+    path = write(tmp_path, named(*body[:40], *body[70:]))
+    stream = open_recording(path, bench(tmp_path, time="").injector)
+    assert [stretch.samples for stretch in stream.stretches] == [40, 30]
+
+
 @pytest.mark.parametrize(
-    ("unit", "factor"), [("BAR", 1e5), ("MPA", 1e6), ("N/mm²", 1e6), ("PSI", 6894.757293168)]
+    ("time", "cell", "said"),
+    [
+        ("", "yesterday", "line 13: column t (time): 'yesterday' is no stamp of the calendar"),
+        ("", "n/a", "line 13: the time is not a finite number"),
+        ('format = "%Q"', None, "'Q' is a bad directive"),
+        ('format = "%H:%M"', None, "is no stamp of the calendar as %H:%M"),
+        ('unit = "ms"', None, "is not a number with decimal '.'"),
+        ('format = "%H"\nunit = "ms"', None, "stamps of a calendar have no 'unit'"),
+    ],
 )
-def test_units_are_known_in_other_spellings(tmp_path: Path, unit: str, factor: float) -> None:
-    path = write(tmp_path, "\n".join([f"t;p_Rail [{unit}];lift [micron];p_Line", *lines(), ""]))
-    assert read(path, bench(tmp_path, rail="")).rail_pressure[0] == pytest.approx(1000 * factor)
+def test_what_is_no_calendar_is_named(tmp_path: Path, time: str, cell: str | None, said: str) -> None:
+    body = stamped()
+    if cell is not None:
+        body[11] = f"{cell};1000;1;99"
+    path = write(tmp_path, named(*body))
+    with pytest.raises(UserError) as refused:
+        read(path, bench(tmp_path, time=time))
+    assert said in str(refused.value)
+    assert refused.value.remedy
+
+
+def test_places_that_are_not_there(tmp_path: Path) -> None:
+    rows = (row.rpartition(";")[0] for row in lines())
+    path = write(tmp_path, "\n".join(["made by a tool", *rows, ""]))
+    with pytest.raises(UserError, match="has numbers in columns 2, 3, 4, 1"):
+        read(path, bench(tmp_path, text=PLACES))
+
+
+def test_names_and_places_are_not_mixed(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="name all, or give places only"):
+        bench(tmp_path, text=PLACES.replace("column = 3", 'column = "lift"'))
+
+
+def test_a_file_without_names_is_told_of_places(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"column = 1, 2, \.\.\."):
+        read(write(tmp_path, "\n".join([*lines(), ""])), bench(tmp_path))

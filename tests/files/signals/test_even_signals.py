@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
 from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.files.signals.recording import Recording
@@ -17,9 +16,6 @@ from observer_rt.files.signals.table import Table, TablePart
 from observer_rt.files.signals.table_signals import EvenSignals
 from observer_rt.foundation.errors import UserError
 
-MAPPED = "[recording]\n" + "\n".join(
-    f'[recording.{name}]\ncolumn = "{name}"' for name in ("rail_pressure", "needle_lift", "line_pressure")
-)
 COLUMNS = RecordingConfig(
     rail_pressure=ColumnConfig(column="rail_pressure", unit="Pa"),
     needle_lift=ColumnConfig(column="needle_lift", unit="m"),
@@ -74,9 +70,8 @@ def test_parts_of_any_length(sizes: list[int]) -> None:
         (12, "leaves out 8 samples that are in it: it may be damaged"),
     ],
 )
-@pytest.mark.parametrize("layout", ["its own", "mapped"])
 def test_a_heading_that_counts_other_samples_than_there_are(
-    tmp_path: Path, stated: int, heading: str, layout: str
+    tmp_path: Path, stated: int, heading: str
 ) -> None:
     """As damage of its bytes leaves it: later parts are empty."""
     path = tmp_path / "counted.mf4"
@@ -87,8 +82,6 @@ def test_a_heading_that_counts_other_samples_than_there_are(
     assert data[count] == 20
     data[count : count + 8] = stated.to_bytes(8, "little")
     path.write_bytes(data)
-    bench = tmp_path / "bench.toml"
-    bench.write_text(EXAMPLE_BENCH.read_text() + (MAPPED if layout == "mapped" else ""))
-    stream = open_recording(path, load_bench(bench).injector)
+    stream = open_recording(path)
     assert stream.samples == min(20, stated)
     assert stream.notes == (f"{path}: its heading {heading}",)

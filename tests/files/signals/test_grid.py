@@ -14,7 +14,7 @@ from observer_rt.files.formats import open_recording
 from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, stream
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals, tells
+from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals
 from tests.files.signals.test_mdf4_channels import write as mdf4
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -74,7 +74,7 @@ def test_a_restart_splits(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.concatenate(lifts), np.arange(500) % 100 * 1e-6)
 
 
-@pytest.mark.parametrize("rate", [48e3, 50e3, 100.003e3, 250e3])
+@pytest.mark.parametrize("rate", [50e3, 100.003e3])
 def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
     path = write(tmp_path, np.arange(20_000) / rate)
     with pytest.raises(UserError, match="cannot be resampled") as caught:
@@ -86,7 +86,7 @@ def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
     assert opened(path, tmp_path).meaning is Meaning.INSTANT
 
 
-@pytest.mark.parametrize("rate", [48e3, 50e3, 100.003e3, 250e3])
+@pytest.mark.parametrize("rate", [48e3, 250e3])
 def test_another_rate_is_resampled(tmp_path: Path, rate: float) -> None:
     time = np.arange(20_000) / rate
     stream = opened(write(tmp_path, time, lift=time * 1e4), tmp_path)
@@ -218,22 +218,6 @@ def test_parquet_with_units_in_its_metadata(tmp_path: Path) -> None:
     recording = read(tmp_path / "x.parquet", bench(tmp_path, rail=""))
     np.testing.assert_allclose(recording.rail_pressure, result["p_Rail"] * 1e5)
     np.testing.assert_allclose(recording.needle_lift, result["lift"] * 1e-6)
-
-
-@given(share=st.floats(0.0, 0.999), flips=st.lists(st.floats(0.0, 0.999), max_size=3))
-@reuse_folder
-def test_a_damaged_parquet_file_is_told(tmp_path: Path, share: float, flips: list[float]) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
-    columns = signals(300)
-    path = tmp_path / "x.parquet"
-    pyarrow.parquet.write_table(pyarrow.table({**columns, "t": columns["t"] * 1e3}), path)
-    content = bytearray(path.read_bytes())
-    for flip in flips:
-        content[int(flip * len(content))] ^= 0x55
-    path.write_bytes(bytes(content) if flips else bytes(content[: int(share * len(content))]))
-    assert tells(path, bench(tmp_path))
 
 
 @pytest.mark.parametrize("digits", [4, 5])

@@ -47,16 +47,9 @@ def test_the_same_recording_gives_the_same_bytes(tmp_path: Path, monkeypatch: py
 @pytest.mark.parametrize(
     ("name", "unit", "factor"),
     [
-        ("rail_pressure", "Pa", 1.0),
-        ("rail_pressure", "kPa", 1e3),
         ("line_pressure", "MPa", 1e6),
         ("line_pressure", "bar", 1e5),
-        ("needle_lift", "m", 1.0),
-        ("needle_lift", "mm", 1e-3),
-        ("needle_lift", "um", 1e-6),
         ("needle_lift", "µm", 1e-6),
-        ("injection_rate", "m3/s", 1.0),
-        ("injection_rate", "mm3/ms", 1e-6),
         ("injection_rate", "mm3/s", 1e-9),
     ],
 )
@@ -89,7 +82,6 @@ def lift(values: NDArray[np.float64]) -> list[Signal]:
     ("groups", "said"),
     [
         ([channels({**UNITS, "line_pressure": "torr"})], "channel line_pressure: unit 'torr' is not known"),
-        ([channels({**UNITS, "line_pressure": "torr"})], "Pa, hPa, kPa, MPa, mbar, bar, psi"),
         ([channels({**UNITS, "needle_lift": ""})], "channel needle_lift: has no unit"),
         ([channels(TWO_LIFTS)], "needle_lift: could be 'NeedleLift' or 'needle_lft'"),
         ([channels(UNITS), channels({"needle_lift": "mm"})], "channel needle_lift: appears 2 times"),
@@ -121,7 +113,7 @@ def test_other_files(tmp_path: Path, content: bytes) -> None:
     assert "not an MDF file" in message(path)
 
 
-@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.7, 0.99])
 def test_truncated_file(tmp_path: Path, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
     ignored: list[object] = []
     monkeypatch.setattr("sys.unraisablehook", ignored.append)

@@ -1,4 +1,6 @@
-"""Even time grids: which are accepted, and which rate printed stamps stand for, in one piece and in parts."""
+"""Even time grids: which are accepted, which rate printed stamps stand for; what else a recording refuses."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -6,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.files.signals.recording import TimeGrid, UnevenTime
+from observer_rt.files.signals.recording import Recording, TimeGrid, UnevenTime
+from observer_rt.foundation.errors import UserError
 
 IN_PARTS = pytest.mark.parametrize("at_once", [1 << 30, 4096])
 
@@ -97,3 +100,22 @@ def test_a_stamp_that_is_no_number_is_found(bad: float, at_once: int) -> None:
     time = np.arange(10_000) / 1e5
     time[7007] = bad
     assert uneven(time, at_once).row == 7007
+
+
+EVEN = np.arange(100) / 20e3
+INFINITE = np.where(np.arange(100) == 5, np.inf, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("time", "lift", "line", "said"),
+    [
+        (EVEN, np.ones(99), np.ones(100), "x.mf4, needle_lift: 99 samples, but the time has 100"),
+        (EVEN, np.ones(100), INFINITE, "x.mf4, sample 5: line_pressure is infinite"),
+        (EVEN + (np.arange(100) >= 50), np.ones(100), np.ones(100), "x.mf4, sample 50: gap in time"),
+    ],
+)
+def test_what_a_recording_refuses(
+    time: NDArray[np.float64], lift: NDArray[np.float64], line: NDArray[np.float64], said: str
+) -> None:
+    with pytest.raises(UserError, match=said):
+        Recording(time, np.ones(100), lift, line, path=Path("x.mf4"))

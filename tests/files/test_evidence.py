@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.reports.evidence import EventEvidence, EvidenceKind
-from observer_rt.files.evidence.evidence_file import read_evidence, write_evidence
-from observer_rt.files.evidence.evidence_folder import EvidenceFolder, FolderLimits
+from observer_rt.files.evidence import EvidenceFolder, FolderLimits, read_evidence, write_evidence
 from observer_rt.files.formats import open_recording
 from observer_rt.foundation.errors import UserError
 

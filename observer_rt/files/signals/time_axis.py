@@ -1,0 +1,210 @@
+"""The time of a file: stamps of a calendar as seconds, rounded stamps placed by a stated rate, gaps and restarts."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import TimeConfig
+from observer_rt.files.signals.recording import roundest
+from observer_rt.files.signals.table import Values
+from observer_rt.foundation.errors import UserError
+
+ISO_8601 = "ISO8601"  # as pandas calls it
+_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+NO_MOMENT = np.iinfo(np.int64).min  # as NumPy and pandas have it
+AGREES = 0.01  # relative, of the rate stated and that by the rounded stamps
+GAP = 1.5  # periods and steps of rounding from stamp to stamp, beyond which rows are missing
+_UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
+_REPEATED = 0.1  # of the steps, beyond which stamps are rounded
+_BACK, _GAPS = 0.01, 0.1  # of the steps, that may step back, and be gaps
+SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
+LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
+
+
+@dataclass(frozen=True)
+class Calendar:
+    """Format of the stamps, as of strptime, or `ISO_8601`. Without a zone they count as UTC."""
+
+    form: str
+
+    def nanoseconds(self, cells: Any) -> NDArray[np.int64]:
+        """Nanoseconds since 1970 of stamps (n,); `NO_MOMENT` for invalid ones."""
+        import pandas  # slow to import
+
+        try:
+            stamps = pandas.to_datetime(pandas.Series(cells), format=self.form, errors="coerce", utc=True)
+        except ValueError as error:
+            raise UserError(
+                f"[recording.time] format = '{self.form}'",
+                str(error),
+                "write it as '%d.%m.%Y %H:%M:%S.%f', with the letters of strptime",
+            ) from None
+        moments: NDArray[np.int64] = stamps.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
+        return moments
+
+    def as_text(self, origin: int) -> str:
+        """Description of how the stamps are read."""
+        form = "ISO 8601" if self.form == ISO_8601 else f"'{self.form}'"
+        return f"calendar stamps as {form}, counted from {np.datetime64(origin, 'ns')}"
+
+
+def calendar_of(time: TimeConfig | None, cells: Iterable[str]) -> Calendar | None:
+    """Calendar of a column: as stated, or ISO 8601 where a cell looks so and no unit is stated. None: numbers."""
+    if time is not None and time.format is not None:
+        return Calendar(time.format)
+    if (time is None or time.unit is None) and any(_ISO.match(cell) for cell in cells):
+        return Calendar(ISO_8601)
+    return None
+
+
+def seconds_since(origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Moments or times [ns] (n,) as seconds since `origin` [ns], exact as those since 1970 are not; NaN of none."""
+    return np.where(moments == NO_MOMENT, np.nan, (moments - origin) / 1e9)
+
+
+class StampPace:
+    """Takes rounded stamps [s] in order. rate: stated [Hz]; rounding: step from one stamp to another [s]."""
+
+    def __init__(self, rate: float, rounding: float) -> None:
+        self._rate, self._rounding = rate, rounding
+        self._begin = self._stamp = np.nan
+        self._since = 0  # rows since the last gap
+        self._steps, self._runs, self._span = 0, 0, 0.0
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the stamps that were taken have the rate that is stated, but for their rounding."""
+        tolerance = AGREES * self._span + self._rounding * self._runs
+        return self._span > 0.0 and abs(self._steps / self._rate - self._span) <= tolerance
+
+    def take(self, time: Values) -> Values:
+        """Stamps (n,) by the rate; they begin anew where rows are missing or the time steps back."""
+        step = np.diff(time, prepend=self._stamp)
+        together = (step >= 0.0) & (step <= GAP * (self._rounding + 1.0 / self._rate))
+        self._steps += int(np.count_nonzero(together))
+        self._span += float(step[together].sum())
+        row = np.arange(time.size)
+        begins = np.flatnonzero(~together)
+        self._runs += begins.size
+        before = np.searchsorted(begins, row, side="right") - 1  # -1: as the rows before
+        first = np.append(begins, -self._since)[before]
+        begin = np.append(time[begins], self._begin)[before]
+        placed: Values = begin + (row - first) / self._rate
+        self._stamp, self._begin, self._since = float(time[-1]), float(begin[-1]), int(time.size - first[-1])
+        return placed
+
+
+def rate_of(stamps: Values) -> float | None:
+    """Rate [Hz] of stamps [s] (n,): the roundest that they allow, or the one of the roundest period.
+
+    None where they do not rise nearly everywhere.
+    """
+    if stamps.size < 3 or not np.isfinite(stamps).all():
+        return None
+    step = np.diff(stamps)
+    rising = step[step > 0.0]
+    if rising.size < 2 or np.count_nonzero(step < 0.0) > _BACK * step.size:
+        return None
+    usual = float(np.median(rising))
+    together = step[(step >= 0.0) & (step <= GAP * usual)]
+    if together.size < (1.0 - _GAPS) * step.size or not together.any():
+        return None
+    period = float(together.mean())
+    rounding = usual if np.count_nonzero(step == 0.0) > _REPEATED * step.size else 0.0
+    return roundest(1.0 / period, (_UNSEEN + rounding / period) / together.size)
+
+
+@dataclass
+class RowRun:
+    """Rows without a gap that is not bridged. begin, end: their first and last stamp [s]; rows [first, last]."""
+
+    first: int
+    last: int
+    begin: float
+    end: float
+    is_restart: bool
+
+
+class AxisSurvey:
+    """Takes the stamps of one axis in order, and puts its values on a grid.
+
+    rate: of the grid [Hz]; bridge: longest gap [s] that is closed.
+    """
+
+    def __init__(self, rate: float, bridge: float) -> None:
+        self._rate, self._bridge = rate, bridge
+        self.period = 0.0
+        """Period of the stamps [s], their median in the first part."""
+        self.runs: list[RowRun] = []
+        self.bridged = 0
+        """Gaps that are closed by a straight line."""
+        self.longest_bridge = 0.0  # s
+        self.disordered = 0
+        """Stamps that repeat, or step back a little: left out."""
+        self.off_grid = 0.0
+        """Largest distance of a stamp from a grid that begins with its run [samples]."""
+        self.rows = 0
+        """Rows that were taken."""
+
+    @property
+    def reach(self) -> float:
+        """Longest time from stamp to stamp over which values are interpolated [s]."""
+        return self._bridge + LOST * self.period
+
+    @property
+    def is_on_grid(self) -> bool:
+        """Whether the stamps are the grid's but for their jitter."""
+        return self.off_grid <= SNAPPED
+
+    def take(self, time: Values) -> None:
+        """Go on with stamps [s], (n,), n >= 1, all finite."""
+        if not self.period:
+            rising = np.diff(time)
+            rising = rising[rising > 0.0]
+            self.period = float(np.median(rising)) if rising.size else 0.0
+        before = self.runs[-1].end if self.runs else np.nan
+        step = np.diff(time, prepend=before)
+        limit = max(self.reach, self.period)
+        breaks = np.flatnonzero(~((step <= limit) & (step >= -limit)))
+        gaps = step[(step > LOST * self.period) & (step <= limit)]
+        self.bridged += gaps.size
+        self.longest_bridge = max(self.longest_bridge, float(gaps.max()) if gaps.size else 0.0)
+        self.disordered += int(np.count_nonzero((step <= 0.0) & (step >= -limit)))
+        edges = [*([0] if not breaks.size or breaks[0] else []), *breaks.tolist(), time.size]
+        for first, end in pairwise(edges):
+            if first in breaks:
+                stamp, row = float(time[first]), self.rows + first
+                self.runs.append(RowRun(row, row, stamp, stamp, bool(step[first] < 0.0)))
+            run = self.runs[-1]
+            run.last = self.rows + end - 1
+            run.end = max(run.end, float(time[first:end].max()))
+            position = (time[first:end] - run.begin) * self._rate
+            self.off_grid = max(self.off_grid, float(np.abs(position - np.rint(position)).max()))
+        self.rows += time.size
+
+    def knots(self, time: Values, begin: float) -> tuple[Values, NDArray[np.bool_]]:
+        """Places of stamps [s] on the grid that begins at `begin`, and which of them rise."""
+        position = (time - begin) * self._rate
+        if self.is_on_grid:
+            position = np.rint(position)
+        rises = np.ones(position.size, np.bool_)
+        rises[1:] = position[1:] > np.maximum.accumulate(position)[:-1]
+        return position, rises
+
+    def at(self, grid: Values, position: Values, values: Values) -> Values:
+        """Values at places of the grid by lines between knots; NaN beyond, and where they are too far apart."""
+        available = ~np.isnan(values)
+        position, values = position[available], values[available]
+        if not position.size:
+            return np.full(grid.size, np.nan)
+        result = np.interp(grid, position, values, left=np.nan, right=np.nan)
+        after = np.minimum(np.searchsorted(position, grid), position.size - 1)
+        before = np.maximum(after - 1, 0)
+        is_far = position[after] - position[before] > self.reach * self._rate + 1e-6
+        result[(position[after] != grid) & is_far] = np.nan
+        return result

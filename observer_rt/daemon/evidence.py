@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.channels import effects_after_alignment
+from observer_rt.config.signals import effects_after_alignment
 from observer_rt.daemon.control_socket import OBSERVER
 from observer_rt.daemon.persistence.keeper import sole_writer
 from observer_rt.daemon.persistence.state_file import model_hash

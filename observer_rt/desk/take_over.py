@@ -17,7 +17,7 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import Bench, BenchInjector, load_bench, load_injector
-from observer_rt.config.channels import as_observed
+from observer_rt.config.signals import as_observed
 from observer_rt.daemon.control_socket import ask, socket_places
 from observer_rt.daemon.persistence.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.daemon.reloading import RELOAD

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import BenchInjector, load_bench
-from observer_rt.config.channels import (
+from observer_rt.config.signals import (
+    Role,
     as_observed,
     as_sent,
     effects_after_alignment,
     effects_on_one_raster,
     undone_in_alignment,
 )
-from observer_rt.config.signals import Role
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import SizedEffect
 from tests.config.test_bench import BENCH, bench_file

@@ -22,8 +22,7 @@ from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
 from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
-from observer_rt.config.channels import effects_after_alignment
-from observer_rt.config.signals import OPTIONAL_SIGNALS, Role
+from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
 from observer_rt.engine.estimation.gain import gain_schedule

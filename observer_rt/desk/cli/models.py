@@ -59,7 +59,7 @@ class FitOptions(ModelOptions):
 
 def fit(options: FitOptions) -> None:
     """Calibrate the model, its structure included, to recordings of the healthy injector."""
-    from observer_rt.config.channels import effects_on_one_raster
+    from observer_rt.config.signals import effects_on_one_raster
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.fitted_model import fitted_model
     from observer_rt.engine.service.injector import calibration_of

@@ -12,8 +12,8 @@ from rich.console import Console
 from observer_rt.bus.links.link import AT_ONCE, BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.config.channels import as_sent
 from observer_rt.config.injector import Meaning
+from observer_rt.config.signals import as_sent
 from observer_rt.core.stream.stream import RING
 from observer_rt.desk.evaluation.log_watch import LogWatch
 from observer_rt.engine.service.core import Core

@@ -13,9 +13,9 @@ from typing import Self
 import pandas as pd
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
-from observer_rt.config.channels import effects_on_one_raster
 from observer_rt.config.effects import effects_named
 from observer_rt.config.injector_file import InjectorFile
+from observer_rt.config.signals import effects_on_one_raster
 from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run
 from observer_rt.desk.library.discovery import DiscoveryResult

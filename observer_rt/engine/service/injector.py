@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.channels import effects_after_alignment
 from observer_rt.config.injector import Meaning
-from observer_rt.config.signals import Role
+from observer_rt.config.signals import Role, effects_after_alignment
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise

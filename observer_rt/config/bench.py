@@ -23,7 +23,6 @@ from observer_rt.config.bench_file import (
     refuse_shared_channels,
     require_link,
 )
-from observer_rt.config.effects import check_effects, check_terms
 from observer_rt.config.injector import InjectorConfig
 from observer_rt.config.signals import SignalConfig
 from observer_rt.config.toml_file import Section, place_in, read_toml, validated
@@ -143,8 +142,11 @@ class Bench:
 def load_injector(path: Path = NOMINAL_INJECTOR) -> InjectorParameters:
     """Read the parameters [SI] of an injector file. Raises `UserError` naming file, key, problem and remedy."""
     parameters = with_cells(validated(InjectorParameters, read_toml(path), place_in(path), "injector"))
-    check_effects(f"{path}: ", parameters.effects)
-    check_terms(f"{path}: ", parameters)
+    if parameters.effects or parameters.terms:
+        from observer_rt.config.effects import check_effects, check_terms  # optional: [[effects]], [[terms]]
+
+        check_effects(f"{path}: ", parameters.effects)
+        check_terms(f"{path}: ", parameters)
     return parameters
 
 

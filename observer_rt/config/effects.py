@@ -102,8 +102,6 @@ def check_terms(location: str, parameters: InjectorParameters) -> None:
 
     Raises `UserError` at a key below `location`.
     """
-    if not parameters.terms:
-        return
     from observer_rt.model.terms.bounds import refuse_unbounded
 
     domain = term_domain(parameters)

@@ -22,6 +22,7 @@ from typing import Any
 from observer_rt.config.bench import BenchInjector
 from observer_rt.daemon.snapshot import SNAPSHOT
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
+from observer_rt.foundation.files import is_at
 
 OBSERVER = "observer"  # in the folder of evidence: its lock names the process that keeps it
 MOST_CLIENTS = 16  # at once; what is beyond is closed
@@ -56,8 +57,6 @@ def socket_places(fitted: BenchInjector, state: Path | None = None) -> tuple[Pat
 @contextmanager
 def control_socket(kept: Path, requests: Requests) -> Iterator[None]:
     """Answer requests at the socket of a file. Raises OSError where none can be made, or another daemon has it."""
-    from observer_rt.daemon.persistence.journal import is_at  # clients need none of it
-
     with _address(kept) as address:
         with suppress(FileNotFoundError, ConnectionRefusedError), socket.socket(socket.AF_UNIX) as other:
             other.connect(address)

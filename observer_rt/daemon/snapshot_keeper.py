@@ -33,7 +33,6 @@ from observer_rt.daemon.snapshot import (
 )
 from observer_rt.daemon.status_lines import StatusLines, inputs_of, lateness
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.learning.learned_curves import learned_curves
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     MASS_BOUND,
@@ -197,6 +196,10 @@ class SnapshotKeeper:
     def _laws(self, knowledge: Knowledge) -> tuple[Mapping[str, Any], ...]:
         """Curves of what was learned, worked out once for each event."""
         if knowledge is not self._learned[0]:
+            from observer_rt.engine.learning.learned_curves import (
+                learned_curves,  # where a page asks for them
+            )
+
             self._learned = knowledge, tuple(curve.columns for curve in learned_curves(knowledge, self._c))
         return self._learned[1]
 

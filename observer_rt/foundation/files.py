@@ -2,6 +2,7 @@
 
 import codecs
 import hashlib
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +29,14 @@ def file_errors(path: Path) -> Iterator[None]:
         raise UserError(str(path), f"cannot be opened: {error.strerror}", "check path and rights") from None
     except OSError as error:
         raise RunError(f"{path}: {error.strerror or error}") from error
+
+
+def is_at(path: Path, file: os.stat_result) -> bool:
+    """Whether a file that was opened is the one that is there now."""
+    try:
+        return os.path.samestat(path.stat(), file)
+    except FileNotFoundError:
+        return False
 
 
 def file_hash(path: Path) -> str:

@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from cantools.database.can import Message
@@ -29,7 +29,6 @@ from observer_rt.bus.mapping.input_tables import (
     require_one_rate,
     sample_groups,
 )
-from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowMessage, map_optional, say_nothing
 from observer_rt.bus.mapping.output_messages import (
     OutputMessage,
     RateMessage,
@@ -44,6 +43,9 @@ from observer_rt.config.signals import Role
 from observer_rt.core.frames.frames import decode_signals, encode_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import LENGTH_UNITS, PRESSURE_UNITS
+
+if TYPE_CHECKING:
+    from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowMessage
 
 _UNITS = {
     Role.RAIL_PRESSURE: PRESSURE_UNITS,
@@ -61,7 +63,7 @@ class BusMap:
 
     inputs: Inputs
     input_layouts: tuple[MessageLayout, ...]
-    slow: tuple[SlowMessage, ...]
+    slow: "tuple[SlowMessage, ...]"
     """Messages with optional inputs."""
     grid_relations: tuple[GridRelation | None, ...]  # of each stream, None where all of it is on the grid
     rate: RateMessage | None
@@ -72,7 +74,7 @@ class BusMap:
     """Names of the buses in messages to the user."""
 
     @property
-    def energizing(self) -> EnergizingLayout | None:
+    def energizing(self) -> "EnergizingLayout | None":
         """Layout of the energizing; None where no message carries it."""
         return next((slow.energizing for slow in self.slow if slow.energizing), None)
 
@@ -175,7 +177,7 @@ def _moved(message: Message, identifier: int | None) -> Message:
 
 def _map_inputs(
     fitted: BenchInjector, databases: BenchDatabases
-) -> tuple[Inputs, tuple[MessageLayout, ...], tuple[SlowMessage, ...]]:
+) -> "tuple[Inputs, tuple[MessageLayout, ...], tuple[SlowMessage, ...]]":
     """The tables of all inputs, the messages that carry samples, and those with optional inputs."""
     by_message: dict[tuple[str, int], tuple[BusMessage, list[Role]]] = {}
     for role in ROLES:
@@ -200,6 +202,11 @@ def _map_inputs(
         tables.stream_samples,
     )
     require_one_rate(fitted, streams, timing["steps"].tolist())
+    signals = fitted.config.signals
+    if not signals.optional and signals.energizing is None:
+        return tables.inputs(timing), tuple(layouts), ()
+    from observer_rt.bus.mapping.optional_inputs import map_optional, say_nothing  # few benches have any
+
     slow = map_optional(fitted, databases, tables, timing)
     inputs = tables.inputs(timing)
     say_nothing(inputs, slow)

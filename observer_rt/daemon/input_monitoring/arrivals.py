@@ -7,7 +7,6 @@ from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.optional_inputs import slow_timeout
 from observer_rt.config.signals import Role
 
 SECOND = 1e9  # ns
@@ -150,6 +149,8 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
             carried[message.layout].append(signal.role.value)
             patience[message.layout] = min(patience[message.layout], signal.timeout)
     if bus.energizing is not None:
+        from observer_rt.bus.mapping.optional_inputs import slow_timeout  # optional: [signals.energizing]
+
         layout = bus.energizing.layout
         carried[layout].append("energizing")
         if bus.energizing.cycle is not None:

@@ -23,6 +23,7 @@ from observer_rt.engine.reports.injection_report import (
 )
 from observer_rt.engine.reports.news import MeasuredMass, News
 from observer_rt.foundation.errors import RunError, UserError
+from observer_rt.foundation.files import is_at
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.effects import effective_model
 
@@ -191,14 +192,6 @@ class JournalWriter:
             with contextlib.suppress(sqlite3.Error):
                 self._connection.close()
         self._connection = self._identity = None
-
-
-def is_at(path: Path, file: os.stat_result) -> bool:
-    """Whether a file that was opened is the one that is there now."""
-    try:
-        return os.path.samestat(path.stat(), file)
-    except FileNotFoundError:
-        return False
 
 
 def utc(unix_ns: int) -> str:

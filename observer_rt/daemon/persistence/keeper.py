@@ -9,16 +9,18 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from observer_rt.config.bench import Bench, BenchInjector
-from observer_rt.daemon.persistence.journal import JournalWriter, is_at, require_journal
 from observer_rt.daemon.persistence.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
 from observer_rt.foundation.errors import RunError, UserError
-from observer_rt.foundation.files import JOURNAL, LEARNED_STATE
+from observer_rt.foundation.files import JOURNAL, LEARNED_STATE, is_at
 from observer_rt.foundation.outputs import check_folder, check_own_file
+
+if TYPE_CHECKING:
+    from observer_rt.daemon.persistence.journal import JournalWriter
 
 LONGEST_ID = 20  # digits of a process id
 IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
@@ -157,7 +159,7 @@ class Keeper:
     """Keeps what a daemon learns. The loop only lends it what it has: nothing here is done in the loop's time."""
 
     def __init__(
-        self, fitted: BenchInjector, state: Path | None, journal: JournalWriter | None, tell: Tell
+        self, fitted: BenchInjector, state: Path | None, journal: "JournalWriter | None", tell: Tell
     ) -> None:
         """state: where the learned state is kept; None, as for the journal: nowhere."""
         self.state = state
@@ -264,8 +266,16 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
         check_own_file(option, path, kind)
         check_folder(option, path.absolute().parent)
     if files.journal is not None:
+        from observer_rt.daemon.persistence.journal import require_journal  # optional: --journal
+
         require_journal(files.journal)
     return files
+
+
+def _journal_writer(path: Path, bench: Bench, tell: Tell) -> "JournalWriter":
+    from observer_rt.daemon.persistence.journal import JournalWriter  # optional: --journal
+
+    return JournalWriter(path, bench, tell)
 
 
 @contextlib.contextmanager
@@ -278,5 +288,5 @@ def keeper_of(bench: Bench, state: Path | None, journal: Path | None, tell: Tell
     with contextlib.ExitStack() as locks:
         if files.state is not None:
             locks.enter_context(sole_writer(files.state))
-        writer = None if files.journal is None else JournalWriter(files.journal, bench, tell)
+        writer = None if files.journal is None else _journal_writer(files.journal, bench, tell)
         yield Keeper(bench.injector, files.state, writer, tell)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from observer_rt.bus.mapping.bus_map import (
     role_resolution,
 )
 from observer_rt.bus.mapping.input_tables import ROLES
-from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
 from observer_rt.bus.mapping.timing import TOLERANCE, Joining, Numbering
 from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
@@ -48,6 +48,9 @@ from observer_rt.foundation.units import (
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import at_temperature
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate
+
+if TYPE_CHECKING:
+    from observer_rt.bus.mapping.optional_inputs import EnergizingLayout, SlowSignal
 
 SHOWN_TEMPERATURES = 20.0, 40.0, 80.0  # degC
 COARSE = 1 * MILLISECOND  # s from frame to frame of a level, between which a whole pilot may come and go
@@ -93,7 +96,7 @@ def fuel_findings(fitted: BenchInjector) -> Iterator[Said]:
     )
 
 
-def _optional(name: str, signal: SlowSignal) -> Said:
+def _optional(name: str, signal: "SlowSignal") -> Said:
     (lowest, highest), carried = signal.range, OPTIONAL_SIGNALS[signal.role]
     counts = f"a value counts for {signal.timeout:g} s"
     if math.isinf(signal.timeout):
@@ -106,7 +109,7 @@ def _optional(name: str, signal: SlowSignal) -> Said:
     return lowest <= most and highest >= least, ", ".join(filter(None, said)), carried.wrong
 
 
-def _energizing(energizing: EnergizingLayout, sample: float) -> Iterator[Said]:
+def _energizing(energizing: "EnergizingLayout", sample: float) -> Iterator[Said]:
     """Mapping of the energizing signal, and accuracy of opening delays; sample: interval from one to the next [s]."""
     layout, names = energizing.layout, energizing.names
     signals = names[0] if len(names) == 1 else f"{len(names)} samples a frame, {names[0]} to {names[-1]}"

@@ -32,6 +32,8 @@ _COLUMNS = (
     *(WrittenColumn(f"x{i}", f"x{i}", "", NUMBER) for i in (1, 2, 3)),
     *(WrittenColumn(f"phi{i}", f"phi{i}", "1/s", NUMBER) for i in (1, 2, 3)),
 )
+TRACE_COLUMNS = tuple(column.header for column in _COLUMNS)
+"""Names of the columns of a written trace, units included."""
 SAMPLE = np.dtype(
     [
         ("time", np.float64),  # s

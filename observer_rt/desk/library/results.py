@@ -14,6 +14,7 @@ from observer_rt.config.bench import BenchInjector
 from observer_rt.desk.evaluation.curves import OPTION, RESULT_FIELDS, SHOWN
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.desk.evaluation.histories import write_state
+from observer_rt.desk.evaluation.segment import TRACE_COLUMNS, trace_arrays
 from observer_rt.desk.library.notes import naming_parameters
 from observer_rt.engine.learning.interval import VolumeBudget
 from observer_rt.engine.learning.knowledge import Knowledge
@@ -21,7 +22,7 @@ from observer_rt.engine.reports.injection_report import Output, columns_of, row_
 from observer_rt.engine.stream.state import State
 from observer_rt.foundation.files import LEARNED_STATE
 from observer_rt.foundation.outputs import IN_A_CALL, check_output
-from observer_rt.foundation.units import MILLIGRAM, MM3_PER_MS
+from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.model.effective import Coefficients
 from observer_rt.model.effects import effective_model
 from observer_rt.model.parameters import InjectorParameters
@@ -194,17 +195,7 @@ def _name(evaluation: Evaluation) -> str:
 
 def _samples(evaluation: Evaluation) -> pd.DataFrame:
     trace = evaluation.trace
+    arrays = dict(zip(TRACE_COLUMNS, trace_arrays(trace), strict=True))
     states = pd.Categorical.from_codes(trace.state, [state.name for state in State])
-    return pd.DataFrame(
-        {
-            RECORDING: pd.Categorical.from_codes(np.zeros(evaluation.time.size, int), [_name(evaluation)]),
-            "time_s": evaluation.time,
-            "injection_rate_mm3_per_ms": trace.injection_rate / MM3_PER_MS,
-            "injection_rate_sigma_mm3_per_ms": trace.injection_rate_sigma / MM3_PER_MS,
-            "nominal_rate_mm3_per_ms": trace.nominal_rate / MM3_PER_MS,
-            "valid": trace.valid,
-            "state": states,
-            **{f"x{i + 1}": trace.x[:, i] for i in range(3)},
-            **{f"phi{i + 1}": trace.phi[:, i] for i in range(3)},
-        }
-    )
+    recordings = pd.Categorical.from_codes(np.zeros(trace.size, int), [_name(evaluation)])
+    return pd.DataFrame({RECORDING: recordings, **arrays, "state": states})

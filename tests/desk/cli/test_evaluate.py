@@ -59,6 +59,8 @@ def test_json_document(command: Command, worn: Path) -> None:
     assert low < 0.3 < high
     assert recording["summary"]["valid_share"] == 0.5
     assert recording["summary"]["adoptions"] >= 2
+    (unlearned,) = document(command, worn, "--no-learning")["recordings"]
+    assert unlearned["summary"]["adoptions"] == 0
     (over_drop, *_) = recording["learned"]
     assert (over_drop["flow"], over_drop["variable"]) == ("orifice_area", "pressure_drop_MPa")
     assert over_drop["change"][-1] == pytest.approx(0.3, abs=over_drop["ci95_halfwidth"][-1])

@@ -53,6 +53,8 @@ def test_a_fit_writes_the_file_the_figure_and_says_what_it_is_worth(
     assert injector.baseline.adequate
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert "--force" in command.refused("fit", *healthy, "--model", wrong, "--output", fitted)
+    over_itself = ("fit", *healthy, "--model", wrong, "--output", wrong, "--force")
+    assert "is the model that is fitted" in command.refused(*over_itself)
     command.done("evaluate", healthy[0], "--model", fitted, "--json")
 
 

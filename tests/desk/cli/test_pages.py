@@ -17,9 +17,6 @@ import pytest
 import tools.benchmarks.__main__  # noqa: F401
 from observer_rt.bus.mapping.bus_map import map_bench
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
-from observer_rt.config.bench_file import LinkConfig
-from observer_rt.desk.check.findings import Level
-from observer_rt.desk.check.machine import interface_findings
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.formats import read_recording, write_recording
@@ -129,21 +126,6 @@ def write_mine(page: Page, like: Path) -> None:
     }
     rows = np.stack(list(columns.values()), axis=1)
     np.savetxt("mine.csv", rows, "%.9g", ";", header=";".join(columns), comments="")
-
-
-def test_the_interface_is_brought_up_as_check_tells(tmp_path: Path) -> None:
-    """With the bit rates of the example bench file."""
-    network = tmp_path / "can0"
-    network.mkdir()
-    for name, content in {"type": "280", "flags": "0x40040", "mtu": "72", "tx_queue_len": "1000"}.items():
-        (network / name).write_text(content)
-    (network / "operstate").write_text("down")
-    down = interface_findings(load_bench(EXAMPLE_BENCH).config.buses[0].config, network=tmp_path)[0]
-    assert down.level is not Level.OK
-    lines = [line for page in PAGES for line in page.commands]
-    assert next(line for line in lines if "ip link set can0" in line) in str(down)
-    missing = interface_findings(LinkConfig(channel="vcan0"), network=tmp_path)[0]
-    assert next(line for line in lines if "ip link add vcan0" in line) in str(missing)
 
 
 def test_the_description_of_the_package_has_no_link_into_the_repository() -> None:

@@ -59,3 +59,13 @@ def test_a_daemon_in_a_container_has_it_in_force_when_the_command_ends(
         finally:
             daemon.kill()  # which unshare hands on
     assert name not in bench.read_text()
+
+
+def test_changes_besides_need_a_word(command: Command, bench: Path, tmp_path: Path) -> None:
+    result = amended(tmp_path, ("length = 0.15 ", "length = 0.16 "))
+    refusal = command.refused("take-over", result, "--bench", bench)
+    assert "line.length 0.15 m -> 0.16 m" in refusal
+    assert "--accept-changes" in refusal
+    outcome = command.done("take-over", result, "--bench", bench, "--accept-changes")
+    assert "line.length 0.15 m -> 0.16 m" in outcome.out
+    assert "no daemon is found" in outcome.err

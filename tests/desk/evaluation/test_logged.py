@@ -176,19 +176,19 @@ def test_a_message_that_is_not_in_the_log_is_named(tmp_path: Path) -> None:
     assert "--bench" not in (refused.value.remedy or "")
 
 
-def test_a_message_that_ends_early_is_named(tmp_path: Path) -> None:
-    bench = block_bench(tmp_path, "virtual", ["x"])
-    sent = frames_of(bench, worn_recording(injections=24))
-    part = [frame for frame in sent if frame.frame_id != 0x111 or frame.time < 0.5]
-    write_log(tmp_path / "a.log", sent_log(part))
+@pytest.mark.parametrize(
+    ("injections", "end", "is_dead", "said"),
+    [
+        (24, 0.5, False, "(needle_lift): no frame in the last 0.9 s"),
+        (12, np.inf, True, "(needle_lift): needle_lift is frozen"),
+    ],
+)
+def test_a_message_that_will_not_do_is_named(
+    tmp_path: Path, injections: int, end: float, is_dead: bool, said: str
+) -> None:
+    bench, recording = block_bench(tmp_path, "virtual", ["x"]), worn_recording(injections=injections)
+    sent = replace(recording, needle_lift=recording.needle_lift * (not is_dead))
+    frames = [each for each in frames_of(bench, sent) if each.frame_id != 0x111 or each.time < end]
+    write_log(tmp_path / "a.log", sent_log(frames))
     notes = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
-    assert any("NeedleLiftBlock 0x111 (needle_lift): no frame in the last 0.9 s" in note for note in notes)
-
-
-def test_a_dead_sensor_in_a_log_is_named(tmp_path: Path) -> None:
-    bench = block_bench(tmp_path, "virtual", ["x"])
-    recording = worn_recording(injections=12)
-    dead = replace(recording, needle_lift=np.zeros_like(recording.needle_lift))
-    write_log(tmp_path / "a.log", sent_log(frames_of(bench, dead)))
-    (note,) = LoggedSignals(load_bench(bench), tmp_path / "a.log").notes
-    assert "NeedleLiftBlock 0x111 (needle_lift): needle_lift is frozen" in note
+    assert any(f"NeedleLiftBlock 0x111 {said}" in note for note in notes)

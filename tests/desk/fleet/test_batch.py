@@ -1,11 +1,18 @@
-"""A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged."""
+"""A batch on a real cluster of processes: nothing is lost, doubled or done again, whatever is killed or damaged.
+
+And on a scheduler that is there already, which serves others too, with an effect in force.
+"""
 
 import json
 import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from observer_rt.config.bench import NOMINAL_INJECTOR
 from observer_rt.desk.fleet.dataset import read_injections
 from observer_rt.files.formats import write_recording
 from observer_rt.foundation.files import file_hash
@@ -80,3 +87,49 @@ def test_no_scheduler_is_said_with_what_to_do(recordings: Path, tmp_path: Path) 
     assert process.returncode == 1
     assert "tcp://127.0.0.1:1" in err
     assert "remedy: start one" in err
+
+
+CLUSTER = """
+import sys, time
+from distributed import LocalCluster
+if __name__ == "__main__":
+    where = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+    with LocalCluster(n_workers=2, threads_per_worker=1, **where) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        sys.stdin.read()
+"""
+IN_FORCE = '\n[[effects]]\nid = "orifice_area"\nparameters = { v_H = { value = 0.3, unit = "-" } }\n'
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a scheduler in another process, whose workers have another working directory."""
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (elsewhere / "cluster.py").write_text(CLUSTER)
+    process = subprocess.Popen(
+        [sys.executable, "cluster.py"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=elsewhere,
+    )
+    assert process.stdout is not None
+    yield process.stdout.readline().strip()
+    process.communicate()
+
+
+def test_effects_are_in_force_on_a_scheduler_that_is_there(scheduler: str, tmp_path: Path) -> None:
+    """Its workers find files by the paths of the command."""
+    (tmp_path / "amended.toml").write_text(NOMINAL_INJECTOR.read_text() + IN_FORCE)
+    write_recording(tmp_path / "injector_a.csv", simulated(2, 0.3, (60e6, 140e6), 100e3, seed=3))
+    found = {}
+    for out, model in (("plain", ()), ("own", ("--model", "amended.toml"))):
+        arguments = ("injector_a.csv", "--scheduler", scheduler, "--out", out, *model)
+        said = ended(started(*arguments, cwd=tmp_path))
+        assert (said["done"], said["failed"]) == (1, 0)
+        found[out] = [row["mass_mg"] for row in read_injections(tmp_path / out).to_pylist()]
+    nominal = masses(tmp_path / "injector_a.csv")
+    with_wear = masses(tmp_path / "injector_a.csv", tmp_path / "amended.toml")
+    assert found["plain"] == pytest.approx(nominal, rel=1e-12)
+    assert found["own"] == pytest.approx(with_wear, rel=1e-12)
+    assert nominal != pytest.approx(with_wear, rel=1e-6)

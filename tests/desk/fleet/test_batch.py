@@ -122,14 +122,14 @@ def test_effects_are_in_force_on_a_scheduler_that_is_there(scheduler: str, tmp_p
     """Its workers find files by the paths of the command."""
     (tmp_path / "amended.toml").write_text(NOMINAL_INJECTOR.read_text() + IN_FORCE)
     write_recording(tmp_path / "injector_a.csv", simulated(2, 0.3, (60e6, 140e6), 100e3, seed=3))
-    found = {}
+    outcomes = {}
     for out, model in (("plain", ()), ("own", ("--model", "amended.toml"))):
         arguments = ("injector_a.csv", "--scheduler", scheduler, "--out", out, *model)
         said = ended(started(*arguments, cwd=tmp_path))
         assert (said["done"], said["failed"]) == (1, 0)
-        found[out] = [row["mass_mg"] for row in read_injections(tmp_path / out).to_pylist()]
+        outcomes[out] = [row["mass_mg"] for row in read_injections(tmp_path / out).to_pylist()]
     nominal = masses(tmp_path / "injector_a.csv")
     with_wear = masses(tmp_path / "injector_a.csv", tmp_path / "amended.toml")
-    assert found["plain"] == pytest.approx(nominal, rel=1e-12)
-    assert found["own"] == pytest.approx(with_wear, rel=1e-12)
+    assert outcomes["plain"] == pytest.approx(nominal, rel=1e-12)
+    assert outcomes["own"] == pytest.approx(with_wear, rel=1e-12)
     assert nominal != pytest.approx(with_wear, rel=1e-6)

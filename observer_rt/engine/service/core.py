@@ -6,7 +6,7 @@ Where another node sends what only this service should, no receiver knows whose 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from observer_rt.bus.mapping.bus_map import BusMap, stream_of
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import Role
 from observer_rt.core.stream.stream import RING, dead_band
-from observer_rt.engine.estimation.signal_noise import SlowNoise
 from observer_rt.engine.learning.knowledge import EventRecord, Knowledge, no_knowledge
 from observer_rt.engine.observer import make_observer, samples_at
 from observer_rt.engine.reports.injection_report import report_of
@@ -56,6 +55,9 @@ from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, state_of_service
 from observer_rt.engine.words import Topic, is_good
 from observer_rt.model.effective import Coefficients
+
+if TYPE_CHECKING:
+    from observer_rt.engine.estimation.signal_noise import SlowNoise
 
 _NOT_LEARNED = (
     "nothing was learned from an event: {}\n  remedy: see that memory is free; report it if it comes again"
@@ -314,7 +316,7 @@ class Core:
         return lift_figures(self.compiled.observer, self._max_lift)
 
     @property
-    def slow_noise(self) -> Mapping[Role, SlowNoise]:
+    def slow_noise(self) -> "Mapping[Role, SlowNoise]":
         """Slow noise of line pressure [Pa] and needle lift [m], of the samples at rest that are remembered."""
         white = self.standstill.noise
         if white is None:

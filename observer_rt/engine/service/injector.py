@@ -4,7 +4,7 @@ import cmath
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from observer_rt.config.injector import Meaning
 from observer_rt.config.signals import Role, effects_after_alignment
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.gain import NoiseLevels
-from observer_rt.engine.estimation.signal_noise import SlowNoise, slow_noise
 from observer_rt.engine.learning.healthy import Healthy, healthy_of, is_same_rate, with_remainder
 from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
 from observer_rt.engine.learning.learner import Learner
@@ -32,6 +31,9 @@ from observer_rt.model.parameters import (
 )
 from observer_rt.model.stability import MAX_SUBSTEPS, fastest_rate, refuse_unstable_cells
 from observer_rt.model.terms.term import Variable
+
+if TYPE_CHECKING:
+    from observer_rt.engine.estimation.signal_noise import SlowNoise
 
 EVENTS_REQUIRED = 2  # judged, before a sample is valid
 EVENTS_REQUIRED_RESTORED = 1  # the same with a restored state
@@ -181,11 +183,17 @@ def doubt_about_fit(fitted: BenchInjector) -> FitDoubt | None:
     return None
 
 
-def slow_noise_of(observer: Observer, rows: NDArray[np.void], white: NoiseLevels) -> Mapping[Role, SlowNoise]:
+def slow_noise_of(
+    observer: Observer, rows: NDArray[np.void], white: NoiseLevels
+) -> "Mapping[Role, SlowNoise]":
     """Slow noise of line pressure [Pa] and needle lift [m] in processed samples `rows` (n,).
 
     For the line, innovations are used: slow changes of the rail pressure, which the line follows, are no noise.
     """
+    from observer_rt.engine.estimation.signal_noise import (
+        slow_noise,  # only for who looks at a daemon, or at a log
+    )
+
     c, rate = observer.constants.coefficients, 1.0 / observer.constants.interval
     resting = rows[rows["resting"] & ~rows["interpolated"] & (rows["doubt"] == Doubt.NONE)]
     index = resting["index"].astype(np.int64)
@@ -213,7 +221,7 @@ def _passed(observer: Observer, frequency: float) -> float:
     return float(abs(passed))
 
 
-def noise_text(white: NoiseLevels, slow: Mapping[Role, SlowNoise]) -> str:
+def noise_text(white: NoiseLevels, slow: "Mapping[Role, SlowNoise]") -> str:
     """Sentence with the noise levels of all signals, and their slow parts."""
     noises = []
     for role, (name, unit, size) in SIGNALS.items():

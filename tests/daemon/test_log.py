@@ -14,8 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from observer_rt.daemon.log import CAPACITY, Notifier, ServiceLog, one_line
+from observer_rt.config.bench import load_injector
+from observer_rt.daemon.log import CAPACITY, EventLogger, Notifier, ServiceLog, one_line
+from observer_rt.engine.reports.news import Notice
 from observer_rt.engine.words import Topic
+from observer_rt.model.effects import effective_model
 from tests.daemon.participants import until
 
 STAMPED = r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}[+-]\d\d:\d\d "
@@ -163,6 +166,15 @@ def test_what_is_told(manager: socket.socket) -> None:
     notifier.alive()  # nobody watches
     notifier.stopping()
     assert notifications(manager) == ["READY=1", "STATUS=waiting for can0", "STOPPING=1"]
+
+
+def test_a_manager_hears_of_state_and_links(manager: socket.socket, err: Console) -> None:
+    c = effective_model(load_injector()).coefficients
+    with ServiceLog(err) as log:
+        logger = EventLogger(log, Notifier(environment(manager)), c, "")
+        for topic in (Topic.STATE, Topic.INPUT, Topic.LINK):
+            logger.hear(Notice(topic, f"{topic.name}\n  remedy: none"))
+    assert notifications(manager) == ["STATUS=STATE", "STATUS=LINK"]
 
 
 def test_the_watchdog_is_fed_three_times_in_its_time_out(manager: socket.socket) -> None:

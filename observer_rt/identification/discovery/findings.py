@@ -13,7 +13,7 @@ from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.documents import Entry, Inside, key
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
+from observer_rt.identification.discovery.gaps import RATE, Disagreement, ModelGaps
 from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.results import Cell, Discovery, LargestMisfit, Verdict
@@ -121,7 +121,7 @@ def _of_names(findings: "Findings") -> Iterator[Caveat]:
 def _of_level(findings: "Findings") -> Iterator[Caveat]:
     """Without a measured rate, now or when the model was fitted, the level of all flows is the line's inertance."""
     nobody_believes = findings.verdict is Verdict.UNKNOWN and not findings.proposals
-    if findings.gaps.injection_rate is not None or nobody_believes:
+    if RATE in findings.gaps.by_name or nobody_believes:
         return
     if findings.like_inertance:
         settled = " (right when the model was fitted: another fuel since then, say)"

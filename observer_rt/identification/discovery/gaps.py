@@ -4,7 +4,7 @@ Operating points are those the model was not fitted to.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,8 @@ from observer_rt.model.effect import Component, Effect, Equation
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import LineOutflow
 
+LINE_PRESSURE, RATE, MASS = "line_pressure", "injection_rate", "injected_mass"
+UNITS = {LINE_PRESSURE: ("MPa", MEGAPASCAL), RATE: ("mm3/ms", MM3_PER_MS), MASS: ("mg", MILLIGRAM)}
 NOISE_RUNS = 3  # with noise added, for the noise floor
 PHASE_NAMES = {
     Phase.STANDSTILL: "closed",
@@ -42,20 +44,23 @@ _Key = tuple[Signal, Phase, int]
 
 @dataclass(frozen=True)
 class Gap:
-    """Root mean squares of model minus measurement (SI): nominal, amended, and what noise alone would leave."""
+    """Root mean squares of model minus measurement, in the unit of a quantity: nominal, amended, and what noise alone
+    would leave.
 
+    measured: else it is against the model amended by all recordings: before is then what the nominal model is wrong
+    if the amended one is right.
+    """
+
+    name: str
     before: float
     after: float
     noise_floor: float
+    measured: bool = True
 
-
-@dataclass(frozen=True)
-class PrintedGap(Gap):
-    """A gap in its printed unit; measured: else it is against the model with what was found."""
-
-    name: str
-    unit: str
-    measured: bool
+    @property
+    def unit(self) -> str:
+        """Its unit, as printed."""
+        return UNITS[self.name][0]
 
     @property
     def words(self) -> str:
@@ -64,46 +69,24 @@ class PrintedGap(Gap):
 
 
 @dataclass(frozen=True)
-class SignalGaps:
-    """The gap of every signal; of the injection rate None where it is not measured."""
-
-    line_pressure: Gap
-    injection_rate: Gap | None
-    mass: Gap
-    injected: float  # kg, mean of an event
-
-    @property
-    def printed(self) -> dict[str, "PrintedGap"]:
-        """By the name of the signal; the mass is measured where a rate is."""
-        values = (
-            ("line_pressure", "MPa", MEGAPASCAL, self.line_pressure, True),
-            ("injection_rate", "mm3/ms", MM3_PER_MS, self.injection_rate, True),
-            ("injected_mass", "mg", MILLIGRAM, self.mass, self.injection_rate is not None),
-        )
-        return {
-            name: PrintedGap(gap.before / si, gap.after / si, gap.noise_floor / si, name, unit, measured)
-            for name, unit, si, gap, measured in values
-            if gap is not None
-        }
-
-
-@dataclass(frozen=True)
-class PointGap(SignalGaps):
-    """The gaps of one held-out recording."""
+class PointGaps:
+    """The gaps of one held-out recording by quantity, the rate only where it is measured; injected: mean mass of an
+    event [kg]."""
 
     recording: int
+    by_name: Mapping[str, Gap]
+    injected: float
 
 
 @dataclass(frozen=True)
-class ModelGaps(SignalGaps):
-    """Gaps over all held-out recordings, and for each.
+class ModelGaps:
+    """Gaps over all held-out recordings, and for each. refitted: the model with what was found, fitted to
+    `fitted_on`."""
 
-    Mass is compared with the measured one; where no rate is measured, with that of the amended model fitted to all
-    recordings: before is then what the nominal model is wrong if the amended one is right.
-    """
-
-    refitted: EffectiveModel  # the winner, fitted to `fitted_on`
-    points: tuple[PointGap, ...]
+    by_name: Mapping[str, Gap]
+    injected: float  # kg, mean of an event
+    refitted: EffectiveModel
+    points: tuple[PointGaps, ...]
     fitted_on: tuple[int, ...]
     held_out: tuple[int, ...]
 
@@ -118,17 +101,19 @@ def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: Effectiv
     held_out = held_out or fitted_on
     refitted = shown.hypothesis.model(nominal, np.array(shown.sizes_of_half))
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
-    rates = [point.injection_rate for point in points if point.injection_rate is not None]
-    return ModelGaps(
-        _together([point.line_pressure for point in points]),
-        _together(rates) if rates else None,
-        _together([point.mass for point in points]),
-        float(np.mean([point.injected for point in points])),
-        refitted,
-        points,
-        fitted_on,
-        held_out,
-    )
+    together = {
+        name: Gap(
+            name, *(_together(points, name, of) for of in ("before", "after", "noise_floor")), gap.measured
+        )
+        for name, gap in points[0].by_name.items()
+    }
+    injected = float(np.mean([point.injected for point in points]))
+    return ModelGaps(together, injected, refitted, points, fitted_on, held_out)
+
+
+def _together(points: Sequence[PointGaps], name: str, of: str) -> float:
+    """Root mean square over recordings."""
+    return float(np.sqrt(np.mean([getattr(point.by_name[name], of) ** 2 for point in points])))
 
 
 def _point(
@@ -137,7 +122,7 @@ def _point(
     nominal: EffectiveModel,
     refitted: EffectiveModel,
     amended: EffectiveModel,
-) -> PointGap:
+) -> PointGaps:
     density, is_measured = amended.coefficients.density, measurement.recording.injection_rate is not None
     true_masses = np.array(
         [measured_mass(measurement, one, density) for one in simulated(measurement, nominal)]
@@ -146,26 +131,20 @@ def _point(
     )
     before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
     noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
-    own_errors = {"line_pressure": [measurement.noise.line_pressure], "mass": [0.0]}
+    own_errors = {LINE_PRESSURE: [measurement.noise.line_pressure], MASS: [0.0]}
     if is_measured:
         rate = [one.rate[_injecting(measurement, one)] for one in simulated(measurement, refitted)]
-        own_errors["injection_rate"] = [measurement.rate_noise, GAIN_ERROR * rms(np.concatenate(rate))]
-        own_errors["mass"] = [GAIN_ERROR * float(np.mean(true_masses))]
-    gaps = {
-        name: Gap(
-            rms(before[name]),
-            rms(after[name]),
-            math.hypot(*own, rms(np.concatenate([one[name] - after[name] for one in noisy]))),
-        )
-        for name, own in own_errors.items()
-    }
-    return PointGap(
-        gaps["line_pressure"],
-        gaps.get("injection_rate"),
-        gaps["mass"],
-        float(np.mean(true_masses)),
-        number,
-    )
+        own_errors = {
+            LINE_PRESSURE: own_errors[LINE_PRESSURE],
+            RATE: [measurement.rate_noise, GAIN_ERROR * rms(np.concatenate(rate))],
+            MASS: [GAIN_ERROR * float(np.mean(true_masses))],
+        }
+    by_name = {}
+    for name, own in own_errors.items():
+        floor = math.hypot(*own, rms(np.concatenate([one[name] - after[name] for one in noisy])))
+        printed = (value / UNITS[name][1] for value in (rms(before[name]), rms(after[name]), floor))
+        by_name[name] = Gap(name, *printed, measured=is_measured or name == LINE_PRESSURE)
+    return PointGaps(number, by_name, float(np.mean(true_masses)))
 
 
 def _errors(
@@ -180,12 +159,12 @@ def _errors(
     runs = simulated(measurement if seed is None else noisier(measurement, seed), model)
     masses = np.array([mass(measurement, one, model.coefficients.density) for one in runs])
     errors = {
-        "line_pressure": np.concatenate([one.line_pressure - line[one.samples] for one in runs]),
-        "mass": masses - true_masses,
+        LINE_PRESSURE: np.concatenate([one.line_pressure - line[one.samples] for one in runs]),
+        MASS: masses - true_masses,
     }
     if rate is not None:
         inside = [_injecting(measurement, one) for one in runs]
-        errors["injection_rate"] = np.concatenate(
+        errors[RATE] = np.concatenate(
             [(one.rate - rate[one.rate_samples])[part] for one, part in zip(runs, inside, strict=True)]
         )
     return errors
@@ -198,16 +177,6 @@ def _injecting(measurement: Measurement, injection: SimulatedInjection) -> NDArr
 def rms(values: NDArray[np.float64]) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _together(gaps: Sequence[Gap]) -> Gap:
-    """Root mean square over recordings."""
-    return Gap(
-        *(
-            float(np.sqrt(np.mean([getattr(gap, name) ** 2 for gap in gaps])))
-            for name in ("before", "after", "noise_floor")
-        )
-    )
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pydantic import computed_field
 
 from observer_rt.foundation.documents import Entry, Figure, Inside, key, unit
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLISECOND
-from observer_rt.identification.discovery.gaps import ModelGaps, PointGap, rms
+from observer_rt.identification.discovery.gaps import LINE_PRESSURE, ModelGaps, PointGaps, rms
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mean_mass, simulated
@@ -45,14 +45,14 @@ def typical_overlays(
 ) -> tuple[Overlay, ...]:
     """Two held-out operating points, the one in the middle by its gap, and the one worst off: there the injection
     the model misses most."""
-    ranked = sorted(gaps.points, key=lambda point: point.line_pressure.before)
+    ranked = sorted(gaps.points, key=lambda point: point.by_name[LINE_PRESSURE].before)
     chosen = {point.recording: point for point in (ranked[(len(ranked) - 1) // 2], ranked[-1])}
     amended = gaps.refitted if shown.ids else None
     return tuple(_overlay(point, measured[number], nominal, amended) for number, point in chosen.items())
 
 
 def _overlay(
-    point: PointGap, measurement: Measurement, nominal: EffectiveModel, amended: EffectiveModel | None
+    point: PointGaps, measurement: Measurement, nominal: EffectiveModel, amended: EffectiveModel | None
 ) -> Overlay:
     recording = measurement.recording
     every = simulated(measurement, nominal)
@@ -74,7 +74,7 @@ def _overlay(
         measured_rate=None if rate is None else rate[before.rate_samples[shown]],
         nominal_rate=before.rate[shown],
         amended_rate=None if after is None else after.rate[shown],
-        noise_floor=point.line_pressure.noise_floor,
+        noise_floor=point.by_name[LINE_PRESSURE].noise_floor * MEGAPASCAL,
     )
 
 

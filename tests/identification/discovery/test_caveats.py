@@ -11,6 +11,7 @@ from observer_rt.identification.discovery.findings import (
     is_level_measured,
     is_like_inertance,
 )
+from observer_rt.identification.discovery.gaps import RATE
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.candidates import Size
 from observer_rt.identification.discovery.search.results import Verdict
@@ -31,7 +32,12 @@ def test_good_recordings_leave_no_reservation(worn: Worn) -> None:
 
 
 def _without_rate(findings: Findings) -> Findings:
-    return replace(findings, gaps=replace(findings.gaps, injection_rate=None))
+    return replace(
+        findings,
+        gaps=replace(
+            findings.gaps, by_name={k: gap for k, gap in findings.gaps.by_name.items() if k != RATE}
+        ),
+    )
 
 
 def _at_one_pressure(findings: Findings) -> Findings:

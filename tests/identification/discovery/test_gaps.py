@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from observer_rt.identification.discovery.gaps import gaps_of
+from observer_rt.foundation.units import MILLIGRAM
+from observer_rt.identification.discovery.gaps import LINE_PRESSURE, MASS, RATE, gaps_of
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated
@@ -13,12 +14,10 @@ from tests.identification.discovery.hidden import NOMINAL, recordings
 
 
 def test_the_amended_model_leaves_little_more_than_noise(worn: Worn) -> None:
-    gaps = worn.findings.gaps
-    for gap in (gaps.line_pressure, gaps.injection_rate, gaps.mass):
-        assert gap is not None
-        assert gap.after < 0.5 * gap.before
-    for gap in (gaps.line_pressure, gaps.injection_rate):
-        assert gap is not None
+    gaps = worn.findings.gaps.by_name
+    assert gaps.keys() == {LINE_PRESSURE, RATE, MASS}
+    assert all(gap.after < 0.5 * gap.before for gap in gaps.values())
+    for gap in (gaps[LINE_PRESSURE], gaps[RATE]):
         assert 0.8 * gap.noise_floor < gap.after < 1.25 * gap.noise_floor
 
 
@@ -33,7 +32,9 @@ def test_mass_is_off_by_what_wear_changes(worn: Worn) -> None:
             mass(measurement, new, density) - mass(measurement, old, density)
             for old, new in zip(before, after, strict=True)
         ]
-    assert gaps.mass.before == pytest.approx(np.sqrt(np.mean(np.square(changes))), rel=0.15)
+    assert gaps.by_name[MASS].before * MILLIGRAM == pytest.approx(
+        np.sqrt(np.mean(np.square(changes))), rel=0.15
+    )
 
 
 def test_what_is_shown_was_not_fitted(worn: Worn) -> None:
@@ -48,6 +49,6 @@ def test_one_operating_point_is_fitted_and_shown() -> None:
     nominal = effective_model(NOMINAL)
     gaps = gaps_of(name_effects(nominal, measured, SearchOptions(workers=2)).shown, measured, nominal)
     assert gaps.held_out == gaps.fitted_on == (0,)
-    assert gaps.injection_rate is None
-    assert gaps.line_pressure.before == gaps.line_pressure.after
-    assert gaps.line_pressure.before == pytest.approx(gaps.line_pressure.noise_floor, rel=0.25)
+    assert gaps.by_name.keys() == {LINE_PRESSURE, MASS}
+    pressure = gaps.by_name[LINE_PRESSURE]
+    assert pressure.before == pressure.after == pytest.approx(pressure.noise_floor, rel=0.25)

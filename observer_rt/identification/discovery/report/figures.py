@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from observer_rt.foundation.figures import FOUND, GIVEN, MEASURED, svg_figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.findings import Findings
-from observer_rt.identification.discovery.gaps import Gap
+from observer_rt.identification.discovery.gaps import LINE_PRESSURE, Gap
 from observer_rt.identification.discovery.injections import Overlay
 from observer_rt.identification.discovery.numbers import sign
 from observer_rt.identification.discovery.search.results import LawCurve
@@ -82,11 +82,11 @@ def gap_figure(findings: Findings) -> str:
     """Gaps before and after at every operating point held out, side by side; the noise is a line."""
     points, amended = findings.gaps.points, bool(findings.shown.ids)
     labels = [findings.places[point.recording].point.replace(", ", "\n") for point in points]
-    groups = [gap for gap in findings.gaps.printed.values() if gap.measured or amended]
+    groups = [gap for gap in findings.gaps.by_name.values() if gap.measured or amended]
     with svg_figure(10.4, 3.1) as (figure, svg):
         for column, gap in enumerate(groups):
             axes = figure.add_subplot(1, len(groups), column + 1)
-            every = [printed[gap.name] for point in points if gap.name in (printed := point.printed)]
+            every = [point.by_name[gap.name] for point in points if gap.name in point.by_name]
             _draw_bars(axes, labels, every, with_words(findings) if amended and gap.measured else None)
             unit, doubt = (sign(gap.unit), "") if gap.measured else (gap.unit, ", if this is right")
             axes.set_ylabel(f"rms [{unit}]")
@@ -143,7 +143,7 @@ def residual_figure(findings: Findings) -> str:
                 axes.axvspan(x[0] - 0.7, x[-1] + 0.7, color="#eef1f4", lw=0, zorder=0)
             middles[(x[0] + x[-1]) / 2.0] = findings.places[number].point.replace(", ", "\n")
             start = x[-1] + 2.4
-        floor = findings.gaps.line_pressure.noise_floor / MEGAPASCAL
+        floor = findings.gaps.by_name[LINE_PRESSURE].noise_floor
         axes.axhline(floor, color=MEASURED, lw=1.2, label="noise alone")
         axes.set_xticks(list(middles), list(middles.values()))
         axes.tick_params(axis="x", length=0, labelsize=8 if len(middles) > _CROWDED else None)

@@ -69,14 +69,14 @@ def tiles(findings: Findings) -> list[Tile]:
     elif findings.caveats:
         sure = "confidence, with the reservations above"
     result = [Tile(f"{findings.confidence:.0%}", "", sure)]
-    for gap in findings.gaps.printed.values():
+    for gap in findings.gaps.by_name.values():
         if gap.measured:
             value = f"{gap.before:.2g}" + (f" → {gap.after:.2g}" if amended else "")
             apart = ", held out" if amended and findings.held_apart else ""
             result.append(Tile(value, sign(gap.unit), f"{gap.words}, model minus measured, rms{apart}"))
         elif amended:
             least = LEAST_MASS / MILLIGRAM
-            value = f"{gap.before:.2g}" if findings.gaps.mass.before >= LEAST_MASS else f"< {least:g}"
+            value = f"{gap.before:.2g}" if gap.before >= least else f"< {least:g}"
             result.append(Tile(value, gap.unit, f"{gap.words}, what the model given is wrong"))
     if findings.effects and len(result) < 4:
         result.append(Tile(f"{findings.explained:.0%}", "", "of the disagreement explained"))

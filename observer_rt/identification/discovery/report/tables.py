@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
 from observer_rt.identification.discovery.findings import LEAST_MASS, Findings
-from observer_rt.identification.discovery.gaps import Disagreement, ModelGaps
+from observer_rt.identification.discovery.gaps import MASS, Disagreement, ModelGaps
 from observer_rt.identification.discovery.injections import MassChange
 from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
@@ -49,10 +49,10 @@ _OTHERS = {
 
 def mass_words(gaps: ModelGaps) -> str:
     """The gap in mass, absolute and as a share, where it is one to speak of."""
-    gap = gaps.mass.before
-    if gap < LEAST_MASS:
-        return f"less than {LEAST_MASS / MILLIGRAM:g} mg"
-    return f"{gap / MILLIGRAM:.2g} mg ({gap / gaps.injected:.1%})"
+    gap, least = gaps.by_name[MASS].before, LEAST_MASS / MILLIGRAM
+    if gap < least:
+        return f"less than {least:g} mg"
+    return f"{gap:.2g} mg ({gap * MILLIGRAM / gaps.injected:.1%})"
 
 
 def standing(candidate: Candidate, discovery: Discovery) -> str:

@@ -94,7 +94,7 @@ def gap_lines(findings: Findings) -> list[str]:
     apart = findings.held_apart and findings.shown.ids
     where = "on operating points held out" if apart else "on the recordings"
     lines = []
-    for gap in findings.gaps.printed.values():
+    for gap in findings.gaps.by_name.values():
         if gap.measured:
             after = f" before, {gap.after:.3g} after" if findings.shown.ids else ""
             alone = f"(noise alone {gap.noise_floor:.2g})"

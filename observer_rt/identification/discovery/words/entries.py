@@ -142,7 +142,7 @@ def _figures(cell: Cell) -> dict[str, float | None]:
 def gap_entry(gaps: ModelGaps, _: object) -> GapEntry:
     """Rms of model minus measurement by signal: `before` as given, `after` amended, `noise_floor`; with units."""
     result: GapEntry = {"line_pressure": None, "injection_rate": None}
-    for name, gap in gaps.printed.items():
+    for name, gap in gaps.by_name.items():
         unit = _key(gap.unit)
         stated: dict[str, Number | bool] = {f"before_{unit}": gap.before, f"after_{unit}": gap.after}
         is_mass = name == "injected_mass"

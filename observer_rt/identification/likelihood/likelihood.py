@@ -27,6 +27,7 @@ from observer_rt.identification.likelihood.windows import (
     phases,
     rate_as_recorded,
     setting_of,
+    starts_of,
 )
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms
@@ -74,9 +75,10 @@ class RecordingLikelihood:
         self._lift_noise = LiftNoise(measurement, self._with_lift_lag)
         self._nominal_key = _input_key(nominal)
         self._nominal_inputs = self._inputs(nominal)
-        key = 0, nominal.sensor.offset, measurement.coefficients_of(nominal)
-        self._nominal_batch = key, batch_of(measurement, self._rows, self._nominal_inputs, *key)
-        every = phases(measurement, self._nominal_batch[1])
+        c = measurement.coefficients_of(nominal)
+        self._batch = batch_of(measurement, self._rows, self._nominal_inputs, 0, nominal.sensor.offset, c)
+        self._begins, self._normalised_by = (nominal.sensor.offset, c), (c.chamber_pressure, c.pressure_scale)
+        every = phases(measurement, self._batch)
         self.phases = every[self._rows.counted]
         """(n,): of the counted innovations."""
         self.rate_phases = np.zeros(0, np.int8)
@@ -131,11 +133,16 @@ class RecordingLikelihood:
         self, model: EffectiveModel, inputs: TrueInputs, late: int, schedule: GainSchedule, substeps: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Innovations and rate of all rows, the line pressure recorded `late` whole samples late."""
-        key = late, model.sensor.offset, self.measurement.coefficients_of(model)
-        if inputs is not self._nominal_inputs or key != self._nominal_batch[0]:
-            batch = batch_of(self.measurement, self._rows, inputs, *key)
-        else:  # of nearly all models: those that differ by a law
-            batch = self._nominal_batch[1]
+        c, offset = self.measurement.coefficients_of(model), model.sensor.offset
+        is_nominal = (
+            inputs is self._nominal_inputs and (c.chamber_pressure, c.pressure_scale) == self._normalised_by
+        )
+        if late or not is_nominal:
+            batch = batch_of(self.measurement, self._rows, inputs, late, offset, c)
+        elif (offset, c) == self._begins:  # of nearly all models: those that differ by a law
+            batch = self._batch
+        else:
+            batch = self._batch._replace(starts=starts_of(self.measurement, offset, c))
         setting = setting_of(self.measurement, model, late, substeps, schedule.gains[-1])
         innovation, rate = followed(batch, setting)
         return innovation, rate_as_recorded(self.measurement, rate)

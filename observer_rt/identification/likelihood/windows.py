@@ -193,23 +193,29 @@ def batch_of(
     resting &= inputs.area <= 0.0  # the foot of a ramp the sensor did not see
     source = rows.samples - late
     output = (recording.line_pressure - c.chamber_pressure) / c.pressure_scale
-    lead = round(START_MEAN * recording.sample_rate)
-    starts = np.zeros((len(measurement.events), c.states + 1))
     clocks = np.array([event.clock for event in measurement.events])
-    for i, event in enumerate(measurement.events):
-        mean = float(np.mean(output[event.start - lead : event.start + lead + 1]))
-        starts[i, -1] = mean - offset / c.pressure_scale
-        rest_state(starts[i, :-1], starts[i, -1], c)
     return Batch(
         np.ascontiguousarray(np.stack((inputs.rail[source], inputs.area[source]), axis=1)),
         output[rows.samples],
         resting[source],
-        starts,
+        starts_of(measurement, offset, c),
         rows.bounds,
         np.array([event.openings[0].first - event.start + late for event in measurement.events]),
         inputs.knots[source] if inputs.knots.size else inputs.knots,
         clocks,
     )
+
+
+def starts_of(measurement: Measurement, offset: float, c: Coefficients) -> NDArray[np.float64]:
+    """States at rest (w, states + 1) with which the windows begin, the line pressure read with an offset [Pa]."""
+    line, lead = measurement.recording.line_pressure, round(START_MEAN * measurement.recording.sample_rate)
+    starts = np.zeros((len(measurement.events), c.states + 1))
+    for i, event in enumerate(measurement.events):
+        near = line[event.start - lead : event.start + lead + 1]
+        mean = float(np.mean((near - c.chamber_pressure) / c.pressure_scale))
+        starts[i, -1] = mean - offset / c.pressure_scale
+        rest_state(starts[i, :-1], starts[i, -1], c)
+    return starts
 
 
 def setting_of(

@@ -101,14 +101,18 @@ def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: Effectiv
     held_out = held_out or fitted_on
     refitted = shown.hypothesis.model(nominal, np.array(shown.sizes_of_half))
     points = tuple(_point(number, measured[number], nominal, refitted, amended) for number in held_out)
-    together = {
+    by_name = {
         name: Gap(
-            name, *(_together(points, name, of) for of in ("before", "after", "noise_floor")), gap.measured
+            name,
+            _together(points, name, "before"),
+            _together(points, name, "after"),
+            _together(points, name, "noise_floor"),
+            gap.measured,
         )
         for name, gap in points[0].by_name.items()
     }
     injected = float(np.mean([point.injected for point in points]))
-    return ModelGaps(together, injected, refitted, points, fitted_on, held_out)
+    return ModelGaps(by_name, injected, refitted, points, fitted_on, held_out)
 
 
 def _together(points: Sequence[PointGaps], name: str, of: str) -> float:
@@ -131,20 +135,23 @@ def _point(
     )
     before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
     noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
-    own_errors = {LINE_PRESSURE: [measurement.noise.line_pressure], MASS: [0.0]}
+    noise, mean_mass = measurement.noise.line_pressure, float(np.mean(true_masses))
+    own_errors = {LINE_PRESSURE: [noise], MASS: [0.0]}
     if is_measured:
         rate = [one.rate[_injecting(measurement, one)] for one in simulated(measurement, refitted)]
+        gain_error = GAIN_ERROR * rms(np.concatenate(rate))
         own_errors = {
-            LINE_PRESSURE: own_errors[LINE_PRESSURE],
-            RATE: [measurement.rate_noise, GAIN_ERROR * rms(np.concatenate(rate))],
-            MASS: [GAIN_ERROR * float(np.mean(true_masses))],
+            LINE_PRESSURE: [noise],
+            RATE: [measurement.rate_noise, gain_error],
+            MASS: [GAIN_ERROR * mean_mass],
         }
     by_name = {}
     for name, own in own_errors.items():
+        si = UNITS[name][1]
         floor = math.hypot(*own, rms(np.concatenate([one[name] - after[name] for one in noisy])))
-        printed = (value / UNITS[name][1] for value in (rms(before[name]), rms(after[name]), floor))
-        by_name[name] = Gap(name, *printed, measured=is_measured or name == LINE_PRESSURE)
-    return PointGaps(number, by_name, float(np.mean(true_masses)))
+        with_measured = is_measured or name == LINE_PRESSURE
+        by_name[name] = Gap(name, rms(before[name]) / si, rms(after[name]) / si, floor / si, with_measured)
+    return PointGaps(number, by_name, mean_mass)
 
 
 def _errors(

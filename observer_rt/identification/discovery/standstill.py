@@ -13,7 +13,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.documents import Entry, Figure
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT
-from observer_rt.identification.likelihood.likelihood import JointLikelihood
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.effect import Apparent, Component, Effect
 from observer_rt.model.effective import Coefficients, EffectiveModel
@@ -60,14 +60,15 @@ def standstill_checks(
     for number, measurement in enumerate(measured):
         result += _of_recording(number, measurement, nominal.coefficients, usual_offset)
     shown_effects = (effect for effect in VOCABULARY.values() if effect.apparent is not None)
+    as_given, with_found = ((model, likelihood.judge(model)) for model in (nominal, amended))
     # of the settled needle, sensors first; then of what is left
     for effect in sorted(
         shown_effects, key=lambda e: (e.apparent is Apparent.LEFT, e.component is not Component.LINE_SENSOR)
     ):
         settled = effect.apparent is Apparent.SETTLED
-        figures = _apparent(likelihood, nominal if settled else amended, effect, settled)
+        figures = _apparent(likelihood, as_given if settled else with_found, effect, settled)
         if settled and not all(figure.passed for figure in figures):
-            left = _apparent(likelihood, amended, effect, settled)
+            left = _apparent(likelihood, with_found, effect, settled)
             figures = [replace(figure, explained=all(one.passed for one in left)) for figure in figures]
         result += figures
     return tuple(result)
@@ -160,15 +161,19 @@ def _slope(blocks: _PeriodMeans) -> tuple[float, float]:
 
 
 def _apparent(
-    likelihood: JointLikelihood, model: EffectiveModel, effect: Effect, settled: bool
+    likelihood: JointLikelihood,
+    judged_model: tuple[EffectiveModel, list[JudgedModel] | None],
+    effect: Effect,
+    settled: bool,
 ) -> list[StandstillFigure]:
-    """Size of an effect on top of a model by one Gauss-Newton step on the innovations, as if it were alone.
+    """Size of an effect on top of a judged model by one Gauss-Newton step on the innovations, as if it were alone.
 
     settled: only of the settled needle, for right after a closing x~ still carries what happened while it was open.
     """
     parameter = effect.parameters[0]
     step = parameter.dead_zone
-    here, moved = likelihood.judge(model), likelihood.judge(effect.apply(model, (step,)))
+    model, here = judged_model
+    moved = likelihood.judge(effect.apply(model, (step,)))
     if here is None or moved is None:
         return []
     along, length = 0.0, 0.0

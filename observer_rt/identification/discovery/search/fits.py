@@ -104,7 +104,7 @@ class Fitter:
 
     def nothing(self) -> Candidate:
         """The nominal model."""
-        residuals = self.likelihood.residuals(self.nominal)
+        residuals = self._problem(Hypothesis())(np.zeros(0))
         assert residuals is not None  # the search began with it
         return Candidate(Hypothesis(), (), residuals.statistic, residuals.spread)
 
@@ -342,13 +342,11 @@ def best_of_each(candidates: Sequence[Candidate], by: Callable[[Candidate], floa
 def _has_twins(hypothesis: Hypothesis, minimum: Minimum) -> bool:
     """Whether two effects of one equation stand for one: alike, or with a size at its bound."""
     effects, theta = hypothesis.effects, minimum.theta
-    information = minimum.at.information if len(effects) > 1 else np.zeros((1, 1))
     bounds = [(effect.parameters[0].lowest, effect.parameters[0].highest) for effect in effects]
-    return any(
-        equation_of(effects[one]) == equation_of(effects[other])
-        and (
-            information[one, other] ** 2 > SAME**2 * information[one, one] * information[other, other]
-            or any(theta[i] in bounds[i] for i in (one, other))
-        )
-        for one, other in combinations(range(len(effects)), 2)
-    )
+    for first, second in combinations(range(len(effects)), 2):
+        if equation_of(effects[first]) == equation_of(effects[second]):
+            information = minimum.at.information
+            alike = SAME**2 * information[first, first] * information[second, second]
+            if information[first, second] ** 2 > alike or any(theta[i] in bounds[i] for i in (first, second)):
+                return True
+    return False

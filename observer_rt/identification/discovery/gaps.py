@@ -16,7 +16,7 @@ from observer_rt.identification.discovery.search.adequacy import SIGNIFICANT, ce
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.results import Cell, Discovery
 from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, JointLikelihood, Signal
-from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import (
     SimulatedInjection,
     mass,
@@ -24,6 +24,7 @@ from observer_rt.identification.likelihood.open_loop import (
     noisier,
     simulated,
 )
+from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.identification.likelihood.windows import in_mass_window
 from observer_rt.model.effect import Component, Effect, Equation
 from observer_rt.model.effective import EffectiveModel

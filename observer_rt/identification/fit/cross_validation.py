@@ -13,13 +13,8 @@ from numpy.typing import NDArray
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM
-from observer_rt.identification.likelihood.measurement import (
-    POINT_DURATION,
-    Measurement,
-    open_time,
-    rail_pressure_before,
-)
-from observer_rt.identification.likelihood.operating_points import distinct, events_by_point
+from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
+from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct, events_by_point
 
 T = TypeVar("T")
 

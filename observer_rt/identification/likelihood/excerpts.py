@@ -27,11 +27,11 @@ from observer_rt.identification.likelihood.measurement import (
     missing_samples,
     open_time,
     openings_of,
-    operating_point,
     rail_pressure_before,
     refuse_slow,
 )
 from observer_rt.identification.likelihood.white_noise import white_noise
+from observer_rt.identification.likelihood.operating_points import operating_point
 
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together

@@ -27,7 +27,6 @@ START_MEAN = 0.05e-3  # s on either side of the start over which y is averaged
 MARGIN = 80e-6  # s at both ends, for channels recorded late or early
 FLOOR = NoiseLevels(rail_pressure=0.005 * MEGAPASCAL, line_pressure=0.005 * MEGAPASCAL, needle_lift=0.02e-6)
 RATE_FLOOR = 0.01 * MM3_PER_MS
-POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
 _GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # where too few samples tell
 LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
 SHORTEST_OPENING = 0.05e-3  # s
@@ -305,22 +304,3 @@ def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArra
     for opening in openings:
         result[opening.first : opening.last + 1 + settled] = False
     return result
-
-
-def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
-
-    Of rail pressures by durations each half has all of both, as far as there are two.
-    """
-    points = [operating_point(one.rail_pressure, one.duration) for one in recordings]
-    pressures = sorted({pressure for pressure, _ in points})
-    halves: tuple[list[int], list[int]] = [], []
-    for number, (pressure, duration) in enumerate(points):
-        durations = sorted({other for same, other in points if same == pressure})
-        halves[(pressures.index(pressure) + durations.index(duration)) % 2].append(number)
-    return tuple(halves[0]), tuple(halves[1])
-
-
-def operating_point(rail_pressure: float, duration: float) -> tuple[int, int]:
-    """Key of a rail pressure [Pa] and time open [s]: equal within a few MPa and some hundredths of a millisecond."""
-    return round(rail_pressure / POINT_PRESSURE), round(duration / POINT_DURATION)

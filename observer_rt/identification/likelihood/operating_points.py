@@ -1,4 +1,4 @@
-"""Recordings taken apart by operating point, and cut down to the stretches that are judged."""
+"""Operating points: recordings taken apart by them, cut down to the stretches that are judged, and halved."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.likelihood.measurement import (
     MARGIN,
-    POINT_DURATION,
-    POINT_PRESSURE,
     JudgedEvent,
     Measurement,
     open_time,
     rail_pressure_before,
 )
 
+POINT_PRESSURE, POINT_DURATION = 5 * MEGAPASCAL, 0.1e-3  # Pa, s: one operating point within these
 SMOOTHED = 0.2e-3  # s beside a stretch that the smoothing of the rail pressure reaches to
 
 
@@ -108,3 +107,22 @@ def _part(measurement: Measurement, events: Sequence[JudgedEvent]) -> Measuremen
         rail_pressure=float(np.mean([rail_pressure_before(event, recording) for event in ordered])),
         duration=float(np.mean([open_time(event, recording) for event in ordered])),
     )
+
+
+def every_second_point(recordings: Sequence[Measurement]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Recordings (by number) of every second operating point, and the others: like the squares of a chessboard.
+
+    Of rail pressures by durations each half has all of both, as far as there are two.
+    """
+    points = [operating_point(one.rail_pressure, one.duration) for one in recordings]
+    pressures = sorted({pressure for pressure, _ in points})
+    halves: tuple[list[int], list[int]] = [], []
+    for number, (pressure, duration) in enumerate(points):
+        durations = sorted({other for same, other in points if same == pressure})
+        halves[(pressures.index(pressure) + durations.index(duration)) % 2].append(number)
+    return tuple(halves[0]), tuple(halves[1])
+
+
+def operating_point(rail_pressure: float, duration: float) -> tuple[int, int]:
+    """Key of a rail pressure [Pa] and time open [s]: equal within a few MPa and some hundredths of a millisecond."""
+    return round(rail_pressure / POINT_PRESSURE), round(duration / POINT_DURATION)

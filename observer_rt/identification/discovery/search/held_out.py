@@ -11,8 +11,9 @@ from observer_rt.core.learning.whitening import robust_cost
 from observer_rt.identification.discovery.search.candidates import Candidate, sizing
 from observer_rt.identification.likelihood.bounded_fit import fit
 from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, RecordingLikelihood
-from observer_rt.identification.likelihood.measurement import Measurement, every_second_point
+from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.open_loop import simulated
+from observer_rt.identification.likelihood.operating_points import every_second_point
 from observer_rt.model.effective import EffectiveModel
 
 

@@ -13,8 +13,8 @@ from observer_rt.identification.fit.calibrate import (
     rounded,
     write_fitted,
 )
-from observer_rt.identification.fit.cross_validation import MeasuredMasses
-from observer_rt.identification.fit.sensor_gain import masses_without, sensor_gain, without_gain
+from observer_rt.identification.fit.cross_validation import sensor_gain, without_gain
+from observer_rt.identification.fit.masses import MeasuredMasses, masses_without
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.baseline import Baseline

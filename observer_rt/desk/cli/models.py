@@ -63,8 +63,9 @@ def fit(options: FitOptions) -> None:
     from observer_rt.desk.evaluation.logged import open_source, without_truths
     from observer_rt.desk.fitted_model import fitted_model
     from observer_rt.engine.service.injector import calibration_of
-    from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
+    from observer_rt.identification.fit.cross_validation import refuse_clipped, warnings
     from observer_rt.identification.fit.document import document_of
+    from observer_rt.identification.fit.masses import read_masses
     from observer_rt.identification.fit.report import print_fit
     from observer_rt.identification.likelihood import reading
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES

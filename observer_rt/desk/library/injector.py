@@ -30,7 +30,8 @@ from observer_rt.foundation.files import INJECTOR_FILE
 from observer_rt.foundation.outputs import IN_A_CALL, check_output, write_text
 from observer_rt.foundation.progress import progress_bar
 from observer_rt.identification.discovery.discover import DiscoveryTask, answer, refuse_incomparable
-from observer_rt.identification.fit.cross_validation import read_masses, refuse_clipped, warnings
+from observer_rt.identification.fit.cross_validation import refuse_clipped, warnings
+from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import coverage, read_measured, refuse_rates_missing

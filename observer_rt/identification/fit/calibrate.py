@@ -19,13 +19,8 @@ from observer_rt.config.injector_file import InjectorFile, section_of
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.identification.fit.cross_validation import (
-    Fold,
-    MeasuredMasses,
-    folds_of,
-    share_between_samples,
-    thinned,
-)
+from observer_rt.identification.fit.cross_validation import Fold, folds_of, share_between_samples, thinned
+from observer_rt.identification.fit.masses import MeasuredMasses, own_accuracy
 from observer_rt.identification.fit.problem import (
     INERTANCE,
     OPTIONAL_GROUPS,
@@ -48,7 +43,6 @@ from observer_rt.identification.fit.search import (
     searched,
     settled,
 )
-from observer_rt.identification.fit.sensor_gain import own_accuracy
 from observer_rt.identification.likelihood.appearance import healthy_remainder
 from observer_rt.identification.likelihood.likelihood import GAIN_ERROR, joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement, rail_pressure_before

@@ -9,7 +9,8 @@ import pytest
 from observer_rt.desk.simulation.simulate import Simulation
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import CalibrationResult, FlowLevel, calibrate
-from observer_rt.identification.fit.cross_validation import MeasuredMasses, folds_of
+from observer_rt.identification.fit.cross_validation import folds_of
+from observer_rt.identification.fit.masses import MeasuredMasses
 from observer_rt.identification.fit.problem import (
     INERTANCE,
     STRUCTURES,

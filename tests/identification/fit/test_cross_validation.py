@@ -14,7 +14,6 @@ from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.fit.cross_validation import (
-    MeasuredMasses,
     folds_of,
     refuse_clipped,
     share_between_samples,
@@ -22,6 +21,7 @@ from observer_rt.identification.fit.cross_validation import (
     thinned,
     warnings,
 )
+from observer_rt.identification.fit.masses import MeasuredMasses
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import NOMINAL, POINTS, simulations
 

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.fit.cross_validation import read_masses
+from observer_rt.identification.fit.masses import read_masses
 from observer_rt.identification.likelihood.measurement import measurements
 from tests.identification.fit.healthy import simulations
 

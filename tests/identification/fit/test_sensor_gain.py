@@ -10,9 +10,9 @@ from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.injector_file import InjectorFile
 from observer_rt.desk.fitted_model import fitted_model
 from observer_rt.identification.fit.calibrate import baseline_of, calibrate, write_fitted
-from observer_rt.identification.fit.cross_validation import MeasuredMasses
+from observer_rt.identification.fit.cross_validation import sensor_gain, without_gain
+from observer_rt.identification.fit.masses import MeasuredMasses, masses_without
 from observer_rt.identification.fit.problem import STRUCTURES
-from observer_rt.identification.fit.sensor_gain import masses_without, sensor_gain, without_gain
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from tests.identification.fit.healthy import NOMINAL, simulations

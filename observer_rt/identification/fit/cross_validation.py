@@ -1,4 +1,4 @@
-"""Prepares recordings for a fit: folds of few events, without the line-pressure sensor's gain; refuses clipped signals."""
+"""Prepares recordings for a fit: folds of few events, the gain of the line-pressure sensor; refuses clipped ones."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

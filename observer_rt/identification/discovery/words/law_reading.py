@@ -43,12 +43,16 @@ class Subject:
         """Unit after "per" in a sentence."""
         return self.unit if self.unit != "-" else "unit"
 
+    def amount(self, value: float, digits: int = 3) -> str:
+        """A value of the quantity with its unit."""
+        return with_unit(f"{value:.{digits}g}", self.unit)
+
     def at(self, value: float) -> str:
         """The quantity at a value, in words: `a line pressure of 95 MPa`."""
         if self.of == SINCE:
             return f"{value:.3g} ms after the opening"
         article = "an" if self.words[0] in "aeiou" else "a"
-        return f"{article} {self.words} of {with_unit(f'{value:.3g}', self.unit)}"
+        return f"{article} {self.words} of {self.amount(value)}"
 
 
 SINCE = {Variable.TIME_SINCE_OPENING: 1.0}

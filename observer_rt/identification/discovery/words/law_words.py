@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from observer_rt.foundation.units import MICROMETRE, MILLIMETRE
@@ -187,54 +187,45 @@ def _squared(left: StraightLaw | None, right: StraightLaw | None, words: str) ->
 
 
 def _read_one(law: Law) -> Reading | None:
+    """Words for one factor: a straight line over a quantity, or an operation on one."""
     line = line_of(law)
     if line is not None:
         return _in_proportion(line)
     match law:
         case Call(Operation.MAX, (argument, bound)) if bound == ZERO:
-            return _kinked(line_of(argument))
-        case Call(Operation.GREATER | Operation.LESS as side, (argument, Number() as bound)):
-            line = line_of(Call(Operation.SUBTRACT, (argument, bound)))
-            if line is None:
-                return None
-            below = f"below {line.subject.at(line.zero)}"
-            return Reading(1.0, _from(line) if (side is Operation.GREATER) == (line.slope > 0.0) else below)
+            return _over(argument, _kinked)
+        case Call(Operation.GREATER, (argument, Number() as bound)):
+            return _over(Call(Operation.SUBTRACT, (argument, bound)), lambda over: _step(over, "below", 1.0))
+        case Call(Operation.LESS, (argument, Number() as bound)):
+            return _over(Call(Operation.SUBTRACT, (bound, argument)), lambda over: _step(over, "below", 1.0))
         case Call(Operation.ADD, (first, Call(Operation.TANH, (argument,)))) if first == ONE:
-            line = line_of(argument)
-            if line is None:
-                return None
-            return Reading(2.0, _from(line) if line.slope > 0.0 else f"up to {line.subject.at(line.zero)}")
+            return _over(argument, lambda over: _step(over, "up to", 2.0))
         case Call(Operation.TANH, (argument,)):
-            line = line_of(argument)
-            if line is None:
-                return None
-            far = f"far above {line.subject.at(line.zero)}, and the other way far below"
-            return Reading(math.copysign(1.0, line.slope), far)
-        case Call(Operation.EXP):
+            return _over(argument, _saturating)
+        case Call(Operation.EXP, (exponent,)):
             decay = _decay(law)
             if decay is not None:
                 return Reading(1.0, f"at every opening, fading in {decay:.3g} ms")
-            return _bump(law.parts[0]) or _fading(line_of(law.parts[0]))
+            return _bump(exponent) or _over(exponent, _fading)
         case Call(Operation.SQRT, (argument,)):
-            return _power_of(line_of(argument), "as its root")
+            return _over(argument, lambda over: _power_of(over, "as its root"))
         case Call(Operation.ABS, (argument,)):
-            line = line_of(argument)
-            if line is None or line.zero:
-                return None
-            return Reading(
-                abs(line.slope), f"of the {line.subject.words}, the same both ways", line.subject.unit
-            )
-        case Call(Operation.POWER, (argument, Number(exponent))):
-            words = {2.0: "as its square", 3.0: "as its cube"}.get(exponent)
-            return None if words is None else _power_of(line_of(argument), words)
+            return _over(argument, _same_both_ways)
+        case Call(Operation.POWER, (argument, Number(2.0))):
+            return _over(argument, lambda over: _power_of(over, "as its square"))
+        case Call(Operation.POWER, (argument, Number(3.0))):
+            return _over(argument, lambda over: _power_of(over, "as its cube"))
         case Call(Operation.SIN, (argument,)):
-            line = line_of(argument)
-            if line is None or line.subject.of != {Variable.TIME: 1.0}:
-                return None
-            return Reading(1.0, f"and back, a wave of {line.slope / (2.0 * math.pi):.6g} Hz")
+            return _over(argument, _wave)
         case Call(Operation.SUBTRACT, (first, Lag(argument, milliseconds))) if first == argument:
-            return _remembered(line_of(first), milliseconds)
+            return _over(first, lambda over: _remembered(over, milliseconds))
     return None
+
+
+def _over(argument: Law, words: Callable[[StraightLaw], Reading | None]) -> Reading | None:
+    """Words for an operation on a straight line; None where its argument is none."""
+    line = line_of(argument)
+    return None if line is None else words(line)
 
 
 def _in_proportion(line: StraightLaw) -> Reading:
@@ -243,25 +234,39 @@ def _in_proportion(line: StraightLaw) -> Reading:
         return Reading(line.slope, "growing steadily", "s")
     if subject.of == {Variable.INJECTION_NUMBER: 1.0}:
         return Reading(line.slope, f"beyond number {line.zero:.3g}", "injection")
-    beyond = (
-        f" above {with_unit(f'{line.zero:.3g}', subject.unit)}, and the other way below" if line.zero else ""
-    )
+    beyond = f" above {subject.amount(line.zero)}, and the other way below" if line.zero else ""
     return Reading(line.slope, f"of {subject.words}{beyond}", subject.unit_word)
 
 
-def _kinked(line: StraightLaw | None) -> Reading | None:
-    if line is None:
-        return None
-    side = "above" if line.slope > 0.0 else "below"
-    subject = line.subject
-    zero = with_unit(f"{line.zero:.3g}", subject.unit)
-    return Reading(abs(line.slope), f"of {subject.words} {side} {zero}", subject.unit_word)
+def _kinked(line: StraightLaw) -> Reading:
+    subject, side = line.subject, "above" if line.slope > 0.0 else "below"
+    words = f"of {subject.words} {side} {subject.amount(line.zero)}"
+    return Reading(abs(line.slope), words, subject.unit_word)
 
 
-def _from(line: StraightLaw) -> str:
+def _step(line: StraightLaw, before: str, size: float) -> Reading:
+    """From a place on, or before it."""
+    if line.slope < 0.0:
+        return Reading(size, f"{before} {line.subject.at(line.zero)}")
     if line.subject.of == {Variable.INJECTION_NUMBER: 1.0}:
-        return f"from the injection after number {line.zero:.3g} on"
-    return f"from {line.subject.at(line.zero)} on"
+        return Reading(size, f"from the injection after number {line.zero:.3g} on")
+    return Reading(size, f"from {line.subject.at(line.zero)} on")
+
+
+def _saturating(line: StraightLaw) -> Reading:
+    far = f"far above {line.subject.at(line.zero)}, and the other way far below"
+    return Reading(math.copysign(1.0, line.slope), far)
+
+
+def _same_both_ways(line: StraightLaw) -> Reading | None:
+    words = f"of the {line.subject.words}, the same both ways"
+    return None if line.zero else Reading(abs(line.slope), words, line.subject.unit)
+
+
+def _wave(line: StraightLaw) -> Reading | None:
+    if line.subject.of != {Variable.TIME: 1.0}:
+        return None
+    return Reading(1.0, f"and back, a wave of {line.slope / (2.0 * math.pi):.6g} Hz")
 
 
 def _decay(law: Law) -> float | None:
@@ -275,43 +280,37 @@ def _bump(exponent: Law) -> Reading | None:
     """exp(-((u - A)/W)^2)."""
     match exponent:
         case Call(Operation.NEGATE, (Call(Operation.POWER, (argument, Number(2.0))),)):
-            line = line_of(argument)
-            if line is not None:
-                subject = line.subject
-                width = with_unit(f"{abs(1.0 / line.slope):.2g}", subject.unit)
-                return Reading(1.0, f"round {subject.at(line.zero)}, within {width}")
+            return _over(argument, _round)
     return None
 
 
-def _fading(line: StraightLaw | None) -> Reading | None:
+def _round(line: StraightLaw) -> Reading:
+    width = line.subject.amount(abs(1.0 / line.slope), 2)
+    return Reading(1.0, f"round {line.subject.at(line.zero)}, within {width}")
+
+
+def _fading(line: StraightLaw) -> Reading | None:
     """exp(-(u - A)/W)."""
-    if line is None or not line.slope < 0.0:
+    if line.slope >= 0.0:
         return None
-    width = with_unit(f"{-1.0 / line.slope:.2g}", line.subject.unit)
+    width = line.subject.amount(-1.0 / line.slope, 2)
     return Reading(1.0, f"at {line.subject.at(line.zero)}, fading over {width} above")
 
 
-def _power_of(line: StraightLaw | None, words: str) -> Reading | None:
+def _power_of(line: StraightLaw, words: str) -> Reading | None:
     """At a round value of the quantity; the law is 0 where that is."""
-    if line is None or line.slope <= 0.0:
+    if line.slope <= 0.0:
         return None
-    reference, unit = 1.0 / line.slope, line.subject.unit
+    subject, reference = line.subject, 1.0 / line.slope
     if line.zero:
-        beyond = f"{with_unit(f'{reference:.3g}', unit)} beyond {with_unit(f'{line.zero:.3g}', unit)}"
-        return Reading(1.0, f"{beyond} of {line.subject.words}, {words}")
-    return Reading(1.0, f"at {line.subject.at(reference)}, {words}")
+        beyond = f"{subject.amount(reference)} beyond {subject.amount(line.zero)}"
+        return Reading(1.0, f"{beyond} of {subject.words}, {words}")
+    return Reading(1.0, f"at {subject.at(reference)}, {words}")
 
 
-def _remembered(line: StraightLaw | None, milliseconds: float) -> Reading | None:
-    if line is None:
-        return None
+def _remembered(line: StraightLaw, milliseconds: float) -> Reading:
     if Variable.NEEDLE_LIFT in line.subject.of:
-        return Reading(
-            1.0,
-            f"right after it rose by the whole lift, fading in {milliseconds:.3g} ms, "
-            "and the other way after it fell",
-        )
-    subject = line.subject
-    return Reading(
-        line.slope, f"of {subject.words} beyond what it was {milliseconds:.3g} ms ago", subject.unit_word
-    )
+        fades = f"fading in {milliseconds:.3g} ms, and the other way after it fell"
+        return Reading(1.0, f"right after it rose by the whole lift, {fades}")
+    words = f"of {line.subject.words} beyond what it was {milliseconds:.3g} ms ago"
+    return Reading(line.slope, words, line.subject.unit_word)

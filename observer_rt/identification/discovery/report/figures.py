@@ -31,17 +31,16 @@ def overlay_figure(findings: Findings) -> str:
 
 def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) -> None:
     grid = figure.add_gridspec(4, len(overlays), height_ratios=(0.55, 1.5, 1.0, 1.3))
+    labels = (
+        "needle lift\n[µm]",
+        "line pressure\n[MPa]",
+        "model − measured\n[MPa]",
+        "injection rate\n[mm³/ms]",
+    )
     for column, overlay in enumerate(overlays):
         axes = [figure.add_subplot(grid[row, column]) for row in range(4)]
         _draw_overlay(axes, overlay, amended)
-        for row, label in enumerate(
-            (
-                "needle lift\n[µm]",
-                "line pressure\n[MPa]",
-                "model − measured\n[MPa]",
-                "injection rate\n[mm³/ms]",
-            )
-        ):
+        for row, label in enumerate(labels):
             axes[row].sharex(axes[0])
             axes[row].tick_params(labelbottom=row == 3)
             if column == 0:
@@ -49,33 +48,34 @@ def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) ->
         axes[0].set_title(overlay.title, loc="left", fontsize=10.5, fontweight="bold")
         axes[3].set_xlabel("time since the opening [ms]")
         if column == 0:
-            handles, labels = axes[1].get_legend_handles_labels()
-            figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
+            _legend(figure, axes[1])
     figure.align_ylabels()
 
 
+def _legend(figure: Figure, axes: Axes, columns: int = 3) -> None:
+    """Above the axes of a figure, by what one of them shows."""
+    handles = axes.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper right", ncols=columns, frameon=False)
+
+
 def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
-    time = overlay.time / MILLISECOND
+    """Lift, line pressure, what models miss of it, rate."""
+    time, measured = overlay.time / MILLISECOND, overlay.line_pressure / MEGAPASCAL
     axes[0].fill_between(time, overlay.lift / MICROMETRE, color="#dfe5ea", lw=0)
     axes[0].plot(time, overlay.lift / MICROMETRE, color="#59636e", lw=0.9)
-    axes[1].plot(
-        time, overlay.line_pressure / MEGAPASCAL, color=MEASURED, lw=1.5, alpha=0.75, label="measured"
-    )
-    axes[1].plot(time, overlay.nominal_pressure / MEGAPASCAL, color=GIVEN, lw=1.1, label="model as given")
+    axes[1].plot(time, measured, color=MEASURED, lw=1.5, alpha=0.75, label="measured")
     floor = 2.0 * overlay.noise_floor / MEGAPASCAL
     axes[2].axhspan(-floor, floor, color="#e8ecef", lw=0)
-    missed = overlay.nominal_pressure - overlay.line_pressure
-    axes[2].plot(time, missed / MEGAPASCAL, color=GIVEN, lw=0.8)
     if overlay.measured_rate is not None:
         axes[3].plot(time, overlay.measured_rate / MM3_PER_MS, color=MEASURED, lw=1.5, alpha=0.75)
-    axes[3].plot(time, overlay.nominal_rate / MM3_PER_MS, color=GIVEN, lw=1.1)
-    if overlay.amended_pressure is not None and overlay.amended_rate is not None:
-        axes[1].plot(
-            time, overlay.amended_pressure / MEGAPASCAL, color=FOUND, lw=1.1, ls=(0, (5, 1.5)), label=amended
-        )
-        missed = overlay.amended_pressure - overlay.line_pressure
-        axes[2].plot(time, missed / MEGAPASCAL, color=FOUND, lw=0.8)
-        axes[3].plot(time, overlay.amended_rate / MM3_PER_MS, color=FOUND, lw=1.1, ls=(0, (5, 1.5)))
+    for label, pressure, rate, colour, style in (
+        ("model as given", overlay.nominal_pressure, overlay.nominal_rate, GIVEN, "-"),
+        (amended, overlay.amended_pressure, overlay.amended_rate, FOUND, (0, (5, 1.5))),
+    ):
+        if pressure is not None and rate is not None:
+            axes[1].plot(time, pressure / MEGAPASCAL, color=colour, lw=1.1, ls=style, label=label)
+            axes[2].plot(time, pressure / MEGAPASCAL - measured, color=colour, lw=0.8)
+            axes[3].plot(time, rate / MM3_PER_MS, color=colour, lw=1.1, ls=style)
 
 
 def gap_figure(findings: Findings) -> str:
@@ -92,8 +92,7 @@ def gap_figure(findings: Findings) -> str:
             axes.set_ylabel(f"rms [{unit}]")
             axes.set_title(f"{gap.words}{doubt}", loc="left", fontsize=10.5, fontweight="bold")
             if column == 0:
-                handles = axes.get_legend_handles_labels()
-                figure.legend(*handles, loc="outside upper right", ncols=3, frameon=False)
+                _legend(figure, axes)
     return svg()
 
 
@@ -151,7 +150,7 @@ def residual_figure(findings: Findings) -> str:
         axes.set_ylim(bottom=0.0)
         axes.margins(x=0.02)
         axes.set_ylabel("line pressure,\nrms [MPa]")
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
+        _legend(figure, axes)
     return svg()
 
 
@@ -185,6 +184,5 @@ def laws_figure(curves: Sequence[LawCurve]) -> str:
             unit = "" if equation.is_share else f" [{sign(str(equation.unit))}]"
             axes.set_ylabel(fill(f"{equation.words}{unit}", _WRAPPED))
             if column == 0:
-                handles = axes.get_legend_handles_labels()
-                figure.legend(*handles, loc="outside upper right", ncols=2, frameon=False)
+                _legend(figure, axes, 2)
     return svg()

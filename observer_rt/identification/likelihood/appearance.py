@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.phases import Phase, phase_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, together
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel
+from observer_rt.identification.likelihood.likelihood import JointLikelihood, JudgedModel, residuals_of
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.windows import expected_of, stretches
 from observer_rt.model.baseline import Appearance, HealthyRemainder, PhaseFigures
@@ -78,18 +78,17 @@ def _signature(
         moved = likelihood.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
         if moved is None or not first.lowest <= size <= first.highest:
             break
-        changes = [_residuals(one) - _residuals(other) for one, other in zip(judged, moved, strict=True)]
+        before, after, left = (
+            [residuals_of([one]).z for one in every] for every in (judged, moved, remaining)
+        )
+        changes = [one - other for one, other in zip(before, after, strict=True)]
         information = np.array([float(change @ change) for change in changes])
-        gain = np.array([float(c @ _residuals(one)) for c, one in zip(changes, remaining, strict=True)])
+        gain = np.array([float(change @ one) for change, one in zip(changes, left, strict=True)])
         if float(np.sum(information)) > 0.0:
             signature = Signature(effect, abs(size), information, math.copysign(1.0, size) * gain)
         if float(np.sum(information)) > VISIBLE:
             break
     return signature
-
-
-def _residuals(judged_model: JudgedModel) -> NDArray[np.float64]:
-    return np.concatenate([judged_model.z, judged_model.rate_z])
 
 
 def healthy_remainder(

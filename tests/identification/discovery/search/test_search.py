@@ -1,16 +1,19 @@
 """Names and laws in one search: what each is worth beside the others."""
 
+import numpy as np
 import pytest
 
 from observer_rt.config.effects import term_domain
 from observer_rt.foundation.errors import UserError
+from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.library import RecordingSpan, library, span_of
 from observer_rt.identification.discovery.search.results import HIGHEST, Discovery, Verdict, probabilities
 from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
-from observer_rt.identification.likelihood.likelihood import joint_likelihood
+from observer_rt.identification.likelihood.likelihood import JudgedModel, joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
-from observer_rt.model.effects import effective_model
+from observer_rt.model.effective import EffectiveModel
+from observer_rt.model.effects import VOCABULARY, effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
@@ -89,3 +92,21 @@ def test_what_is_twelve_behind_has_odds_of_one_to_twenty() -> None:
     first, second = probabilities([0.0, 12.0])
     assert first == pytest.approx(0.95 * HIGHEST, abs=0.005)
     assert first + second == pytest.approx(HIGHEST)
+
+
+def test_nothing_is_judged_twice_at_the_same_sizes(monkeypatch: pytest.MonkeyPatch) -> None:
+    likelihood, models = joint_likelihood(measurements(recordings()), MODEL), list[EffectiveModel]()
+    judge = likelihood.judge
+
+    def noted(model: EffectiveModel) -> list[JudgedModel] | None:
+        models.append(model)
+        return judge(model)
+
+    monkeypatch.setattr(likelihood, "judge", noted)
+    fitter = Fitter(likelihood, MODEL)
+    effects = [VOCABULARY[name] for name in ("orifice_area", "guide_leakage")]
+    first = fitter.scores(fitter.nothing(), effects)
+    count = len(models)
+    assert count > len(effects)
+    np.testing.assert_array_equal(fitter.scores(fitter.nothing(), effects).gains, first.gains)
+    assert len(models) == count

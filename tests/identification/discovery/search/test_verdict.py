@@ -5,7 +5,7 @@ import pytest
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.discovery.search.fits import Fit
 from observer_rt.identification.discovery.search.results import Discovery, Verdict
-from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.discovery.search.verdict import SearchOptions, name_effects
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effect import SizedEffect
@@ -179,24 +179,6 @@ def test_a_search_interrupted_in_one_thread_goes_on_where_it_was_and_ends_as_one
     assert used == len(fresh) - 7
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-
-
-@pytest.mark.slow
-def test_against_a_healthy_baseline_only_what_is_new_counts() -> None:
-    larger_sac = NOMINAL.model_copy(
-        update={"nozzle": NOMINAL.nozzle.model_copy(update={"sac_volume": 1.06 * NOMINAL.nozzle.sac_volume})}
-    )
-    baseline, on_healthy = healthy_baseline(MODEL, measurements(recordings(parameters=larger_sac)), workers=2)
-    assert not baseline.adequate
-    assert on_healthy.verdict is not Verdict.NONE
-    result = _discover(
-        sized("line_friction", k=0.5),
-        parameters=larger_sac,
-        options=SearchOptions(workers=2, baseline=baseline),
-    )
-    assert result.verdict is Verdict.NAMED
-    assert [one.id for one in result.effects] == ["line_friction"]
-    assert result.confidence <= 0.8
 
 
 def test_a_sample_rate_too_low_for_the_model_is_refused() -> None:

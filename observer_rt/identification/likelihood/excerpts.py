@@ -30,8 +30,8 @@ from observer_rt.identification.likelihood.measurement import (
     rail_pressure_before,
     refuse_slow,
 )
-from observer_rt.identification.likelihood.white_noise import white_noise
 from observer_rt.identification.likelihood.operating_points import operating_point
+from observer_rt.identification.likelihood.white_noise import white_noise
 
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together

@@ -223,7 +223,7 @@ def _read_one(law: Law) -> Reading | None:
 
 
 def _over(argument: Law, words: Callable[[StraightLaw], Reading | None]) -> Reading | None:
-    """Words for an operation on a straight line; None where its argument is none."""
+    """Words for an operation on a straight line; None for any other argument."""
     line = line_of(argument)
     return None if line is None else words(line)
 

@@ -19,7 +19,7 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.in_force import TermInForce
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
-from tests.identification.discovery.terms import effect_of
+from tests.identification.discovery.hidden import effect_of
 
 FLOW = 60.0  # mm3/ms
 TERMS = (

@@ -6,8 +6,9 @@ from observer_rt.config.bench import load_injector
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate
 from observer_rt.files.signals.recording import Recording
-from observer_rt.model.effect import SizedEffect
+from observer_rt.model.effect import Component, Effect, SizedEffect
 from observer_rt.model.parameters import InjectorParameters
+from observer_rt.model.terms.term import Term
 
 NOMINAL = load_injector()
 POINTS = ((60e6, 1.9e-3), (140e6, 0.6e-3))
@@ -34,3 +35,8 @@ def recordings(
         ).recording
         for number, (pressure, duration) in enumerate(points)
     ]
+
+
+def effect_of(term: Term) -> Effect:
+    """A term as an effect without a size, so that recordings can be simulated with it."""
+    return Effect(str(term), Component.LINE_FLOW, (), lambda model, _: model.with_term(term), "", "")

@@ -28,8 +28,7 @@ from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation
 from tests.identification.discovery.conftest import WORN_POINTS, Worn
-from tests.identification.discovery.hidden import NOMINAL, recordings
-from tests.identification.discovery.terms import effect_of
+from tests.identification.discovery.hidden import NOMINAL, effect_of, recordings
 
 PLUGGED = Term(
     TermEquation.NOZZLE_FLOW, parse("-0.2*(injection_number > 1)")

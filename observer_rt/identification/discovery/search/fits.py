@@ -122,10 +122,6 @@ class Fitter:
         signature = self.signatures.get(effect.id)
         return (0.0, 0.0) if signature is None else appearance.reference(self._appears, signature)
 
-    def smallest_visible(self, signature: appearance.Signature) -> float:
-        """Size [SI] from which on an effect is distinguished from noise and from the healthy injector."""
-        return appearance.smallest_visible(self._appears, signature)
-
     def judged(self, candidate: Candidate) -> list[JudgedModel] | None:
         """A candidate on every recording; None without a solution."""
         return self._judged_at(candidate.hypothesis, candidate.theta)

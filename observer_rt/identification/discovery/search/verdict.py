@@ -33,7 +33,7 @@ from observer_rt.identification.discovery.search.results import (
     Verdict,
 )
 from observer_rt.identification.discovery.search.search import Search, indistinguishable, representatives
-from observer_rt.identification.likelihood.appearance import Signature, healthy_remainder
+from observer_rt.identification.likelihood.appearance import Signature, healthy_remainder, smallest_visible
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import Signal, joint_likelihood, pool_of
 from observer_rt.identification.likelihood.measurement import Measurement
@@ -284,7 +284,7 @@ class _Verdict:
         )
 
     def _smallest_visible(self, signature: Signature) -> SmallestVisible:
-        first, size = signature.effect.parameters[0], self._fitter.smallest_visible(signature)
+        first, size = signature.effect.parameters[0], smallest_visible(self._baseline.appears, signature)
         return SmallestVisible(signature.effect.id, first.name, size / first.si, first.unit)
 
     def _effects(self, confidence: float, explained: float) -> tuple[FittedEffect, ...]:

@@ -19,8 +19,7 @@ from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.parser import parse
 from observer_rt.model.terms.term import Term, TermEquation, Variable
 from tests.identification.discovery.conftest import WORN_POINTS
-from tests.identification.discovery.hidden import NOMINAL, recordings
-from tests.identification.discovery.terms import effect_of
+from tests.identification.discovery.hidden import NOMINAL, effect_of, recordings
 
 MODEL = effective_model(NOMINAL)
 SEEN = seen_in(measurements(recordings()), MODEL)

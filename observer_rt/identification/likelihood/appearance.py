@@ -1,7 +1,7 @@
 """Measures the apparent effects of a healthy injector, and the smallest sizes that recordings would show."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,11 +43,14 @@ class Signature:
         return self.size / math.sqrt(float(np.sum(self.information)))
 
 
+Judge = Callable[[Effect, tuple[float, ...]], list[JudgedModel] | None]
+"""A model with an effect of these sizes more, on every recording; None without a solution."""
+
+
 def signatures(
-    likelihood: JointLikelihood,
-    model: EffectiveModel,
     judged: Sequence[JudgedModel],
     effects: Sequence[Effect],
+    judge: Judge,
     remaining: Sequence[JudgedModel] | None = None,
 ) -> list[Signature]:
     """Measures all effects that have a size, beside a model that was `judged`.
@@ -55,19 +58,13 @@ def signatures(
     remaining: residuals that the gains are of, where they are others.
     """
     results = (
-        _signature(likelihood, model, judged, remaining or judged, effect)
-        for effect in effects
-        if effect.parameters
+        _signature(judged, remaining or judged, effect, judge) for effect in effects if effect.parameters
     )
     return [one for one in results if one is not None]
 
 
 def _signature(
-    likelihood: JointLikelihood,
-    model: EffectiveModel,
-    judged: Sequence[JudgedModel],
-    remaining: Sequence[JudgedModel],
-    effect: Effect,
+    judged: Sequence[JudgedModel], remaining: Sequence[JudgedModel], effect: Effect, judge: Judge
 ) -> Signature | None:
     """At the smallest probe that is visible; None where no size has a solution or changes anything."""
     first, others = effect.parameters[0], effect.parameters[1:]
@@ -75,7 +72,7 @@ def _signature(
     for probe in PROBES:
         size = probe * first.dead_zone
         size = size if size <= first.highest else -size
-        moved = likelihood.judge(effect.apply(model, (size, *(p.starts[0] for p in others))))
+        moved = judge(effect, (size, *(p.starts[0] for p in others)))
         if moved is None or not first.lowest <= size <= first.highest:
             break
         before, after, left = (
@@ -118,7 +115,9 @@ def healthy_remainder(
         replace(one, z=one.z - expected_of(fit.shape(number if several else None), measurement) / sigma)
         for number, (one, measurement, sigma) in enumerate(zip(judged, measured, sigmas, strict=True))
     ]
-    signatures_left = signatures(likelihood, model, judged, effects, remaining)
+    signatures_left = signatures(
+        judged, effects, lambda effect, sizes: likelihood.judge(effect.apply(model, sizes)), remaining
+    )
     statistics = [
         phase_statistics(one.z, 1.0, recorded.phases, 0)
         for recorded, one in zip(likelihood.recordings, remaining, strict=True)

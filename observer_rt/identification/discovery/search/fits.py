@@ -112,9 +112,11 @@ class Fitter:
         """Measures how a small size of every effect moves the residuals of the nominal model."""
         judged = self.judged(self.nothing())
         assert judged is not None  # the search began with it
-        signatures = self.map(
-            lambda effect: appearance.signatures(self.likelihood, self.nominal, judged, [effect]), effects
-        )
+
+        def judge(effect: Effect, sizes: tuple[float, ...]) -> list[JudgedModel] | None:
+            return self._judged_at(Hypothesis((effect,)), np.array(sizes))
+
+        signatures = self.map(lambda effect: appearance.signatures(judged, [effect], judge), effects)
         self.signatures = {one.effect.id: one for each in signatures for one in each}
 
     def reference(self, effect: Effect) -> tuple[float, float]:

@@ -3,17 +3,15 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
-from observer_rt.daemon.persistence.state_file import load_knowledge, model_hash, save_knowledge
+from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
 from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.engine.learning.knowledge import no_knowledge
 from observer_rt.engine.service.injector import configured_noise
 from observer_rt.model.parameters import LineOutflow
-from tests.daemon.samples import PRESSURE_SCALE, damage, some_knowledge
+from tests.daemon.samples import PRESSURE_SCALE, some_knowledge
 
 MODEL = load_injector()
 
@@ -61,17 +59,3 @@ def test_a_state_of_another_model(tmp_path: Path) -> None:
 @pytest.mark.parametrize("location", ["no/state.json", "."])
 def test_a_state_that_run_would_refuse(tmp_path: Path, location: str) -> None:
     assert of_state(tmp_path / location).level is Level.ERROR
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=15)
-@given(data=st.data())
-def test_check_foretells_what_becomes_of_a_damaged_state_and_leaves_it(
-    tmp_path: Path, data: st.DataObject
-) -> None:
-    path = tmp_path / "state.json"
-    save_knowledge(path, some_knowledge(), MODEL)
-    content = damage(path, data)
-    finding = of_state(path)
-    assert path.read_bytes() == content
-    is_restored = load_knowledge(path, MODEL).knowledge is not None
-    assert finding.level is (Level.OK if is_restored else Level.WARNING)

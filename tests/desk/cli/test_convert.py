@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.files.formats import is_log, open_log, read_recording
+from observer_rt.files.formats import open_log, read_recording
 from tests.desk.cli.conftest import Command
 from tests.device import frames_of
 from tests.files.canlog.log_cases import as_read, mixture, moved, sent_log, write_log
@@ -25,16 +25,6 @@ def test_channels_stay_apart_and_one_can_be_chosen(command: Command, tmp_path: P
     chosen = ("--from-channel", "can1")
     command.done("convert", tmp_path / "in.log", tmp_path / f"one{target}", *chosen)
     assert len(list(open_log(tmp_path / f"one{target}"))) == sum(f.channel == "2" for f in frames)
-
-
-def test_signals_survive(command: Command, tmp_path: Path, worn: Path) -> None:
-    first, second = tmp_path / "worn.mf4", tmp_path / "again.csv"
-    command.done("convert", worn, first)
-    outcome = command.done("convert", first, second)
-    assert "samples at 50000 Hz" in outcome.out
-    for name, values in read_recording(worn).signals.items():
-        np.testing.assert_array_equal(read_recording(second).signals[name], values)
-    assert not is_log(first)
 
 
 def test_fd_does_not_go_into_a_classic_format(command: Command, tmp_path: Path) -> None:

@@ -22,15 +22,6 @@ def test_every_effect_with_its_units_and_what_it_is_taken_for(command: Command) 
     assert "the same in every signal as line_volume" in done.out
 
 
-def test_one_effect_in_detail(command: Command) -> None:
-    done = command("effects", "channel_skew")
-    assert "matters from d = 2 us on" in done.out
-    assert "shows as: The whole line pressure is shifted in time" in done.out
-    assert "one signal fed to both pressure channels" in done.out
-    assert "seat_area" not in done.out
-    assert "a switch" in command("effects", "seat_outflow").out
-
-
 def test_for_programs(command: Command) -> None:
     document = json.loads(command("effects", "--json").out)
     effects = {effect["id"]: effect for effect in document["effects"]}

@@ -83,23 +83,12 @@ def test_check_shows_what_it_makes_of_a_file(command: Command, foreign: Path, ow
     assert "likely um" in " ".join(outcome.out.split())
 
 
-@pytest.fixture
-def speaking(foreign: Path) -> Path:
-    """The foreign file with units behind the names."""
+def test_a_foreign_file_with_units_in_its_headings_needs_no_section(command: Command, foreign: Path) -> None:
     names, units = "Zeit;p_Rail;Hub;p_Leitung", "Zeit [ms];p_Rail [bar];Hub [µm];p_Leitung [bar]"
     foreign.write_text(foreign.read_text().replace(names, units))
-    return foreign
-
-
-def test_a_foreign_file_is_read_by_its_headings(command: Command, speaking: Path, own: Path) -> None:
-    """And stderr says how; the masses are those by the section."""
-    message = command.done("evaluate", speaking).err
+    message = command.done("evaluate", foreign).err
     assert "by its headings time is 'Zeit' in ms, rail_pressure is 'p_Rail' in bar" in message
-    json_document, stated = (
-        document(command, speaking, *bench)["recordings"][0] for bench in ((), ("--bench", own))
-    )
-    assert json_document["injections"] == stated["injections"] != []
-    message = command.done("check", "--recording", speaking).out
+    message = command.done("check", "--recording", foreign).out
     assert "line_pressure is 'p_Leitung' in bar" in message
     assert "bus database" not in message
 

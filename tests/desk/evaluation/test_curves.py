@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.desk.evaluation.curves import MOST_CURVES, chosen_numbers, numbers_shown, refuse_beyond
+from observer_rt.desk.evaluation.curves import MOST_CURVES, chosen_numbers, numbers_shown
 from observer_rt.foundation.errors import UserError
 
 
@@ -45,11 +45,3 @@ def test_one_that_is_not_there_is_named(present: tuple[int, ...], choices: str) 
     with pytest.raises(UserError, match="no injection 3") as error:
         numbers_shown((3,), present)
     assert choices in error.value.remedy
-
-
-def test_what_cannot_be_there_is_refused_before() -> None:
-    refuse_beyond((), 0)
-    refuse_beyond((2, 5), 5)
-    with pytest.raises(UserError, match="no injection 6") as error:
-        refuse_beyond((2, 6), 5)
-    assert "5 times" in error.value.remedy

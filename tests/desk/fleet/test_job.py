@@ -4,7 +4,6 @@ import gc
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pytest
 
@@ -14,7 +13,6 @@ from observer_rt.engine.service.core import Core
 from observer_rt.engine.signal_survey import refuse_implausible
 from observer_rt.files.formats import open_recording, write_recording
 from observer_rt.files.signals.recording import Recording
-from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import masses
 from tests.device import worn_recording
@@ -34,17 +32,6 @@ def test_rows_are_those_of_evaluate(tmp_path: Path) -> None:
     table = result_of(path)
     assert isinstance(table, pa.Table)
     assert table.num_rows == 24
-    assert table["mass_mg"].to_pylist() == pytest.approx(masses(path, learning=False), rel=1e-12)
-
-
-def test_a_rate_that_the_beginning_does_not_tell(tmp_path: Path) -> None:
-    """The file is looked through, then."""
-    path = tmp_path / "slower.parquet"
-    late = np.maximum(np.arange(worn().samples) - SAMPLES_AT_ONCE, 0) * 5e-10
-    write_recording(path, replace(worn(), time=worn().time + late))
-    assert open_recording(path).sample_rate < 49_999.5
-    table = result_of(path)
-    assert isinstance(table, pa.Table)
     assert table["mass_mg"].to_pylist() == pytest.approx(masses(path, learning=False), rel=1e-12)
 
 

@@ -19,12 +19,6 @@ from tests.files.signals.foreign import RATE, bench, write
 from tests.files.signals.test_csv_dialects import FORMATS, ISO, START, lines, named
 
 
-def test_a_pattern_names_the_injectors_of_paths() -> None:
-    names = PathPattern.read("--injector-from", r"([^/]+)\.\w+$")
-    paths = [Path("measured/a.csv"), Path("measured/b.csv")]
-    assert [injector_of(path, names, load_bench()) for path in paths] == ["a", "b"]
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     for name in ("b.csv", "a.mf4", "a.csv.truth.csv", "notes.txt", "deep/er/c.blf"):

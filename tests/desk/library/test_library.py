@@ -112,6 +112,7 @@ def test_what_was_learned_is_a_table_of_curves(result: ort.EvaluationResult) -> 
 def test_result_shows_itself(result: ort.EvaluationResult) -> None:
     assert repr(result).startswith("6 injections of 1 recording, ")
     assert "<table" in result._repr_html_()
+    assert set(result.trace.state) == {"STARTING", "RUNNING_NOMINAL", "ADAPTED"}
     figure = result.plot(injections=[4])
     assert any("injection 4" in axes.get_title() for axes in figure.axes)
     with pytest.raises(ort.UserError, match="no injection 9") as refused:

@@ -126,18 +126,21 @@ class Search:
         return firsts
 
     def _larger_fits(self, about: Candidate, best: Candidate) -> Iterator[list[Candidate]]:
-        """Fits with an effect or two more: names by score and, where none explains all, laws."""
-        goal = best.price + NEAR if self._is_adequate(best) else math.inf
-        least = max(WORTH_FITTING, PROMISED * (about.price - goal))
+        """Fits with an effect or two more: names by score and, where none explains all, laws.
+
+        Only such as may come up to the best: about a candidate far behind it nothing is fitted, whatever it gains.
+        """
+        arrears = PROMISED * (about.price - best.price - NEAR)
         names = [one for one in self._names if one not in about.hypothesis.effects]
-        scores = self._fitter.scores(about, names)
+        scores, least = self._fitter.scores(about, names), max(WORTH_FITTING, arrears)
         rows = [row for row in np.argsort(-scores.gains).tolist() if scores.gains[row] > least][:NAMES]
         sizes = [float(scores.sizes((row,))[0]) for row in rows]
         fits = self._fitter.named(about, [scores.effects[row] for row in rows], sizes)
         yield fits
         if any(map(self._is_adequate, fits[:1])) or (self._is_adequate(best) and best is not about):
             return
-        if not self._is_adequate(about) or self._laws.promise(about) > UNNAMED * about.spread:
+        price = UNNAMED * about.spread if self._is_adequate(about) else -math.inf
+        if self._laws.promise(about) > max(arrears, price):
             yield self._laws.fits_with(about)
 
     def _better(self, fits: Sequence[Candidate], smaller: Candidate) -> Candidate | None:

@@ -12,7 +12,7 @@ from tests.plants.windows import windows_of
 from tools.benchmarks import command_line as cli
 from tools.benchmarks import worn_lines
 from tools.benchmarks.campaign import CHANCE, Bar, How, Row, chance_of_95, conclude, run_cases, table
-from tools.benchmarks.cases import CLASSES, LUMP_CLASSES, Group, make_case
+from tools.benchmarks.cases import CLASSES, Group, make_case
 from tools.benchmarks.discovery.answers import tally
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.joint_ukf import ukf_rate
@@ -147,7 +147,7 @@ def accuracy(
     if tier is cli.Tier.B:
         _on_worn_lines(cases or worn_lines.CASES, seed, jobs, out, as_json)
         return
-    names = cli.chosen_names(classes, "--classes", CLASSES, LUMP_CLASSES)
+    names = cli.chosen_names(classes, "--classes", CLASSES, CLASSES)
     todo = {
         f"{name} {seed} {number}{'' if no_peers else ' with peer'}": (name, seed, number, not no_peers)
         for name in names

@@ -153,7 +153,6 @@ class FaultClass:
     grows: float = 0.0  # share of the faults' size that comes only event by event
     missing: int = 0  # periods without an injection, among the others
     windowed: bool = False  # only what lies round the injections is recorded
-    averaged: bool = False  # samples are means over their period
 
 
 _JUMPS: dict[str, Draw] = {
@@ -180,16 +179,9 @@ CLASSES: dict[str, FaultClass] = {
     "windowed": FaultClass(Group.OPERATION, _one_of(_SIZES), windowed=True),
     "at_50_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=50e3),
     "at_20_khz": FaultClass(Group.RATE, _one_of(_SIZES), sample_rate=20e3),
-    "wear_averaged_20_khz": FaultClass(Group.RATE, _wear, sample_rate=20e3, averaged=True),
     "stability": FaultClass(Group.STABILITY, _two_of(_VOCABULARY)),
     "stability_beyond": FaultClass(Group.STABILITY, _two_of(_VOCABULARY | _INVENTED | _UNSEEN)),
 }
-
-LUMP_CLASSES = tuple(name for name, c in CLASSES.items() if not c.averaged)
-"""Those of the nominal injector's bars."""
-_ON_WAVES = ("rail_pressure_sensor_offset", "mixture", "wear_averaged_20_khz")
-WAVE_CLASSES = ("healthy", "orifice_and_seat_area", *_SIZES, *_ON_WAVES)
-"""With the faults and schedules of the bars, on another injector and line."""
 
 
 def make_case(class_name: str, master_seed: int, number: int) -> Case:
@@ -210,7 +202,7 @@ def make_case(class_name: str, master_seed: int, number: int) -> Case:
         position = int(rng.integers(1, 10))
         events = (*events[:position], replace(events[position], shots=()), *events[position:])
     injector = wave_injector(rng.uniform(2e-9, 4e-9)) if fault_class.waves else Injector()
-    bench = Bench(injector, needle, events, fault_class.sample_rate, noise, seed, fault_class.averaged)
+    bench = Bench(injector, needle, events, fault_class.sample_rate, noise, seed)
     return Case(class_name, master_seed, number, bench, change_event)
 
 

@@ -235,9 +235,6 @@ def _open(lift: Array) -> NDArray[np.bool_]:
     """Dead band: open where two samples in a row are above it, and a few positive samples round that."""
     above = lift > OPEN_LIFT
     pair = above[1:] & above[:-1]
-    core = np.concatenate((pair, [False])) | np.concatenate(([False], pair))
-    opened = core.copy()
-    for shift in range(1, LOOK_BACK + 1):
-        opened[:-shift] |= core[shift:] & (lift[:-shift] > 0.0)
-        opened[shift:] |= core[:-shift] & (lift[shift:] > 0.0)
-    return opened
+    core = np.append(pair, False) | np.append(False, pair)
+    near = np.convolve(core, np.ones(2 * LOOK_BACK + 1), "same") > 0.5
+    return np.asarray(core | (near & (lift > 0.0)), np.bool_)

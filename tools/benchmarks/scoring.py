@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench, load_injector
-from observer_rt.config.injector import Meaning, SamplingConfig
+from observer_rt.config.injector import SamplingConfig
 from observer_rt.desk.evaluation.evaluate import Evaluation, evaluate
 from observer_rt.desk.simulation.schedule import Schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, Simulation, simulate
@@ -235,9 +235,7 @@ def estimate_of(
 
 def bench_for_case(case: Case, model: Path | None = None) -> Bench:
     """The example bench as a case is recorded, with another injector file than its own."""
-    meaning = Meaning.MEAN if case.bench.averaged else Meaning.INSTANT
-    sampling = SamplingConfig(rate_hz=case.bench.sample_rate, meaning=meaning)
-    return load_bench(model=model).with_sections(sampling=sampling)
+    return load_bench(model=model).with_sections(sampling=SamplingConfig(rate_hz=case.bench.sample_rate))
 
 
 def with_signals(bench: Bench, changed: Mapping[str, Mapping[str, Any]]) -> Bench:
@@ -312,7 +310,9 @@ def _judged(
     """
     valid, reasons, intervals = [], [], []
     for event in range(len(windows.of_event)):
-        reports = reports_of(evaluation, windows, event)
+        covering = [_report_of(evaluation, windows.ranges[i]) for i in windows.of_event[event]]
+        by_number = {report.number: report for report in covering if report is not None}
+        reports = () if None in covering else tuple(by_number.values())
         missing = bool(np.isnan(evaluation.trace.injection_rate[windows.union(event)]).any())
         valid.append(bool(reports) and not missing and all(r.valid for r in reports))
         named = {r.reason.name for r in reports if not r.valid} if reports else {NO_REPORT}
@@ -322,13 +322,6 @@ def _judged(
         low, high = (sum(each[side] for each in bounds) / MILLIGRAM for side in (0, 1))
         intervals.append((low, high) if bounds and len(bounds) == len(reports) else None)
     return tuple(valid), tuple(reasons), tuple(intervals)
-
-
-def reports_of(evaluation: Scored, windows: Windows, event: int) -> tuple[InjectionReport, ...]:
-    """The reports of an event's openings, each once; empty when an opening has none."""
-    covering = [_report_of(evaluation, windows.ranges[i]) for i in windows.of_event[event]]
-    reports = {report.number: report for report in covering if report is not None}
-    return () if None in covering else tuple(reports.values())
 
 
 def _report_of(evaluation: Scored, window: slice) -> InjectionReport | None:

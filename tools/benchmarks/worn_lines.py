@@ -12,7 +12,7 @@ import numpy as np
 from observer_rt.desk.evaluation.evaluate import evaluate
 from tests.observed_plants import bench_at, recording_of
 from tests.plants.parameters import Faults
-from tests.plants.plant import Bench, Event, Outcome, Shot, Surroundings, event_start, record
+from tests.plants.plant import SAMPLE_RATE, Bench, Event, Shot, Surroundings, event_start, record
 from tests.plants.windows import windows_of
 from tools.benchmarks.campaign import Row
 from tools.benchmarks.cases import Case
@@ -61,9 +61,11 @@ def worn_model(discrepancy: Discrepancy, seed: int, out: Path) -> Path:
         if is_weighed:
             rng = np.random.default_rng([seed, zlib.crc32(b"weighed")])
             density = plant_of(discrepancy, seed).part.density
-            masses = [
-                _mean_mass_mg(each, density) * rng.normal(1.0, WEIGHED_SIGMA) for each in outcomes.values()
+            injected = [
+                windows_of(each, SAMPLE_RATE).event_masses_mg(each.truth.injection_rate, density)
+                for each in outcomes.values()
             ]
+            masses = [float(np.mean(each)) * rng.normal(1.0, WEIGHED_SIGMA) for each in injected]
             rows = [f"{name}.csv,{mass:.5f}" for name, mass in zip(outcomes, masses, strict=True)]
             weighed.write_text("\n".join(["recording,mass_mg", *rows]) + "\n")
         return write_outcomes(folder, outcomes)
@@ -77,8 +79,3 @@ def score_worn(discrepancy: Discrepancy, seed: int, number: int, model: Path) ->
     outcome, bench = record(case.bench), bench_at(case.bench.sample_rate, model)
     evaluation = evaluate(bench, [recording_of(outcome)]).evaluations[0]
     return score_evaluation(case, outcome, bench, evaluation).facts()
-
-
-def _mean_mass_mg(outcome: Outcome, density: float) -> float:
-    rate = 1.0 / (outcome.measured.time[1] - outcome.measured.time[0])
-    return float(np.mean(windows_of(outcome, rate).event_masses_mg(outcome.truth.injection_rate, density)))

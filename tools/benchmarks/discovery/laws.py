@@ -12,40 +12,20 @@ from numpy.typing import NDArray
 
 from tests.plants.arrays import Array
 from tests.plants.plant import LINE, RAIL, Step, seen_as
+from tools.benchmarks.discovery import kinds
 from tools.benchmarks.discovery.discrepancies import resonant_line
-from tools.benchmarks.discovery.kinds import (
-    MOMENTUM,
-    NOZZLE,
-    OUTFLOW,
-    SEAT,
-    SENSOR,
-    STIFFNESS,
-    HiddenKind,
-    HiddenParameter,
-    TermEquation,
-)
 from tools.benchmarks.discovery.vocabulary import EFFECTS, TAP_DAMPING, bent_sensor
 from tools.benchmarks.faults.filters import filtered
 
 MPA, MS, US = 1e6, 1e-3, 1e-6
 CREEP_TIME = 1.0 * MS
 WEAK_BELOW, WAVE_OF_SENSOR = 90.0 * MPA, 60.0 * MPA
-_T = TermEquation
+_T = kinds.TermEquation
 
 
 def hum(amplitude: float, frequency: float) -> Callable[[Array], Array]:
     """A steady wave [Pa, Hz] by the recording's clock, at times [s]."""
     return lambda time: np.asarray(amplitude * np.sin(2.0 * math.pi * frequency * time), np.float64)
-
-
-def deaf_rail(amplitude: float, frequency: float) -> Step:
-    """A rail-pressure sensor that does not see this wave."""
-    return seen_as(RAIL, lambda time, p: p - hum(amplitude, frequency)(time))
-
-
-def drifting_sensor(rate: float) -> Step:
-    """A line-pressure sensor whose offset grows [Pa/s]."""
-    return seen_as(LINE, lambda time, p: p + rate * time)
 
 
 def creeping_sensor(share: float) -> Step:
@@ -62,29 +42,19 @@ def creeping_sensor(share: float) -> Step:
     return seen_as(LINE, seen)
 
 
-def weak_sensor(share: float) -> Step:
-    """A line-pressure sensor with a smaller slope below 90 MPa."""
-    return seen_as(LINE, lambda _, p: p - share * np.maximum(WEAK_BELOW - p, 0.0))
+def _law(name: str, lowest: float, highest: float, both: bool = False) -> kinds.HiddenParameter:
+    return kinds.HiddenParameter(name, name, lowest, highest, -highest if both else 0.0)
 
 
-def wavy_sensor(size: float) -> Step:
-    """A line-pressure sensor that reads now too high, now too low [Pa]."""
-    return seen_as(LINE, lambda _, p: p + size * np.sin(2.0 * math.pi * p / WAVE_OF_SENSOR))
+def _size(name: str, lowest: float, highest: float, both: bool = False) -> kinds.HiddenParameter:
+    return kinds.HiddenParameter(name, "", lowest, highest, -highest if both else 0.0)
 
 
-def _law(name: str, lowest: float, highest: float, both: bool = False) -> HiddenParameter:
-    return HiddenParameter(name, name, lowest, highest, -highest if both else 0.0)
+def _part(name: str, fault: str, lowest: float, highest: float) -> tuple[kinds.HiddenParameter]:
+    return (kinds.HiddenParameter(name, fault, lowest, highest),)
 
 
-def _size(name: str, lowest: float, highest: float, both: bool = False) -> HiddenParameter:
-    return HiddenParameter(name, "", lowest, highest, -highest if both else 0.0)
-
-
-def _part(name: str, fault: str, lowest: float, highest: float) -> tuple[HiddenParameter]:
-    return (HiddenParameter(name, fault, lowest, highest),)
-
-
-_K = HiddenKind
+_K = kinds.HiddenKind
 _FLOW, _OUT, _STIFF, _SEAT, _LIFT = _T.LINE_FLOW, _T.LINE_PRESSURE, _T.STIFFNESS, _T.SEAT_FLOW, _T.NEEDLE_LIFT
 _HOLES, _CHAMBER, _SENSOR = _T.NOZZLE_FLOW, _T.CHAMBER_PRESSURE, _T.LINE_PRESSURE_SENSOR
 _LIFT_MEMORY = _law("lift_memory", 0.08 * MS, 0.25 * MS)
@@ -98,30 +68,31 @@ _KINDS = (
     _K("stiction", _FLOW, (_law("stiction", 0.2 * MPA, 1.0 * MPA),), in_library=False),
     _K("inertance_by_flow", _T.INERTANCE, (_law("flow_inertance", 0.05, 0.3),)),
     _K("rail_hum", _T.RAIL_PRESSURE,
-        (_size("amplitude", 0.3 * MPA, 1.0 * MPA), _size("frequency", 1.8e3, 4e3)), step=deaf_rail, supply=hum),
+        (_size("amplitude", 0.3 * MPA, 1.0 * MPA), _size("frequency", 1.8e3, 4e3)), supply=hum,
+        step=lambda *wave: seen_as(RAIL, lambda time, p: p - hum(*wave)(time))),  # which the sensor does not see
     _K("bent_rail_sensor", _T.RAIL_PRESSURE, (_size("bow", 1.0 * MPA, 4.0 * MPA, both=True),),
-        without_rate=SENSOR, step=partial(bent_sensor, role=RAIL)),
+        without_rate=kinds.SENSOR, step=partial(bent_sensor, role=RAIL)),
     _K("needle_displacement", _OUT, (_law("needle_area", 2e-6, 8e-6),)),
     # m3/s/sqrt(Pa): 1 to 5 mm3/ms at 100 MPa
-    _K("root_leakage", _OUT, (_law("root_leakage", 1e-10, 5e-10),), without_rate=SEAT),
+    _K("root_leakage", _OUT, (_law("root_leakage", 1e-10, 5e-10),), without_rate=kinds.SEAT),
     _K("open_leakage", _OUT, (_law("open_leakage", 2e-14, 1e-13),)),
     # m3/(s Pa): 1 to 5 mm3/ms at 20 MPa
     _K("yielding_fuel", _OUT, (_law("yielding", 0.5e-13, 2.5e-13), _law("pressure_memory", 0.15 * MS, 0.6 * MS)),
-        also=STIFFNESS),
+        also=kinds.STIFFNESS),
     _K("relief_leakage", _OUT, (_law("relief", 2e-14, 1.2e-13),), in_library=False),
     _K("stiffness_bend", _STIFF, (_law("stiffness_bend", 0.1, 0.5, both=True),)),
     _K("waxing_fuel", _STIFF, (_law("wax", 0.02, 0.08),), in_library=False),
     _K("warming_fuel", _STIFF, (_law("softening", 0.05, 0.3), _law("seat_growth", 0.2, 1.0)),
-        also=SEAT, without_rate=MOMENTUM),
+        also=kinds.SEAT, without_rate=kinds.MOMENTUM),
     _K("seat_by_speed", _SEAT, (_law("seat_speed", 0.1, 0.4, both=True),)),
-    _K("stop_loss", _SEAT, (_law("stop_loss", 0.3, 0.7),), without_rate=NOZZLE),
+    _K("stop_loss", _SEAT, (_law("stop_loss", 0.3, 0.7),), without_rate=kinds.NOZZLE),
     _K("middle_loss", _SEAT, (_law("middle_loss", 0.3, 0.7),), in_library=False),
     _K("seat_hysteresis", _SEAT, _part("share", "seat_hysteresis", 0.4, 0.9), in_library=False),
     _K("lagged_lift", _LIFT, (_law("lift_ahead", 0.1, 0.4), _LIFT_MEMORY)),
     # its sensor: open a while longer than is seen
     _K("needle_behind", _LIFT, (_law("lift_behind", 0.1, 0.3), _LIFT_MEMORY)),
     _K("bent_lift", _LIFT, (_law("lift_bend", 0.15, 0.25, both=True),)),
-    _K("needle_not_shut", _LIFT, (_law("least_lift", 0.5 * US, 3.0 * US),), without_rate=OUTFLOW),
+    _K("needle_not_shut", _LIFT, (_law("least_lift", 0.5 * US, 3.0 * US),), without_rate=kinds.OUTFLOW),
     _K("coking_nozzle", _HOLES, _part("loss", "orifice_area", 0.03, 0.12),
         by_number=lambda number: -float(number)),
     _K("plugged_hole", _HOLES, _part("loss", "orifice_area", 0.08, 0.3), in_library=False,
@@ -136,22 +107,25 @@ _KINDS = (
     _K("chamber_by_flow", _CHAMBER, (_law("flow_back_pressure", 5e10, 2e11),)),
     _K("chamber_ringing", _CHAMBER, (_law("chamber_ringing", 4 * MPA, 15 * MPA),), in_library=False),
     _K("bent_line_sensor", _SENSOR, (_size("bow", 1.0 * MPA, 4.0 * MPA, both=True),),
-        without_rate=MOMENTUM, step=bent_sensor),
-    _K("weak_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),), without_rate=MOMENTUM, step=weak_sensor),
+        without_rate=kinds.MOMENTUM, step=bent_sensor),
+    _K("weak_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),),
+        without_rate=kinds.MOMENTUM,
+        step=lambda share: seen_as(LINE, lambda _, p: p - share * np.maximum(WEAK_BELOW - p, 0.0))),
     _K("wavy_sensor", _SENSOR, (_size("size", 0.5 * MPA, 2.0 * MPA, both=True),), in_library=False,
-        without_rate=MOMENTUM, step=wavy_sensor),
-    _K("tap_resonance", _SENSOR, (_size("frequency", 5e3, 9e3),), without_rate=SEAT,
+        without_rate=kinds.MOMENTUM,
+        step=lambda size: seen_as(LINE, lambda _, p: p + size * np.sin(2.0 * math.pi * p / WAVE_OF_SENSOR))),
+    _K("tap_resonance", _SENSOR, (_size("frequency", 5e3, 9e3),), without_rate=kinds.SEAT,
         step=lambda frequency: resonant_line(frequency, TAP_DAMPING)),
     # of the rate, per second
     _K("drifting_sensor", _SENSOR, (_size("rate", 5.0 * MPA, 20.0 * MPA, both=True),),
-        without_rate=MOMENTUM, step=drifting_sensor),
+        without_rate=kinds.MOMENTUM, step=lambda rate: seen_as(LINE, lambda time, p: p + rate * time)),
     _K("creeping_sensor", _SENSOR, (_size("share", 0.03, 0.12, both=True),), in_library=False,
         step=creeping_sensor),
 )  # fmt: skip
 KINDS = {kind.name: kind for kind in _KINDS}
 VOCABULARY_KINDS = EFFECTS | {
-    "seat_outflow": HiddenKind(
-        "seat_outflow", _T.LINE_PRESSURE, (HiddenParameter("share", "seat_outflow", 1.0, 1.0),)
+    "seat_outflow": kinds.HiddenKind(
+        "seat_outflow", _T.LINE_PRESSURE, (kinds.HiddenParameter("share", "seat_outflow", 1.0, 1.0),)
     )
 }
 """Effects that have a name: to be found by it, or, where it is taken away, by a term as good."""
@@ -159,6 +133,6 @@ NOT_IN = {"A": frozenset({"rail_pressure_skew"}), "B": frozenset({"seat_outflow"
 """Effects that plants of a tier cannot show: a rail at rest has no delay, and all real lines drain by the seat."""
 
 
-def kind_named(name: str) -> HiddenKind:
+def kind_named(name: str) -> kinds.HiddenKind:
     """Of either table. Raises KeyError."""
     return KINDS[name] if name in KINDS else VOCABULARY_KINDS[name]

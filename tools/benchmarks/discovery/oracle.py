@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from tests.plants import plant
 from tests.plants.arrays import Array
 from tests.plants.equations import (
     STEPS_FLOWING,
@@ -29,22 +30,11 @@ from tests.plants.equations import (
     square_root,
 )
 from tests.plants.parameters import Faults, Injector, with_faults
-from tests.plants.plant import (
-    LIFT_NOISE,
-    LINE_NOISE,
-    RAIL_NOISE,
-    SAMPLE_RATE,
-    Bench,
-    Outcome,
-    event_start,
-    record,
-    strokes_of,
-)
 from tools.benchmarks.discovery.kinds import HiddenKind
 from tools.benchmarks.discovery.rigs import RATE_GAIN, RATE_NOISE, measured_rate
 from tools.benchmarks.discovery.vocabulary import HIDDEN
 
-INTERVAL = 1.0 / SAMPLE_RATE  # s
+INTERVAL = 1.0 / plant.SAMPLE_RATE  # s
 LEAD, TAIL = 1e-3, 12e-3  # s before an opening and after its end that are judged
 LOST_LIFT = 1.5e-6  # m, recorded, below which the flank is extended from beyond it
 ANCHOR = 3  # samples that carry the extended flank
@@ -109,7 +99,7 @@ class OracleRecording:
     counted (n,): samples that are judged.
     """
 
-    bench: Bench
+    bench: plant.Bench
     rail: Array
     lift: Array
     line: Array
@@ -119,15 +109,17 @@ class OracleRecording:
     counted: NDArray[np.bool_]
 
 
-def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> OracleRecording:
+def recorded(bench: plant.Bench, outcome: plant.Outcome, with_rate: bool) -> OracleRecording:
     """A recording for the oracle."""
     measured = outcome.measured
     is_open = np.concatenate(([False], outcome.truth.needle_lift > 0.0, [False]))
     changes = np.flatnonzero(is_open[1:] != is_open[:-1])
     openings = np.stack((changes[::2], changes[1::2] - 1), axis=1)
-    starts = (event_start(number) for number in range(len(bench.events)))
+    starts = (plant.event_start(number) for number in range(len(bench.events)))
     lift = bench.injector.max_lift
-    strokes = [strokes_of(*event, bench.needle, lift) for event in zip(bench.events, starts, strict=True)]
+    strokes = [
+        plant.strokes_of(*event, bench.needle, lift) for event in zip(bench.events, starts, strict=True)
+    ]
     counted = np.zeros(measured.time.size, np.bool_)
     for first, last in openings:
         counted[first - round(LEAD / INTERVAL) : last + round(TAIL / INTERVAL)] = True
@@ -143,9 +135,11 @@ def recorded(bench: Bench, outcome: Outcome, with_rate: bool) -> OracleRecording
     )
 
 
-def record_all(benches: Sequence[Bench], with_rate: bool) -> tuple[tuple[OracleRecording, Outcome], ...]:
+def record_all(
+    benches: Sequence[plant.Bench], with_rate: bool
+) -> tuple[tuple[OracleRecording, plant.Outcome], ...]:
     """Every bench's recording and what really happened."""
-    return tuple((recorded(b, outcome, with_rate), outcome) for b in benches for outcome in [record(b)])
+    return tuple((recorded(b, outcome, with_rate), outcome) for b in benches for outcome in [plant.record(b)])
 
 
 def true_lift(r: OracleRecording, faults: Faults) -> Array:
@@ -180,7 +174,7 @@ def gain_of(part: Injector, faults: Faults, pressure: float) -> tuple[Array, flo
     inertance = part.density * part.line_length / part.line_area
     late = faults.line_pressure_sensor_lag / INTERVAL
     angle, impedance = math.sqrt(stiffness / inertance) * INTERVAL, math.sqrt(stiffness * inertance)
-    return line_gain(angle, impedance, late, RAIL_NOISE, LINE_NOISE)
+    return line_gain(angle, impedance, late, plant.RAIL_NOISE, plant.LINE_NOISE)
 
 
 def line_gain(
@@ -240,7 +234,7 @@ def rate_sigma(r: OracleRecording) -> Array:
         return float(seat * nozzle / math.hypot(seat, nozzle) * math.sqrt(drop))
 
     slope = [(quasi_static(x + LIFT_STEP) - quasi_static(x)) / LIFT_STEP if x > 0.0 else 0.0 for x in lift]
-    return np.asarray(np.hypot(RATE_NOISE, LIFT_NOISE * np.array(slope)), np.float64)
+    return np.asarray(np.hypot(RATE_NOISE, plant.LIFT_NOISE * np.array(slope)), np.float64)
 
 
 def residuals(recordings: Sequence[OracleRecording], faults: Faults) -> Array:
@@ -264,7 +258,7 @@ def statistic(recordings: Sequence[OracleRecording], faults: Faults) -> float:
     for r in recordings:
         part = with_faults(r.bench.injector, faults)
         _, sigma = gain_of(part, faults, float(np.median(r.rail)))
-        total += 2.0 * int(np.sum(r.counted)) * math.log(sigma / LINE_NOISE)
+        total += 2.0 * int(np.sum(r.counted)) * math.log(sigma / plant.LINE_NOISE)
     return total
 
 

@@ -9,25 +9,10 @@ import pandas as pd
 
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row
+from tools.benchmarks.discovery import kinds, outside_answers
 from tools.benchmarks.discovery.answers import CONFIDENT, NAMED, UNKNOWN, calibration_error, tally
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_benches, taken_away
-from tools.benchmarks.discovery.kinds import (
-    MOMENTUM,
-    NOZZLE,
-    OUTFLOW,
-    SENSOR,
-    STIFFNESS,
-    TermEquation,
-    near_tie,
-)
 from tools.benchmarks.discovery.laws import VOCABULARY_KINDS, kind_named
-from tools.benchmarks.discovery.outside_answers import (
-    FURTHER_FOLDER,
-    GIVEN_FOLDER,
-    HEALTHY_FOLDER,
-    OutsideAnswer,
-    ask_outside,
-)
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, write_all
 
 CASES = 150
@@ -35,11 +20,11 @@ HALVED = 0.5
 MEANINGFUL_MASS_MG = 0.3
 WORSE_MG, WORSE_SHARE = 0.1, 0.2  # by both of which a mass must be further off to count as worse
 VIOLATED = {
-    "line_flow": MOMENTUM - {TermEquation.RAIL_PRESSURE},
-    "line_pressure": OUTFLOW | STIFFNESS | {TermEquation.NOZZLE_FLOW},
-    "sac_pressure": frozenset({TermEquation.SEAT_FLOW}),
-    "input": frozenset({TermEquation.RAIL_PRESSURE, TermEquation.NEEDLE_LIFT}) | NOZZLE,
-    "output": SENSOR,
+    "line_flow": kinds.MOMENTUM - {kinds.TermEquation.RAIL_PRESSURE},
+    "line_pressure": kinds.OUTFLOW | kinds.STIFFNESS | {kinds.TermEquation.NOZZLE_FLOW},
+    "sac_pressure": frozenset({kinds.TermEquation.SEAT_FLOW}),
+    "input": frozenset({kinds.TermEquation.RAIL_PRESSURE, kinds.TermEquation.NEEDLE_LIFT}) | kinds.NOZZLE,
+    "output": kinds.SENSOR,
 }
 """What an equation said to be violated may stand for."""
 
@@ -54,22 +39,22 @@ def score_outside(case: HiddenCase, model: Path | str) -> Row:
     healthy = replace(case, parts=())
     with TemporaryDirectory(prefix="outside-") as name:
         folder = Path(name)
-        write_all(outside_benches(case, GIVEN), case.with_rate, folder / GIVEN_FOLDER)
-        write_all(outside_benches(case, FURTHER, 0.0), True, folder / FURTHER_FOLDER)
-        write_all(outside_benches(healthy, FURTHER, 0.0), True, folder / HEALTHY_FOLDER)
-        answer = ask_outside(folder, model, taken_away(case))
+        write_all(outside_benches(case, GIVEN), case.with_rate, folder / outside_answers.GIVEN_FOLDER)
+        write_all(outside_benches(case, FURTHER, 0.0), True, folder / outside_answers.FURTHER_FOLDER)
+        write_all(outside_benches(healthy, FURTHER, 0.0), True, folder / outside_answers.HEALTHY_FOLDER)
+        answer = outside_answers.ask_outside(folder, model, taken_away(case))
     return facts_of(case, answer)
 
 
-def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
+def facts_of(case: HiddenCase, answer: outside_answers.OutsideAnswer) -> Row:
     """A case and its answer as a row; None: is not asked."""
     hidden, best = case.asked is not Query.HEALTHY, answer.proposals[0] if answer.proposals else None
     kind = kind_named(case.name) if hidden else None
     right_equations = kind.equations(case.with_rate) if kind else frozenset()
-    proposed = frozenset[TermEquation]()
+    proposed = frozenset[kinds.TermEquation]()
     if best is not None:
         of_effects = (VOCABULARY_KINDS[name].equation for name in best.effects)
-        proposed = frozenset((*map(TermEquation, best.equations), *of_effects))
+        proposed = frozenset((*map(kinds.TermEquation, best.equations), *of_effects))
     accepted, after = best is not None and best.may_enter, answer.named if best is None else best.misfit
     pressure_halved = after.pressure_mpa <= HALVED * answer.before.pressure_mpa
     before_mg, after_mg = (each.mass_mg - answer.own.mass_mg for each in (answer.before, after))
@@ -78,9 +63,11 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
     worse = accepted and worse_mg > WORSE_MG and after.mass_mg > (1.0 + WORSE_SHARE) * answer.before.mass_mg
     is_named = answer.verdict == NAMED
     wrong = (
-        is_named and answer.confidence >= CONFIDENT and any(not near_tie(n, case.name) for n in answer.claims)
+        is_named
+        and answer.confidence >= CONFIDENT
+        and any(not kinds.near_tie(n, case.name) for n in answer.claims)
     )
-    rightly_named = len(answer.by_vocabulary) == 1 and near_tie(answer.by_vocabulary[0], case.name)
+    rightly_named = len(answer.by_vocabulary) == 1 and kinds.near_tie(answer.by_vocabulary[0], case.name)
     right_equation = bool(proposed) and proposed <= right_equations
     as_good = (right_equation or (is_named and not wrong and best is None)) and pressure_halved
     marks = {
@@ -93,7 +80,7 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
     }
     right, wrong_odds = 0.0, []  # right are all that cannot be told from what is hidden
     for odds, names, equations in answer.stated:
-        if _is_right(names, map(TermEquation, equations), case, right_equations):
+        if _is_right(names, map(kinds.TermEquation, equations), case, right_equations):
             right += odds
         else:
             wrong_odds.append(-odds)
@@ -132,7 +119,10 @@ def facts_of(case: HiddenCase, answer: OutsideAnswer) -> Row:
 
 
 def _is_right(
-    names: Iterable[str], laws: Iterable[TermEquation], case: HiddenCase, right: frozenset[TermEquation]
+    names: Iterable[str],
+    laws: Iterable[kinds.TermEquation],
+    case: HiddenCase,
+    right: frozenset[kinds.TermEquation],
 ) -> bool:
     """Whether an explanation is of the hidden effect, by name, or by laws of its equation; of a healthy case none.
 
@@ -143,7 +133,7 @@ def _is_right(
         return case.asked is Query.HEALTHY and not (of_laws or named)
     if of_laws:
         return of_laws.union(VOCABULARY_KINDS[name].equation for name in named) <= right
-    return all(near_tie(name, case.name) for name in named)
+    return all(kinds.near_tie(name, case.name) for name in named)
 
 
 def misses(frame: pd.DataFrame) -> list[str]:

@@ -9,6 +9,7 @@ import pandas as pd
 from observer_rt.config.bench import load_injector
 from observer_rt.foundation.errors import RunError
 from tools.benchmarks.campaign import Bar, How, Row
+from tools.benchmarks.discovery import scoring
 from tools.benchmarks.discovery.answers import (
     AMBIGUOUS,
     CONFIDENT,
@@ -24,14 +25,6 @@ from tools.benchmarks.discovery.answers import (
 from tools.benchmarks.discovery.cases import HiddenCase, Query, real_benches
 from tools.benchmarks.discovery.kinds import near_tie, same_effect
 from tools.benchmarks.discovery.rigs import FURTHER, GIVEN, Rig, healthy_benches, write_all
-from tools.benchmarks.discovery.scoring import (
-    gaps,
-    held_intervals,
-    in_terms_of,
-    injector_of,
-    smallest_visible,
-    with_effects,
-)
 from tools.benchmarks.fitting import fitted_model
 
 CASES = 150
@@ -61,13 +54,13 @@ def score_real(case: HiddenCase, model: Path | str) -> Row:
         answer = ask(files, Path(name) / "answer", model, choose=False)
     row, fitted = facts_of(case, answer), load_injector(model)
     row["adequate"] = fitted.baseline is not None and fitted.baseline.adequate
-    truth = in_terms_of(fitted, case)
+    truth = scoring.in_terms_of(fitted, case)
     if row["named_right"]:
-        row["held"] = held_intervals(truth, answer)
+        row["held"] = scoring.held_intervals(truth, answer)
     if answer.verdict == NAMED and answer.amended_model != model.read_text():
-        amended = injector_of(answer.amended_model)
-        models = fitted, amended, with_effects(amended, truth)
-        misfits = gaps(real_benches(case, FURTHER, 0.0), models)
+        amended = scoring.injector_of(answer.amended_model)
+        models = fitted, amended, scoring.with_effects(amended, truth)
+        misfits = scoring.gaps(real_benches(case, FURTHER, 0.0), models)
         row["gap_larger"] = any(is_larger(gap, each) for gap, each in zip(misfits, TOLERANCES, strict=True))
         row["gaps"] = "; ".join(
             f"{before:.3f} to {after:.3f} {unit} (with the true sizes {true:.3f})"
@@ -90,7 +83,11 @@ def is_larger(gap: Sequence[float], tolerance: float) -> bool:
 def facts_of(case: HiddenCase, answer: Answer) -> Row:
     """A case and its answer as a row, but for what the fitted model has to do with."""
     assert case.rig is not None
-    effects, names, smallest = [name for name, _ in case.parts], answer.names, smallest_visible(answer)
+    effects, names, smallest = (
+        [name for name, _ in case.parts],
+        answer.names,
+        scoring.smallest_visible(answer),
+    )
 
     def is_hidden(name: str) -> bool:
         return any(same_effect(name, effect) for effect in effects)

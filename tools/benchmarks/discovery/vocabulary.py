@@ -9,29 +9,13 @@ from typing import Any
 import numpy as np
 
 from tests.plants.plant import LINE, RAIL, Step, seen_as
+from tools.benchmarks.discovery import kinds
 from tools.benchmarks.discovery.discrepancies import resonant_line
-from tools.benchmarks.discovery.kinds import (
-    MICROMETRE,
-    MICROSECOND,
-    MOMENTUM,
-    NOZZLE,
-    SEAT,
-    SENSOR,
-    Family,
-    HiddenKind,
-    HiddenParameter,
-    TermEquation,
-)
 
 MPA = 1e6
 TAP_DAMPING = 0.15
 BOW_ENDS = (60e6, 140e6)  # Pa, where a sensor with a bent characteristic is right
 PAIR_FROM = 0.5  # of the (log) range of sizes, in pairs
-
-
-def late_rail(delay: float) -> Step:
-    """A rail pressure recorded late, or early [s]."""
-    return seen_as(RAIL, lambda time, p: np.interp(time - delay, time, p))
 
 
 def bent_sensor(bow: float, role: str = LINE) -> Step:
@@ -41,97 +25,75 @@ def bent_sensor(bow: float, role: str = LINE) -> Step:
 
 
 Sizes = tuple[float, float] | tuple[float, float, float]
+Kinds = tuple[kinds.HiddenKind, ...]
 
 
 def _of_vocabulary(
     effect: str,
-    equation: TermEquation,
+    equation: kinds.TermEquation,
     name: str,
     sizes: Sizes,
-    *more: HiddenParameter,
+    on_lines: tuple[float, float],
+    *more: kinds.HiddenParameter,
     fault: str = "",
-    **how: Family,
-) -> HiddenKind:
-    """An effect by the name of its first parameter; fault: of the plant, where it is not called as the effect is."""
-    return HiddenKind(effect, equation, (HiddenParameter(name, fault or effect, *sizes), *more), **how)  # type: ignore[arg-type]
+    **how: kinds.Family,
+) -> Kinds:
+    """An effect by the name and sizes of its first parameter, SI, in tiers A and B, there of either sign where both
+    are physical, but for friction; fault: of the plant, where it is not called as the effect is.
+    """
+    first = kinds.HiddenParameter(name, fault or effect, *sizes)
+    negative = -on_lines[1] if first.most_negative < 0.0 and effect != "line_friction" else 0.0
+    second = replace(first, lowest=on_lines[0], highest=on_lines[1], most_negative=negative)
+    return tuple(kinds.HiddenKind(effect, equation, (each, *more), **how) for each in (first, second))  # type: ignore[arg-type]
 
 
-_v, _T, _UM, _US = _of_vocabulary, TermEquation, MICROMETRE, MICROSECOND
+_v, _T, _UM, _US = _of_vocabulary, kinds.TermEquation, kinds.MICROMETRE, kinds.MICROSECOND
 _EFFECTS = (
-    _v("orifice_area", _T.NOZZLE_FLOW, "v_H", (2e-3, 0.5, -0.5)),
-    _v("seat_area", _T.SEAT_FLOW, "v_S", (7e-3, 0.4, -0.4)),
-    _v("guide_leakage", _T.LINE_PRESSURE, "c", (1.5e-15, 1.5e-13)),  # m3/(s Pa)
-    _v("line_friction", _T.LINE_FLOW, "k", (6e-3, 3.0, -0.5)),
-    HiddenKind("seat_outflow", _T.LINE_PRESSURE, switch="seat_outflow"),
-    _v("bulk_modulus", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
-    _v("line_volume", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25)),
-    _v("pressure_dependent_bulk_modulus", _T.STIFFNESS, "n", (0.015, 8.0, -6.0), fault="bulk_modulus_slope"),
-    _v("entrained_air", _T.STIFFNESS, "g", (2e-5, 8e-3)),
-    _v("fuel_density", _T.INERTANCE, "r", (2e-4, 0.08, -0.08), also=SEAT | NOZZLE),
-    _v("orifice_cavitation", _T.NOZZLE_FLOW, "n_crit_excess", (0.03, 0.3)),
-    _v("lift_dependent_seat_coefficient", _T.SEAT_FLOW, "a", (0.015, 0.7, -0.6),
-        HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM), fault="seat_lift_loss"),
-    _v("chamber_pressure_rise", _T.CHAMBER_PRESSURE, "dp", (0.25e6, 12e6),  # Pa
-        HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0), fault="chamber_pressure_step"),
-    _v("lift_offset", _T.NEEDLE_LIFT, "x_0", (0.15 * _UM, 25 * _UM, -25 * _UM)),
-    _v("needle_lift_sensor_lag", _T.NEEDLE_LIFT, "tau", (0.5 * _US, 60 * _US), fault="lift_sensor_lag",
-        without_rate=SENSOR),
-    _v("lift_gain", _T.NEEDLE_LIFT, "g", (7e-3, 0.2, -0.2)),
-    _v("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, "g", (2.5e-5, 0.03, -0.03), without_rate=SENSOR),
-    _v("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, "o", (5e3, 5e6, -5e6), without_rate=SENSOR),  # Pa
-    _v("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, "tau", (0.3 * _US, 80 * _US), without_rate=SEAT),
-    _v("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, "o", (5e3, 5e6, -5e6), without_rate=MOMENTUM),
-    _v("channel_skew", _T.LINE_PRESSURE_SENSOR, "d", (0.3 * _US, 50 * _US, -50 * _US), without_rate=SEAT),
+    _v("orifice_area", _T.NOZZLE_FLOW, "v_H", (2e-3, 0.5, -0.5), (0.02, 0.4)),
+    _v("seat_area", _T.SEAT_FLOW, "v_S", (7e-3, 0.4, -0.4), (0.05, 0.35)),
+    _v("guide_leakage", _T.LINE_PRESSURE, "c", (1.5e-15, 1.5e-13), (5e-15, 1e-13)),  # m3/(s Pa)
+    _v("line_friction", _T.LINE_FLOW, "k", (6e-3, 3.0, -0.5), (0.3, 3.0)),
+    (kinds.HiddenKind("seat_outflow", _T.LINE_PRESSURE, switch="seat_outflow"),),
+    _v("bulk_modulus", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25), (0.01, 0.12)),
+    _v("line_volume", _T.STIFFNESS, "r", (3e-4, 0.25, -0.25), (0.01, 0.12)),
+    _v("pressure_dependent_bulk_modulus", _T.STIFFNESS, "n", (0.015, 8.0, -6.0), (0.5, 6.0),
+        fault="bulk_modulus_slope"),
+    _v("entrained_air", _T.STIFFNESS, "g", (2e-5, 8e-3), (3e-4, 6e-3)),
+    _v("fuel_density", _T.INERTANCE, "r", (2e-4, 0.08, -0.08), (0.005, 0.06), also=kinds.SEAT | kinds.NOZZLE),
+    _v("orifice_cavitation", _T.NOZZLE_FLOW, "n_crit_excess", (0.03, 0.3), (0.05, 0.25)),
+    _v("lift_dependent_seat_coefficient", _T.SEAT_FLOW, "a", (0.015, 0.7, -0.6), (0.1, 0.6),
+        kinds.HiddenParameter("x_c", "seat_lift_scale", 20 * _UM, 80 * _UM), fault="seat_lift_loss"),
+    _v("chamber_pressure_rise", _T.CHAMBER_PRESSURE, "dp", (0.25e6, 12e6), (2 * MPA, 12 * MPA),  # Pa
+        kinds.HiddenParameter("s", "chamber_pressure_share", 0.05, 1.0), fault="chamber_pressure_step"),
+    _v("lift_offset", _T.NEEDLE_LIFT, "x_0", (0.15 * _UM, 25 * _UM, -25 * _UM), (2 * _UM, 20 * _UM)),
+    _v("needle_lift_sensor_lag", _T.NEEDLE_LIFT, "tau", (0.5 * _US, 60 * _US), (5 * _US, 50 * _US),
+        fault="lift_sensor_lag", without_rate=kinds.SENSOR),
+    _v("lift_gain", _T.NEEDLE_LIFT, "g", (7e-3, 0.2, -0.2), (0.05, 0.2)),
+    _v("rail_pressure_sensor_gain", _T.RAIL_PRESSURE, "g", (2.5e-5, 0.03, -0.03), (0.002, 0.03),
+        without_rate=kinds.SENSOR),
+    _v("rail_pressure_sensor_offset", _T.RAIL_PRESSURE, "o", (5e3, 5e6, -5e6), (0.2 * MPA, 4 * MPA),
+        without_rate=kinds.SENSOR),
+    _v("line_pressure_sensor_lag", _T.LINE_PRESSURE_SENSOR, "tau", (0.3 * _US, 80 * _US), (3 * _US, 60 * _US),
+        without_rate=kinds.SEAT),
+    _v("line_pressure_sensor_offset", _T.LINE_PRESSURE_SENSOR, "o", (5e3, 5e6, -5e6), (0.1 * MPA, 4 * MPA),
+        without_rate=kinds.MOMENTUM),
+    _v("channel_skew", _T.LINE_PRESSURE_SENSOR, "d", (0.3 * _US, 50 * _US, -50 * _US), (3 * _US, 45 * _US),
+        without_rate=kinds.SEAT),
 )  # fmt: skip
-HIDDEN = {effect.name: effect for effect in _EFFECTS}
+HIDDEN = {of_tiers[0].name: of_tiers[0] for of_tiers in _EFFECTS}
 """Tier A, from below what can be detected on."""
-
-
-_SIZES = {
-    "orifice_area": (0.02, 0.4),
-    "seat_area": (0.05, 0.35),
-    "guide_leakage": (5e-15, 1e-13),  # m3/(s Pa)
-    "line_friction": (0.3, 3.0),
-    "bulk_modulus": (0.01, 0.12),
-    "line_volume": (0.01, 0.12),
-    "pressure_dependent_bulk_modulus": (0.5, 6.0),
-    "entrained_air": (3e-4, 6e-3),
-    "fuel_density": (0.005, 0.06),
-    "orifice_cavitation": (0.05, 0.25),
-    "lift_dependent_seat_coefficient": (0.1, 0.6),
-    "chamber_pressure_rise": (2 * MPA, 12 * MPA),
-    "lift_offset": (2 * _UM, 20 * _UM),
-    "needle_lift_sensor_lag": (5 * _US, 50 * _US),
-    "lift_gain": (0.05, 0.2),
-    "rail_pressure_sensor_gain": (0.002, 0.03),
-    "rail_pressure_sensor_offset": (0.2 * MPA, 4 * MPA),
-    "line_pressure_sensor_lag": (3 * _US, 60 * _US),
-    "line_pressure_sensor_offset": (0.1 * MPA, 4 * MPA),
-    "channel_skew": (3 * _US, 45 * _US),
-}
-"""Of the first parameter, SI; of either sign where both are physical, but for friction."""
-
-
-def _at(name: str, lowest: float, highest: float) -> HiddenKind:
-    """An effect of the vocabulary at other sizes of its first parameter."""
-    first, *others = HIDDEN[name].parameters
-    negative = -highest if first.most_negative < 0.0 and name != "line_friction" else 0.0
-    sized = replace(first, lowest=lowest, highest=highest, most_negative=negative)
-    return replace(HIDDEN[name], parameters=(sized, *others))
-
-
-_SKEW = HiddenParameter("d", "", 5 * _US, 80 * _US, -80 * _US)
-_LATE_RAIL = HiddenKind(
-    "rail_pressure_skew", _T.RAIL_PRESSURE, (_SKEW,), without_rate=SENSOR | SEAT, step=late_rail
-)
-EFFECTS = {name: _at(name, *sizes) for name, sizes in _SIZES.items()} | {_LATE_RAIL.name: _LATE_RAIL}
+_LATE_RAIL = kinds.HiddenKind(
+    "rail_pressure_skew", _T.RAIL_PRESSURE, (kinds.HiddenParameter("d", "", 5 * _US, 80 * _US, -80 * _US),),
+    without_rate=kinds.SENSOR | kinds.SEAT,
+    step=lambda delay: seen_as(RAIL, lambda time, p: np.interp(time - delay, time, p)))  # fmt: skip
+EFFECTS = {kind.name: kind for of_tiers in _EFFECTS for kind in of_tiers[1:]} | {_LATE_RAIL.name: _LATE_RAIL}
 """Every effect of the vocabulary that has a size, by its id; `seat_outflow` is a structure, which `fit` chooses."""
 
 
 def _no_name(
-    name: str, equation: TermEquation, parameter: str, fault: str, *sizes: float, **more: Any
-) -> HiddenKind:
-    return HiddenKind(name, equation, (HiddenParameter(parameter, fault, *sizes),), **more)
+    name: str, equation: kinds.TermEquation, parameter: str, fault: str, *sizes: float, **more: Any
+) -> kinds.HiddenKind:
+    return kinds.HiddenKind(name, equation, (kinds.HiddenParameter(parameter, fault, *sizes),), **more)
 
 
 _UNNAMED = (
@@ -157,7 +119,7 @@ PAIRS = (
 """Effects that are different in kind."""
 
 
-def effect_of(name: str) -> HiddenKind:
+def effect_of(name: str) -> kinds.HiddenKind:
     """An effect of the vocabulary or beyond it. Raises KeyError."""
     return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
 

@@ -24,9 +24,10 @@ from observer_rt.files.replay.player import play
 from observer_rt.foundation.errors import RunError, UserError
 from tools.benchmarks import campaign
 from tools.benchmarks.faults.disk import Disk, operations
-from tools.benchmarks.scoring import bench_text, worn_injector
+from tools.benchmarks.scoring import worn_injector
 from tools.benchmarks.speed.native import library
 from tools.benchmarks.speed.observers import RUN, Observer, observer
+from tools.benchmarks.speed.traffic import Ids, write_bench
 
 WITHIN, MARGIN = 1.0, 1.0  # s: save_within_s, and what a machine with other work may be late
 LIVES = (1.0, 4.0)  # s a daemon learns before anything goes wrong
@@ -131,16 +132,9 @@ def _cut(
 def _learning(disk: Path, environment: dict[str, Path]) -> Iterator[Observer]:
     """A daemon at one end of a socket pair; frames of a worn injector are sent into the other end."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    path, stop = disk.parent / "bench.toml", threading.Event()
-    path.write_text(
-        bench_text(
-            ('interface = "socketcan"', 'interface = "descriptor"'),
-            ('channel = "can0"', f'channel = "{theirs.fileno()}"'),
-            ("lockstep = false", "lockstep = true"),  # every injection is learned from
-            ("save_within_s = 5", f"save_within_s = {WITHIN:g}"),
-        ),
-        "utf-8",
-    )
+    stop, learns_all = threading.Event(), ("lockstep = false", "lockstep = true")
+    saves_soon = ("save_within_s = 5", f"save_within_s = {WITHIN:g}")
+    path = write_bench(disk.parent, "descriptor", str(theirs.fileno()), Ids(), learns_all, saves_soon)
     schedule = make_schedule([60e6, 120e6], INJECTIONS, 0.05, [1.1e-3])
     recording = worn_injector(schedule, 100e3, wear=0.3, seed=3).recording
     frames = list(Framer(map_bus(load_bench(path))).frames(recording, all_samples(recording)))

@@ -73,7 +73,9 @@ class Disk:
         elif fd in self._open:
             file = self._open[fd]
             if file is None and kind == "sync":
-                self._sync_names()
+                for move in self._moves:
+                    _move(self._durable, move)
+                self._moves.clear()
             elif file is not None and kind == "sync":
                 file.sync()
             elif file is not None:
@@ -98,11 +100,6 @@ class Disk:
         elif operation.kind == "trunc":
             self._names[path].waiting.append((0, None))
         self._open[operation.descriptor] = self._names[path]
-
-    def _sync_names(self) -> None:
-        for move in self._moves:
-            _move(self._durable, move)
-        self._moves.clear()
 
 
 def operations(log: Path) -> Sequence[Operation]:

@@ -10,6 +10,7 @@ from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.core.frames.frames import protect_frame
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import FrameFault, Frames, PlacedFault, Sent, Where
+from tools.benchmarks.speed.traffic import index_of
 
 LOST = (0.01, 0.5)  # share of the frames
 BURST = 20e-3  # s
@@ -33,24 +34,12 @@ def _message_away(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
     return [frame for frame in frames if frame.message != gone]
 
 
-def _duplicated(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
-    return [copy for frame in frames for copy in (frame,) * (1 + int(rng.random() < 0.3))]
-
-
 def _reordered(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
     frames = list(frames)
     for position in range(1, len(frames)):
         if rng.random() < 0.1:
             frames[position - 1], frames[position] = frames[position], frames[position - 1]
     return frames
-
-
-def _wrong_counters(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
-    return [_rewritten(each, bus, counter=int(rng.integers(256))) for each in frames]
-
-
-def _damaged(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
-    return [_flipped(each, rng) if rng.random() < 0.1 else each for each in frames]
 
 
 def _foreign(frames: Frames, rng: Generator, bus: BusMap) -> Frames:
@@ -83,15 +72,18 @@ ROWS = (
     FrameFault("frames_lost", _B, of.LOST, change=_lost),
     FrameFault("burst_lost", _B, of.LOST, change=_lost_burst),
     FrameFault("message_away", _B, of.LOST, change=_message_away),
-    FrameFault("duplicated", _B, of.LOST, change=_duplicated),
+    FrameFault("duplicated", _B, of.LOST,
+        change=lambda frames, rng, _: [copy for each in frames for copy in (each,) * (1 + int(rng.random() < 0.3))]),
     FrameFault("reordered", _B, of.LOST, change=_reordered),
-    FrameFault("wrong_counter", _B, of.LOST, change=_wrong_counters),
-    FrameFault("wrong_crc", _B, of.LOST, change=_damaged),
+    FrameFault("wrong_counter", _B, of.LOST,
+        change=lambda frames, rng, bus: [_rewritten(each, bus, counter=int(rng.integers(256))) for each in frames]),
+    FrameFault("wrong_crc", _B, of.LOST,
+        change=lambda frames, rng, _: [_flipped(each, rng) if rng.random() < 0.1 else each for each in frames]),
     FrameFault("foreign_sender", _B, of.LOST | {"DEVICE_RESTARTED"}, change=_foreign),
     FrameFault("clock_step", _C, of.TIMES, change=_clock_step, stays=True),
     FrameFault("index_jump", _C, of.TIMES, change=_index_jump, stays=True),
     FrameFault("device_restart", _C, of.TIMES, change=_restarted, stays=True),
-)
+)  # fmt: skip
 
 
 def with_frame_fault(frames: Frames, placed: PlacedFault, bus: BusMap) -> Frames:
@@ -105,11 +97,6 @@ def with_frame_fault(frames: Frames, placed: PlacedFault, bus: BusMap) -> Frames
     ]
     after = frames[len(before) + len(during) :]
     return [*before, *(fault.change(during, placed.chance, bus) if during else ()), *after]
-
-
-def index_of(payload: bytes) -> int:
-    """The sample index in an input frame."""
-    return int(struct.unpack_from("<I", payload, _INDEX_AT)[0])
 
 
 def _rewritten(frame: Sent, bus: BusMap, moved: int = 0, counter: int | None = None) -> Sent:

@@ -6,7 +6,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,12 +26,12 @@ from tests.plants.plant import Outcome, record
 from tools.benchmarks.campaign import Row, messages
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import Fault, PlacedFault, Where
-from tools.benchmarks.faults.frames import index_of
 from tools.benchmarks.faults.player import RATE_ID, SUMMARY_ID, Receiver, Results
 from tools.benchmarks.faults.scenario import AT, Scenario, Task, drawn
 from tools.benchmarks.faults.score import facts_of
 from tools.benchmarks.scoring import bench_text
 from tools.benchmarks.speed.observers import RUN, Observer, observer
+from tools.benchmarks.speed.traffic import index_of
 
 CHANNEL = "vcan0"
 WEAR = 0.2  # v_H: one injector for all
@@ -148,7 +148,9 @@ def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus:
         try:
             frame = ear.receive(0.05)
         except LinkDownError:
-            _reconnect(ear)
+            time.sleep(0.01)
+            with suppress(LinkDownError):
+                ear.reconnect()
             continue
         if frame is not None:
             end = max(end, time.monotonic() + REST)
@@ -160,16 +162,6 @@ def _misbehave(placed: PlacedFault, bus: Bus, begun: float) -> None:
     time.sleep(max(begun + placed.begin - time.monotonic(), 0.0))
     with _LIVE[placed.fault.name](bus):
         time.sleep(placed.end - placed.begin)
-
-
-def _reconnect(link: Link) -> None:
-    while True:
-        try:
-            link.reconnect()
-        except LinkDownError:
-            time.sleep(0.01)
-        else:
-            return
 
 
 def _set(state: str) -> None:

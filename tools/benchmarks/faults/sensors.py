@@ -13,17 +13,9 @@ from tests.plants import plant
 from tests.plants.arrays import Array
 from tests.plants.plant import LIFT, LIFT_NOISE, LINE, LINE_NOISE, RAIL, RAIL_NOISE, SIGNALS, Signals
 from tools.benchmarks.cases import sign
+from tools.benchmarks.faults import filters
 from tools.benchmarks.faults import reasons as of
 from tools.benchmarks.faults.fault import KHZ, US, Part, SensorFault, Stated, Where
-from tools.benchmarks.faults.filters import (
-    Response,
-    butterworth,
-    butterworth_delay,
-    coloured_noise,
-    filtered,
-    first_order,
-    resonance,
-)
 
 NOISE = {RAIL: RAIL_NOISE, LIFT: LIFT_NOISE, LINE: LINE_NOISE}  # of the plant, per sample
 FULL_LIFT = 300e-6  # m
@@ -67,7 +59,7 @@ def hum(frequency: float) -> Wave:
 
 def _coloured(corner: float) -> Wave:
     return lambda t, v, size, rng: (
-        v + coloured_noise(rng.normal(0.0, size, t.size), float(t[1] - t[0]), corner)
+        v + filters.coloured_noise(rng.normal(0.0, size, t.size), float(t[1] - t[0]), corner)
     )
 
 
@@ -147,14 +139,6 @@ def edge_spikes(*roles: str) -> Callable[[Part], Signals]:
     return change
 
 
-def _drift(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    return np.asarray(values + sign(rng) * size * (time - time[0]), np.float64)
-
-
-def _gain_drift(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    return np.asarray(values * (1.0 + sign(rng) * size * time / time[-1]), np.float64)
-
-
 def _curved(time: Array, values: Array, size: float, rng: Generator) -> Array:
     share = values / FULL_LIFT
     return values + sign(rng) * size * FULL_LIFT * 4.0 * share * (1.0 - share)
@@ -163,7 +147,9 @@ def _curved(time: Array, values: Array, size: float, rng: Generator) -> Array:
 def _creep(time: Array, values: Array, size: float, rng: Generator) -> Array:
     """After an opening the zero is off by up to `size`, and comes back slowly."""
     interval = float(time[1] - time[0])
-    seen = filtered(values / FULL_LIFT, interval, first_order(1.0 / (2.0 * math.pi * CREEP_TIME)))
+    seen = filters.filtered(
+        values / FULL_LIFT, interval, filters.first_order(1.0 / (2.0 * math.pi * CREEP_TIME))
+    )
     return values + sign(rng) * size * np.minimum(seen * CREEP_TIME / CREEP, 1.0)
 
 
@@ -181,13 +167,9 @@ def few_bits(part: Part) -> Signals:
     return replace(part.seen, **coarse)
 
 
-def through(response_of: Callable[[float], Response]) -> Wave:
+def through(response_of: Callable[[float], filters.Response]) -> Wave:
     """A signal through a filter, whose corner is the size [Hz]."""
-    return lambda t, v, size, rng: filtered(v, float(t[1] - t[0]), response_of(size))
-
-
-def _late(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    return np.interp(time - size, time, values)
+    return lambda t, v, size, rng: filters.filtered(v, float(t[1] - t[0]), response_of(size))
 
 
 def jitter(part: Part) -> Signals:
@@ -199,7 +181,7 @@ def jitter(part: Part) -> Signals:
 
 def low_pass(order: int) -> Wave:
     """A Butterworth filter."""
-    return through(lambda corner: butterworth(order, corner))
+    return through(lambda corner: filters.butterworth(order, corner))
 
 
 def _delay(role: str, microseconds: Callable[[float], float], key: str = "filter_delay_us") -> Any:
@@ -207,12 +189,8 @@ def _delay(role: str, microseconds: Callable[[float], float], key: str = "filter
     return lambda size: {role: {key: microseconds(size)}}
 
 
-def _lag(corner: float) -> float:
-    return 1.0 / (2.0 * math.pi * corner * KHZ) / US
-
-
 def _stated_filter(order: int, role: str) -> Callable[[float], Stated]:
-    stated: Callable[[float], Stated] = _delay(role, lambda f: butterworth_delay(order, f * KHZ) / US)
+    stated: Callable[[float], Stated] = _delay(role, lambda f: filters.butterworth_delay(order, f * KHZ) / US)
     return stated
 
 
@@ -245,13 +223,15 @@ def _small_ones() -> list[SensorFault]:
         _small("noise_from_half_way", "times", (2.0, 3.0), louder(*SIGNALS, since=0.5), of.HARMLESS),
         _small("noise_bursts_line", "MPa", (0.5, 1.5), on(_bursts, LINE), of.OUTLIERS),
         _small("lift_zero_sine", "um, 1.5 Hz", (1.0, 3.0, 8.0), on(hum(1.5), LIFT), of.LIFT_ZERO),
-        _small("lift_zero_ramp", "um/s", (2.0, 10.0), on(_drift, LIFT), of.LIFT_ZERO),
+        _small("lift_zero_ramp", "um/s", (2.0, 10.0),
+            on(lambda t, v, size, rng: v + sign(rng) * size * (t - t[0]), LIFT), of.LIFT_ZERO),
         _small("lift_creep", "um", (1.0, 3.0), on(_creep, LIFT), of.LIFT_ZERO),
         _small(
-            "lift_filter", "kHz", (20.0, 10.0, 5.0, 3.0), on(through(first_order), LIFT), of.LATE_LIFT,
-            stated=_delay(LIFT, _lag, "lag_us"),
+            "lift_filter", "kHz", (20.0, 10.0, 5.0, 3.0), on(through(filters.first_order), LIFT), of.LATE_LIFT,
+            stated=_delay(LIFT, lambda corner: 1.0 / (2.0 * math.pi * corner * KHZ) / US, "lag_us"),
         ),
-        _small("lift_gain_drift", "%", (1.0, 3.0), on(_gain_drift, LIFT), s),
+        _small("lift_gain_drift", "%", (1.0, 3.0),
+            on(lambda t, v, size, rng: v * (1.0 + sign(rng) * size * t / t[-1]), LIFT), s),
         _small("lift_curved", "%", (1.0, 3.0), on(_curved, LIFT), s),
         _small(
             "lift_crosstalk", "um per 10 MPa", (0.5, 1.5, 3.0),
@@ -283,9 +263,10 @@ def _small_ones() -> list[SensorFault]:
         _small("anti_alias_2_all", "kHz", corners, on(lp2, *SIGNALS), of.HARMLESS),
         _small("anti_alias_4_all", "kHz", corners, on(lp4, *SIGNALS), of.HARMLESS),
         _small("anti_alias_2_all_with_noise", "kHz", corners, on(lp2, *SIGNALS), of.HARMLESS, after_noise=True),
-        _small("resonance_line", "kHz", (25.0, 40.0), on(through(resonance), LINE), s),
+        _small("resonance_line", "kHz", (25.0, 40.0), on(through(filters.resonance), LINE), s),
         _small("jitter", "us", (0.5, 2.0), jitter, of.LATE),
-        _small("lift_zero_step", "um", (2.0, 6.0), on(_half_way, LIFT), of.LIFT_ZERO | of.CHANGE),
+        _small("lift_zero_step", "um", (2.0, 6.0), on(lambda t, v, size, rng: v + np.where(
+            t >= 0.5 * t[-1], sign(rng) * size, 0.0), LIFT), of.LIFT_ZERO | of.CHANGE),
         _small("few_bits", "bits", (12.0, 10.0), few_bits, of.HARMLESS, after_noise=True),
     ]  # fmt: skip
     for role, name, reasons in (
@@ -297,24 +278,18 @@ def _small_ones() -> list[SensorFault]:
         rows += [
             _small(f"frozen_samples_{name}", "ms", (0.2, 0.5), on(often, role), held, after_noise=True),
             _small(f"held_{name}", "ms", (0.1, 0.2, 0.5), on(often, role), held),
-            _small(f"late_{name}", "us", (10.0, 20.0), on(_late, role), reasons, stated=_delay(role, float)),
+            _small(f"late_{name}", "us", (10.0, 20.0),
+                on(lambda t, v, size, rng: np.interp(t - size, t, v), role), reasons, stated=_delay(role, float)),
             _small(f"anti_alias_2_{name}", "kHz", corners, on(lp2, role), reasons, stated=_stated_filter(2, role)),
             _small(f"anti_alias_2_{name}_with_noise", "kHz", corners[1:], on(lp2, role), reasons, after_noise=True),
         ]  # fmt: skip
         if role != LIFT:
             rows += [
                 _small(f"offset_drift_{name}", "MPa, 0.4 Hz", (0.1, 0.3, 1.0), on(hum(0.4), role), of.OFFSET),
-                _small(f"gain_{name}", "%", (0.5, 1.0, 2.0), on(_gain, role), of.OFFSET),
-            ]
+                _small(f"gain_{name}", "%", (0.5, 1.0, 2.0),
+                    on(lambda t, v, size, rng: v * (1.0 + sign(rng) * size), role), of.OFFSET),
+            ]  # fmt: skip
     return rows
-
-
-def _half_way(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    return values + np.where(time >= 0.5 * time[-1], sign(rng) * size, 0.0)
-
-
-def _gain(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    return values * (1.0 + sign(rng) * size)
 
 
 def _square(role: str) -> Wave:
@@ -350,15 +325,6 @@ def _only_noise(role: str) -> Wave:
     return lambda t, v, size, rng: SPAN[role] * size * rng.normal(size=v.size)
 
 
-def _gaps(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    is_there = np.sin(2 * math.pi * (50.0 * time + rng.random())) <= 0.5
-    return np.where(is_there, values, np.nan)
-
-
-def _lagging(time: Array, values: Array, size: float, rng: Generator) -> Array:
-    return filtered(values, float(time[1] - time[0]), first_order(1.0 / (2.0 * math.pi * size)))
-
-
 def _large_ones() -> list[SensorFault]:
     """Faults that come and go, of any signal, in any size."""
     rows = []
@@ -370,7 +336,8 @@ def _large_ones() -> list[SensorFault]:
         shapes: tuple[tuple[str, str, tuple[float, ...], Wave, frozenset[str]], ...] = (
             ("dead", "", (0.0,), lambda t, v, size, rng: np.zeros_like(v), of.GONE),
             ("unavailable", "", (0.0,), lambda t, v, size, rng: np.full_like(v, np.nan), of.GONE),
-            ("unavailable_now_and_then", "", (0.0,), _gaps, of.GONE),
+            ("unavailable_now_and_then", "", (0.0,), lambda t, v, size, rng: np.where(
+                np.sin(2 * math.pi * (50.0 * t + rng.random())) <= 0.5, v, np.nan), of.GONE),
             ("frozen", "", (0.0,), lambda t, v, size, rng: np.full_like(v, v[0]), of.GONE),
             ("drift", unit, sizes, lambda t, v, size, rng: v + sign(rng) * size * np.bartlett(v.size), of.GONE),
             ("step", unit, sizes, lambda t, v, size, rng: v + sign(rng) * size, of.GONE),
@@ -378,7 +345,8 @@ def _large_ones() -> list[SensorFault]:
             ("unit", "times", factors, lambda t, v, size, rng: v * size, of.GONE),
             ("gain_step", "times", (0.9, 2.0), lambda t, v, size, rng: v * size, of.GONE),
             ("clipped", "%", (60.0, 80.0, 97.0), lambda t, v, size, rng: np.minimum(v, size * v.max()), of.GONE),
-            ("lag", "us", (30.0, 100.0, 300.0), _lagging, of.SLOW),
+            ("lag", "us", (30.0, 100.0, 300.0),
+                through(lambda lag: filters.first_order(1.0 / (2.0 * math.pi * lag))), of.SLOW),
             ("floating", "%", alien, _floating(role), of.GONE),
             ("wandering", "%", alien, _wandering(role), of.GONE),
             ("square", "%", alien, _square(role), of.GONE),

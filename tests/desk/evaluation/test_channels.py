@@ -37,10 +37,10 @@ def test_second_recording_of_a_history_is_found_again(
     tmp_path: Path, made: Simulation, signals: dict[str, str]
 ) -> None:
     """Over the pause the count goes on by stamps; the second recording's samples are where they belong."""
-    _, second = evaluated(tmp_path, signals, made.recording, made.recording)
+    first, second = evaluated(tmp_path, signals, made.recording, made.recording)
     late = slice(LOCKED, made.recording.samples - 200)
     assert second.trace.valid[late].all()
-    assert second.counters.lost_samples == 0
+    assert first.counters.lost_samples == 0
     error = second.trace.injection_rate[late] - made.truth.injection_rate[late]
     assert np.abs(error).max() < 3e-6
 

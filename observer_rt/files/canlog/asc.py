@@ -37,7 +37,8 @@ class AscLog(PythonCanLog):
     kind = "an ASC log"
     reader = can.ASCReader
 
-    def _begin(self) -> None:
+    def _reset(self) -> None:
+        super()._reset()
         self._base = "hex"
         self._is_relative = self._is_dated = self._has_end = self._is_begun = False
         self._time = self._start = 0

@@ -125,6 +125,11 @@ class LogReader(ABC):
         )
         raise UserError(self.location(number), problem, remedy or usual)
 
+    def remark(self, text: str) -> None:
+        """Note something of the whole log, once."""
+        if text not in self.remarks:
+            self.remarks.append(text)
+
     def note_text(self, text: str) -> None:
         """Take a comment of the log: it may report lost frames."""
         lost = _LOST.search(text)

@@ -55,7 +55,6 @@ class CandumpLog(TextLogReader):
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         self._rising = Rising()
-        self._undated = False
         explains_error = False
         for number, text in self._lines():
             if explains_error and _ERROR_TEXT.fullmatch(text):
@@ -128,9 +127,7 @@ class CandumpLog(TextLogReader):
                 "its times are from line to line (candump -td), of all interfaces together",
                 "record with candump -l, or print with candump -ta",
             )
-        if not self._undated:
-            self.remarks.append("its times are taken to count from its start (candump -tz)")
-            self._undated = True
+        self.remark("its times are taken to count from its start (candump -tz)")
 
 
 def _screen_stamp(text: str) -> int:

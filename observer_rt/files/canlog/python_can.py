@@ -25,7 +25,6 @@ class PythonCanLog(TextLogReader):
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
         self._number, self._text, self._is_open = 0, "", False
-        self._begin()
         messages = iter(self.reader(self._handed()))  # type: ignore[arg-type]  # it iterates and closes it
         while True:
             entry = None
@@ -57,9 +56,6 @@ class PythonCanLog(TextLogReader):
                 yield line
                 if self._is_open:
                     self._pass_over(text.split())
-
-    def _begin(self) -> None:
-        """Forget what was read before."""
 
     def _end(self) -> None:
         """Note what shows only when all is read."""
@@ -127,9 +123,6 @@ class CsvLog(PythonCanLog):
     kind = "a CSV log"
     reader = can.CSVReader
 
-    def _begin(self) -> None:
-        self._is_undated = False
-
     def _prepared(self, text: str) -> tuple[list[str], str]:
         if self._number > 1:
             return [], text
@@ -144,9 +137,8 @@ class CsvLog(PythonCanLog):
         if len(message.data) != message.dlc:
             raise ValueError
         stamp = round(message.timestamp * NANOSECONDS)
-        if stamp < EARLIEST_DATE and not self._is_undated:
-            self._is_undated = True
-            self.remarks.append("its times are taken to count from its start")
+        if stamp < EARLIEST_DATE:
+            self.remark("its times are taken to count from its start")
         return log_frame(message, stamp, message.dlc > CLASSIC_LENGTH, 1)
 
 

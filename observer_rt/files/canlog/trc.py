@@ -36,7 +36,8 @@ class TrcLog(PythonCanLog):
     kind = "a TRC log"
     reader = can.TRCReader
 
-    def _begin(self) -> None:
+    def _reset(self) -> None:
+        super()._reset()
         self._version, self._start = "", 0
         self._kind_place: int | None = None
         self._data_place = 0

@@ -83,6 +83,8 @@ def test_time_index_and_counter_go_on_over_loops(bus: BusMap) -> None:
     assert list(values.values()) == pytest.approx([*rail[:900], *rail[:900], *rail], abs=0.0026)
     assert [frame.payload[2] for frame in frames] == [n & 0xFF for n in range(301)]
     assert [frame.time for frame in frames] == pytest.approx([(9 * n + 8) / RATE for n in range(301)])
+    endless = part_of(recording, bus, False).frames(loop=0)
+    assert [next(endless).payload for _ in range(300)] == [frame.payload for frame in frames[:300]]
 
 
 def test_windows_hold_whole_frames_round_the_injections(bus: BusMap) -> None:

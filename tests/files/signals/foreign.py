@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.files.formats import open_recording
 from observer_rt.files.signals.recording import Recording
+from observer_rt.files.signals.stream import SignalStream
 
 RATE = 100e3
 COLUMNS = """
@@ -77,3 +78,19 @@ def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
 def read(path: Path, fitted: Bench) -> Recording:
     """All of a file, put on one grid."""
     return open_recording(path, fitted.injector).collected()
+
+
+def write_rows(
+    folder: Path, time: NDArray[np.float64], digits: int = 7, **changes: NDArray[np.float64]
+) -> Path:
+    """A CSV file of signals at times [s], printed in ms with so many digits."""
+    columns = {**signals(time.size), **changes}
+    rows = zip(time * 1e3, columns["p_Rail"], columns["lift"], columns["p_Line"], strict=True)
+    return write(
+        folder, "t,p_Rail,lift,p_Line\n" + "".join(f"{t:.{digits}f},{p},{x},{y}\n" for t, p, x, y in rows)
+    )
+
+
+def opened(path: Path, folder: Path, options: str = "", text: str = COLUMNS) -> SignalStream:
+    """A file by the bench of a folder."""
+    return open_recording(path, bench(folder, options, text=text).injector)

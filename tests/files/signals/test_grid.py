@@ -12,30 +12,17 @@ from numpy.typing import NDArray
 from observer_rt.config.injector import Meaning
 from observer_rt.files.formats import open_recording
 from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, stream
-from observer_rt.files.signals.stream import SignalStream
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import COLUMNS, RATE, bench, read, signals
+from tests.files.signals.foreign import COLUMNS, RATE, bench, opened, read, signals, write_rows
 from tests.files.signals.test_mdf4_channels import write as mdf4
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 Times = NDArray[np.float64]
 
 
-def write(folder: Path, time: Times, **changes: Times) -> Path:
-    columns = {**signals(time.size), **changes}
-    path = folder / "foreign.csv"
-    rows = zip(time * 1e3, columns["p_Rail"], columns["lift"], columns["p_Line"], strict=True)
-    path.write_text("t,p_Rail,lift,p_Line\n" + "".join(f"{t:.7f},{p},{x},{y}\n" for t, p, x, y in rows))
-    return path
-
-
-def opened(path: Path, folder: Path, options: str = "") -> SignalStream:
-    return open_recording(path, bench(folder, options).injector)
-
-
 def test_jittered_stamps_are_taken_for_the_grid(tmp_path: Path) -> None:
     jitter = np.random.default_rng(1).uniform(-1e-6, 1e-6, 500)
-    stream = opened(write(tmp_path, np.arange(500) / RATE + jitter), tmp_path)
+    stream = opened(write_rows(tmp_path, np.arange(500) / RATE + jitter), tmp_path)
     recording = stream.collected()
     np.testing.assert_array_equal(recording.needle_lift, np.arange(500) % 100 * 1e-6)
     assert recording.sample_rate == RATE
@@ -45,14 +32,14 @@ def test_jittered_stamps_are_taken_for_the_grid(tmp_path: Path) -> None:
 def test_a_short_gap_is_bridged_and_told(tmp_path: Path) -> None:
     kept = np.delete(np.arange(500), [200, 201, 202])
     ramp = kept.astype(np.float64)
-    stream = opened(write(tmp_path, kept / RATE, lift=ramp), tmp_path)
+    stream = opened(write_rows(tmp_path, kept / RATE, lift=ramp), tmp_path)
     assert any("1 gaps are bridged" in note for note in stream.notes)
     np.testing.assert_allclose(stream.collected().needle_lift, np.arange(500) * 1e-6, rtol=1e-9)
 
 
 def test_a_long_gap_splits(tmp_path: Path) -> None:
     kept = np.delete(np.arange(500), range(200, 230))
-    stream = opened(write(tmp_path, kept / RATE), tmp_path)
+    stream = opened(write_rows(tmp_path, kept / RATE), tmp_path)
     assert [part.samples for part in stream.stretches] == [200, 270]
     assert stream.stretches[1].start == pytest.approx(230 / RATE)
     assert any(
@@ -61,13 +48,13 @@ def test_a_long_gap_splits(tmp_path: Path) -> None:
     joined = stream.collected()
     assert joined.samples == 500
     assert np.flatnonzero(np.isnan(joined.rail_pressure)).tolist() == list(range(200, 230))
-    wider = opened(write(tmp_path, kept / RATE), tmp_path, "bridge_ms = 1.0")
+    wider = opened(write_rows(tmp_path, kept / RATE), tmp_path, "bridge_ms = 1.0")
     assert len(wider.stretches) == 1
 
 
 def test_a_restart_splits(tmp_path: Path) -> None:
     time = np.concatenate((np.arange(300) / RATE, np.arange(200) / RATE))
-    stream = opened(write(tmp_path, time), tmp_path)
+    stream = opened(write_rows(tmp_path, time), tmp_path)
     assert [part.samples for part in stream.stretches] == [300, 200]
     assert any("the time begins anew" in note for note in stream.notes)
     lifts = [chunk.needle_lift for chunk in stream.chunks()]
@@ -76,12 +63,13 @@ def test_a_restart_splits(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rate", [50e3, 100.003e3])
 def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
-    path = write(tmp_path, np.arange(20_000) / rate)
+    path = write_rows(tmp_path, np.arange(20_000) / rate)
     with pytest.raises(UserError, match="cannot be resampled") as caught:
         opened(path, tmp_path, 'meaning = "mean"')
     assert "set sampling.rate_hz to the rate of the file" in caught.value.remedy
     assert (
-        opened(write(tmp_path, np.arange(500) / RATE), tmp_path, 'meaning = "mean"').meaning is Meaning.MEAN
+        opened(write_rows(tmp_path, np.arange(500) / RATE), tmp_path, 'meaning = "mean"').meaning
+        is Meaning.MEAN
     )
     assert opened(path, tmp_path).meaning is Meaning.INSTANT
 
@@ -89,7 +77,7 @@ def test_means_are_not_resampled(tmp_path: Path, rate: float) -> None:
 @pytest.mark.parametrize("rate", [48e3, 250e3])
 def test_another_rate_is_resampled(tmp_path: Path, rate: float) -> None:
     time = np.arange(20_000) / rate
-    stream = opened(write(tmp_path, time, lift=time * 1e4), tmp_path)
+    stream = opened(write_rows(tmp_path, time, lift=time * 1e4), tmp_path)
     recording = stream.collected()
     assert recording.sample_rate == RATE
     np.testing.assert_allclose(recording.needle_lift, recording.time * 1e-2, atol=1e-9)
@@ -98,7 +86,7 @@ def test_another_rate_is_resampled(tmp_path: Path, rate: float) -> None:
 
 def test_time_in_another_unit_falls_apart_with_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(UserError) as raised:
-        opened(write(tmp_path, np.arange(500.0)), tmp_path)
+        opened(write_rows(tmp_path, np.arange(500.0)), tmp_path)
     assert "unit of the time" in str(raised.value)
 
 
@@ -120,7 +108,7 @@ def test_in_parts_as_in_one_piece(
     for position in restarts:
         time[position:] -= time[position]
     jitter: Times = random.uniform(-2e-6, 2e-6, 500)
-    path = write(tmp_path, (time + jitter).astype(np.float64))
+    path = write_rows(tmp_path, (time + jitter).astype(np.float64))
     complete = list(opened(path, tmp_path).chunks())
     with pytest.MonkeyPatch.context() as patch:
         for module in (stream, csv_table, mapped_signals):
@@ -223,7 +211,7 @@ def test_parquet_with_units_in_its_metadata(tmp_path: Path) -> None:
 @pytest.mark.parametrize("digits", [4, 5])
 def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, digits: int) -> None:
     """Every second row would be left out, and the rest read at half the rate."""
-    path = write(tmp_path, np.round(np.arange(400) * 2.0**-1 * 10.0**-digits, digits))
+    path = write_rows(tmp_path, np.round(np.arange(400) * 2.0**-1 * 10.0**-digits, digits))
     with pytest.raises(UserError, match="its stamps are rounded") as raised:
         opened(path, tmp_path)
     assert "write the time with more digits" in raised.value.remedy

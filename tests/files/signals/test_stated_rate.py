@@ -5,27 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.files.formats import open_recording
-from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, SignalStream
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.time_axis import StampPace, rate_of
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import COLUMNS, RATE, bench, signals
+from tests.files.signals.foreign import COLUMNS, RATE, opened, write_rows
 
 SAMPLES = 2 * SAMPLES_AT_ONCE + 500
 WITHOUT_TIME = COLUMNS.replace('[recording.time]\ncolumn = "t"\n{time}\n', "")
-
-
-def write(folder: Path, time: np.ndarray, rows: int = SAMPLES) -> Path:
-    """A CSV file with signals and stamps [ms] of two decimals."""
-    columns = signals(rows)
-    lines = zip(time * 1e3, columns["p_Rail"], columns["lift"], columns["p_Line"], strict=True)
-    path = folder / "foreign.csv"
-    path.write_text("t,p_Rail,lift,p_Line\n" + "".join(f"{t:.2f},{p},{x},{y}\n" for t, p, x, y in lines))
-    return path
-
-
-def opened(path: Path, folder: Path, options: str = "", text: str = COLUMNS) -> SignalStream:
-    return open_recording(path, bench(folder, options, text=text).injector)
 
 
 @pytest.mark.parametrize(("rounding", "options"), [(1e-3, ""), (1.0, "rate_hz = 100e3")])
@@ -33,9 +19,9 @@ def test_rounded_stamps_are_placed_by_the_rate(tmp_path: Path, rounding: float, 
     """By the rate of the grid, or of `[recording]`: stamps in whole seconds repeat over 100,000 rows."""
     if rounding == 1.0:
         time = np.floor((np.arange(150_000) + 60_000) / RATE)
-        path = write(tmp_path, time, time.size)
+        path = write_rows(tmp_path, time, 2)
     else:
-        path = write(tmp_path, np.floor(np.arange(SAMPLES) / RATE / rounding) * rounding)
+        path = write_rows(tmp_path, np.floor(np.arange(SAMPLES) / RATE / rounding) * rounding, 2)
     stream = opened(path, tmp_path, options)
     recording = stream.collected()
     assert len(stream.stretches) == 1
@@ -46,7 +32,7 @@ def test_rounded_stamps_are_placed_by_the_rate(tmp_path: Path, rounding: float, 
 
 def test_a_gap_beyond_the_rounding_still_splits(tmp_path: Path) -> None:
     kept = np.delete(np.arange(SAMPLES + 3000), range(8000, 11000))
-    stream = opened(write(tmp_path, np.floor(kept / RATE / 1e-3) * 1e-3), tmp_path)
+    stream = opened(write_rows(tmp_path, np.floor(kept / RATE / 1e-3) * 1e-3, 2), tmp_path)
     assert [stretch.samples for stretch in stream.stretches] == [8000, SAMPLES - 8000]
     assert stream.stretches[1].start == pytest.approx(11000 / RATE, abs=1e-3)
 
@@ -55,20 +41,20 @@ def test_a_gap_beyond_the_rounding_still_splits(tmp_path: Path) -> None:
 def test_a_rate_that_the_stamps_contradict_is_not_trusted(tmp_path: Path, options: str) -> None:
     slower = np.floor(np.arange(SAMPLES) / 80e3 / 1e-3) * 1e-3
     with pytest.raises(UserError, match="are not those of 100000 Hz") as raised:
-        opened(write(tmp_path, slower), tmp_path, options)
+        opened(write_rows(tmp_path, slower, 2), tmp_path, options)
     assert "[recording] rate_hz" in raised.value.remedy
 
 
 def test_good_stamps_are_kept_whatever_is_stated(tmp_path: Path) -> None:
     kept = np.delete(np.arange(SAMPLES), range(8000, 8100))
-    stream = opened(write(tmp_path, kept / RATE, kept.size), tmp_path, "rate_hz = 100e3")
+    stream = opened(write_rows(tmp_path, kept / RATE, 2), tmp_path, "rate_hz = 100e3")
     assert [stretch.samples for stretch in stream.stretches] == [8000, SAMPLES - 8100]
 
 
 @pytest.mark.parametrize("rate", [50e3, 100e3])
 def test_without_a_time_rows_follow_at_the_rate(tmp_path: Path, rate: float) -> None:
     """The stated rate is also that of the grid."""
-    path = write(tmp_path, np.arange(SAMPLES) / RATE)
+    path = write_rows(tmp_path, np.arange(SAMPLES) / RATE, 2)
     stream = opened(path, tmp_path, f"rate_hz = {rate}", WITHOUT_TIME)
     assert stream.sample_rate == rate
     recording = stream.collected()
@@ -80,7 +66,7 @@ def test_without_a_time_rows_follow_at_the_rate(tmp_path: Path, rate: float) -> 
 
 def test_without_time_and_rate_the_line_to_write_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"\[recording\] rate_hz = 100e3"):
-        opened(write(tmp_path, np.arange(SAMPLES) / RATE), tmp_path, "", WITHOUT_TIME)
+        opened(write_rows(tmp_path, np.arange(SAMPLES) / RATE, 2), tmp_path, "", WITHOUT_TIME)
 
 
 def test_a_pace_is_the_same_however_it_is_cut() -> None:

@@ -36,10 +36,6 @@ cdef extern from "<time.h>" nogil:
     int CLOCK_REALTIME
     int CLOCK_MONOTONIC
 
-cdef extern from "<sys/prctl.h>" nogil:
-    int prctl(int option, ...)
-    int PR_SET_TIMERSLACK
-
 cdef extern from "<sys/uio.h>" nogil:
     struct iovec:
         void* iov_base
@@ -121,7 +117,6 @@ cdef bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
     memory = pump.memory
     cdef bint waits = proceed(pipeline)  # with what it waited for
     cdef int64_t bus
-    prctl(PR_SET_TIMERSLACK, 1)
     _send_rates(pump, &pipeline.publisher)
     if waits:
         return True

@@ -1,6 +1,5 @@
 """The identification system x~ and the observer x^ over an event's samples, with their derivatives by theta."""
 
-from libc.math cimport ceil
 from libc.stdint cimport int64_t
 
 from numpy import array, zeros
@@ -16,8 +15,6 @@ from observer_rt.core.model.records cimport (
 )
 from observer_rt.core.model.sensor cimport SENSOR_NUMBERS, LaggedSlopes, lagged_slopes
 from observer_rt.core.model.valve cimport Servo
-
-cdef double DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
 
 cdef class _Followed:
@@ -148,7 +145,7 @@ def follow(
     sensor[0] += setting.lag
     if len(window.start) != n + 1 or gain.shape[0] < n or errors.shape[0] < samples or 0 < rate.shape[0] < samples:
         raise ValueError("what is followed does not fit the model or the window")
-    if run is not None and flows.rate.shape[0] < samples:
+    if run is not None and (flows.rate.shape[0] < samples or flows.transition.shape[0] > samples):
         raise ValueError("what is recorded does not fit the window")
     errors[:1] = 0.0
     rate[:1] = 0.0
@@ -173,9 +170,7 @@ def follow(
         if gradient is None:
             raise ValueError("the open loop's record needs a gradient")
         first = max(corrected, <int64_t> 1)
-        while samples > 1 and it.inputs[samples - 1, 1] <= 0.0:
-            samples -= 1
-        samples = min(samples + <int64_t> ceil(DRAINING / interval), it.output.shape[0])
+        samples = flows.transition.shape[0]
     with nogil:
         for k in range(1, samples):
             if k >= first:
@@ -226,17 +221,12 @@ def propagate_noise(
     cdef Seat of_seat = seat._asdict()
     cdef LaggedSlopes lag
     cdef double by_start, by_end, opened, total
-    cdef bint moves
     covariance[0, 0], covariance[1, 1] = start
     by_rail[:states] = rail
     by_area[area] = 1.0
     with nogil:
         for k in range(max(opening, <int64_t> 1), rate.shape[0]):
-            moves = False
-            for i in range(states):
-                for j in range(states):
-                    moves = moves or transitions[k, i, j] != 0.0
-            if not moves:  # drained: x^ was followed no further
+            if k >= transitions.shape[0]:  # drained: x^ was followed no further
                 for i in range(k, volume.shape[0]):
                     volume[i] = covariance[end, end]
                 break

@@ -110,15 +110,15 @@ cdef void _end_rows(
     cdef double p = solved[0], flow = solved[1], soft = stiffness(x[0], &line.softness), fill = line_step * soft
     cdef double q_h = 0.0, q_s = 0.0, pp = 1.0 + fill * line.leak, ps = 0.0, sp = 0.0, ss = 1.0
     cdef double h_flow = 0.0, s_flow = 0.0, line_by_h, sac_by_h, line_by_s, sac_by_s, inflow, net, by_pressure
-    cdef double by_air, by_slope, soften, by_flow, sac_by_flow, whole, from_sac, from_line
+    cdef double by_air, by_slope, soften, by_flow, sac_by_flow, share, from_sac
     cdef bint at_rest = is_at_rest(solved, u) and x[SAC] == 0.0
     cdef FlowSlopes flows
     cdef double* of_h = t.of_flows
     cdef double* of_s = t.of_flows + t.m
     cdef int64_t j
     memcpy(line_row, of_line, t.m * sizeof(double))
-    memcpy(sac_row, of_sac, t.m * sizeof(double))
     if not at_rest:
+        memcpy(sac_row, of_sac, t.m * sizeof(double))
         flow_slopes(solved, u, c, network, &flows)
         flow_numbers(solved, u, &flows, t, of_h, of_s)
         q_h, q_s = flows.q_h, flows.q_s
@@ -153,14 +153,17 @@ cdef void _end_rows(
         by_flow = fill * (line.a1 - line.a2_nozzle * h_flow - line.a2_seat * s_flow)
         for j in range(t.m):
             line_row[j] += soften * of_line[j] + by_flow * of_flow[j]
+    memcpy(kept, of_line, t.m * sizeof(double))
     sac_by_flow = sac_step * (sac.a5 * s_flow - sac.a6 * h_flow)
-    whole = pp * ss - ps * sp
+    share = 1.0 / (pp * ss - ps * sp)
+    if at_rest:
+        for j in range(t.m):
+            of_line[j] = share * line_row[j]
+        return
     for j in range(t.m):
         from_sac = sac_row[j] + sac_by_flow * of_flow[j]
-        from_line = line_row[j]
-        kept[j] = of_line[j]
-        of_line[j] = (ss * from_line - ps * from_sac) / whole
-        of_sac[j] = (pp * from_sac - sp * from_line) / whole
+        of_line[j] = share * (ss * line_row[j] - ps * from_sac)
+        of_sac[j] = share * (pp * from_sac - sp * line_row[j])
 
 
 cdef void _beyond_middle(Tangent* t) noexcept nogil:

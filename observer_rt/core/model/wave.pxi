@@ -109,14 +109,14 @@ cdef void mean_flow_row(Tangent* t, int64_t cells, int64_t row) noexcept nogil:
     """The derivatives of the mean flow into a row of the scratch."""
     cdef double* result = t.moved + row * t.m
     cdef const double* flow
-    cdef double count = <double> cells
+    cdef double share = 1.0 / cells
     cdef int64_t i, j
     for j in range(t.m):
         result[j] = 0.0
     for i in range(1, cells + 1):
         flow = t.by + flow_at(i, cells) * t.m
         for j in range(t.m):
-            result[j] += flow[j] / count
+            result[j] += share * flow[j]
 
 
 cdef void drag(double* x, int64_t cells, double mean_before, double step, double memory, Tangent* t) noexcept nogil:
@@ -319,7 +319,8 @@ cdef void _flow_row(
     Row 0 of the scratch holds those of the flow ahead as it was.
     """
     cdef double* ahead = t.moved
-    cdef double* pressure = t.moved + t.m
+    cdef double* nothing = t.moved + t.m
+    cdef const double* pressure = nothing if there < 0 else t.by + there * t.m
     cdef double* flow = t.by + place * t.m
     cdef const double* of_here = t.by + here * t.m
     cdef const double* of_behind = t.by + behind * t.m
@@ -328,9 +329,7 @@ cdef void _flow_row(
     if there < 0:
         for j in range(t.m):
             ahead[j] = flow[j]
-            pressure[j] = 0.0
-    else:
-        memcpy(pressure, t.by + there * t.m, t.m * sizeof(double))
+            nothing[j] = 0.0
     for j in range(t.m):
         old = flow[j]
         drop = pressure[j] - of_here[j]

@@ -1,5 +1,6 @@
 """Predictors over an event: the identification system x~ with its innovations, and the observer x^ open loop."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from observer_rt.model.right_hand_side import Tangent, tangent_of
 NO_RATE = np.empty(0)
 NO_COMMANDS = np.empty((0, 2))
 NO_SLOPES = np.empty((0, 0))
+DRAINING = 0.2e-3  # s, in which the sac is certainly empty behind a shut needle
 
 
 class Window(NamedTuple):
@@ -106,9 +108,9 @@ class OpenLoop(NamedTuple):
     """x^ over a window of n samples: it follows x~ up to the opening, and runs open loop from there.
 
     rate: (n,) Q_H^ [m3/s]; slopes: (n, m) its derivatives with respect to theta; gradient: (n, states + 1)
-    with respect to x and A_S [m3/s]; transition: (n, states, states) derivatives of x with respect to x one sample
-    before; relaxation: (n,) rate [1/s] at which p_S goes where the needle leads it; by_area: (n,) dp_S/dA_S there,
-    normalised by (24); fullness: (n,) p_S over p_L. All 0 where nothing flows.
+    with respect to x and A_S [m3/s]; transition: (k, states, states) derivatives of x with respect to x one sample
+    before, until the sac is drained; relaxation: (n,) rate [1/s] at which p_S goes where the needle leads it;
+    by_area: (n,) dp_S/dA_S there, normalised by (24); fullness: (n,) p_S over p_L. All 0 where nothing flows.
     """
 
     rate: NDArray[np.float64]
@@ -124,11 +126,13 @@ def open_loop(window: Window, setting: Setting, theta: NDArray[np.float64]) -> O
     """x^ with the parameters theta (m,) over a window, its sensitivities starting at 0 at the opening."""
     n, m, states = window.output.size, theta.size, setting.coefficients.states
     learned = learned_of(theta, setting.coefficients)
+    opened = np.flatnonzero(window.inputs[:n, 1] > 0.0)
+    drained = min(int(opened[-1] if opened.size else 0) + 1 + math.ceil(DRAINING / setting.interval), n)
     result = OpenLoop(
         rate=np.zeros(n),
         slopes=np.zeros((n, m)),
         gradient=np.zeros((n, states + 1)),
-        transition=np.zeros((n, states, states)),
+        transition=np.zeros((drained, states, states)),
         relaxation=np.zeros(n),
         by_area=np.zeros(n),
         fullness=np.zeros(n),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from observer_rt.core.model.model import STEP
-from observer_rt.identification.fit.calibrate import CalibrationResult, calibrate, judged_by
+from observer_rt.identification.fit.calibrate import CalibrationResult, baseline_of, calibrate, judged_by
 from observer_rt.identification.fit.problem import (
     SAC,
     STIFFNESS,
@@ -22,6 +22,7 @@ from observer_rt.model.parameters import InjectorParameters, LineOutflow
 from tests.identification.fit.healthy import NOMINAL, of_independent_plant, off_by_ten_percent
 from tests.observed_plants import bench_at, observed, recording_of
 from tests.plants.healthy import healthy_benches
+from tests.plants.laws import NINE_LAWS
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Bench, Event, Needle, Shot, Surroundings, record, wave_injector
 from tests.plants.wave import LINES, Variant, WaveLine, real_part
@@ -30,6 +31,7 @@ pytestmark = pytest.mark.slow  # compiles what only these tests call, or is a wh
 
 SMALL_SAC = with_values(NOMINAL, (SAC,), np.array([3e-9]))
 WAVES = tuple(one for one in STRUCTURES if one.line == "wave")
+HOLE_PRESSURES, HOLE_DURATIONS = (60e6, 100e6, 140e6), (0.7e-3, 1.6e-3)  # Pa, s
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +57,9 @@ def test_the_numbers_of_another_discretisation_are_near(travelling: CalibrationR
     assert fitted.line.loss_factor == pytest.approx(8.0, rel=0.03)
 
 
-def fitted_to(
+def calibrated_to(
     plant: WaveLine, part: Injector | None = None, file: InjectorParameters = SMALL_SAC
-) -> InjectorParameters:
+) -> CalibrationResult:
     """A plant that knows nothing of our cells, explained by waves drained by the seat; part: on it, a file of it."""
     benches = [
         replace(one, line=plant, injector=part or one.injector)
@@ -67,7 +69,14 @@ def fitted_to(
     by_seat = [one for one in WAVES if one.outflow is LineOutflow.SEAT]
     done = calibrate(file, measured, {}, lambda _: None, by_seat if part is None else by_seat[:1])
     assert done.inadequate == ()
-    return done.injector
+    return done
+
+
+def fitted_to(
+    plant: WaveLine, part: Injector | None = None, file: InjectorParameters = SMALL_SAC
+) -> InjectorParameters:
+    """The model of `calibrated_to`, without a baseline."""
+    return calibrated_to(plant, part, file).injector
 
 
 @pytest.mark.slow
@@ -104,6 +113,22 @@ def test_friction_at_the_wall_is_found_and_with_it_the_level() -> None:
     assert injector.line.wall_viscosity == pytest.approx(LINES[Variant.FRICTION].viscosity, rel=0.1)
     nozzle = injector.nozzle.flow_coefficient * injector.nozzle.area
     assert nozzle == pytest.approx(real_part(1).nozzle_area, rel=0.005)
+
+
+@pytest.mark.slow
+def test_a_hole_that_shuts_is_learned_on_a_fitted_line() -> None:
+    """Its step is narrower than the neurons: they leave of it what a fitted model leaves of a healthy injector."""
+    done, (laws, faults) = calibrated_to(LINES[Variant.PLAIN]), NINE_LAWS["a hole shuts at a large drop"]
+    events = tuple(
+        Event(HOLE_PRESSURES[k % 3], (Shot(7e-6 * (k % 5), HOLE_DURATIONS[k // 3 % 2]),), faults)
+        for k in range(18)
+    )
+    bench = Bench(real_part(1), Needle(), events, seed=95, line=LINES[Variant.PLAIN], laws=laws)
+    model = done.injector.model_copy(update={"baseline": baseline_of(done, {})})
+    run = observed(bench, bench_at(bench.sample_rate).with_parameters(model))
+    assert all(run.valid[5:])
+    assert np.abs(run.errors[5:]).max() < 0.02
+    assert np.mean(run.inside) >= 0.9
 
 
 def test_a_lump_that_cannot_be_stepped_is_left_out_with_the_reason(travelling: CalibrationResult) -> None:

@@ -96,7 +96,7 @@ def simulate(options: SimulateOptions) -> None:
         recording = recording.with_arrays({"energizing": times.energized(schedule, recording.time)})
     write_recording(output, recording)
     simulation.write_truth(truth, made.truth)
-    effects = "; ".join(map(simulation.sizes_of, deviations)) or "no effect"
+    effects = "; ".join((*parameters.in_force, *map(simulation.sizes_of, deviations))) or "no effect"
     count = f"{made.recording.samples} samples at {rate:g} Hz, {injections} events"
     say(messages, f"{output}: {count}, {effects}; truth in {truth.name}")
 

@@ -28,7 +28,7 @@ class ProjectOptions:
 
     step: Annotated[
         ProjectStep,
-        Argument("new, or a step; each does first what it rests on.", "new|fit|evaluate|discover|report"),
+        Argument("new, or a step; the steps it needs are done first.", "new|fit|evaluate|discover|report"),
     ]
     folder: Annotated[
         Path,
@@ -45,7 +45,7 @@ class ProjectOptions:
 
 
 def project(options: ProjectOptions) -> None:
-    """Keep the work on an injector in a folder: fit, evaluation, discovery, report; redone where a file changed."""
+    """Keep fit, evaluation, discovery and report of an injector in a folder; repeat steps whose files changed."""
     from observer_rt.desk.project.project import PROJECT, Project
     from observer_rt.desk.project.steps import do
 

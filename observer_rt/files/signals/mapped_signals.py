@@ -83,6 +83,8 @@ class MappedSignals(TableSignals):
         first = next(super()._parts(0), None)
         rate = None if first is None else rate_of(first.time)
         if rate is None:
+            if first is not None:
+                self._refuse_disorder(int(np.count_nonzero(np.diff(first.time) < 0.0)), first.time.size)
             raise UserError(
                 f"{self.path}: time",
                 "has no even rate",
@@ -191,6 +193,14 @@ class MappedSignals(TableSignals):
             rows += part.time.size
             yield part
 
+    def _refuse_disorder(self, restarts: int, rows: int) -> None:
+        if restarts > max(MOST_RESTARTS * rows, 1.0):
+            raise UserError(
+                str(self.path),
+                f"its rows are not in the order of time: it steps back in {restarts} of {rows}",
+                "sort the rows by their time",
+            )
+
     def _surveyed(self, parts: Iterator[TablePart], raster: int) -> AxisSurvey:
         axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
         for part in parts:
@@ -201,13 +211,7 @@ class MappedSignals(TableSignals):
                     f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows",
                     "mind column and unit of the time, or raise recording.bridge_ms",
                 )
-        restarts = sum(run.is_restart for run in axis.runs)
-        if restarts > max(MOST_RESTARTS * axis.rows, 1.0):
-            raise UserError(
-                str(self.path),
-                f"its rows are not in the order of time: it steps back in {restarts} of {axis.rows}",
-                "sort the rows by their time",
-            )
+        self._refuse_disorder(sum(run.is_restart for run in axis.runs), axis.rows)
         if not axis.period:
             name = ", ".join(self._table.rasters[raster])
             problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"

@@ -316,7 +316,7 @@ class Direction:
     @property
     def words(self) -> str:
         """Main parameters as a product of powers."""
-        return " ".join(f"{symbol}^{share:+.2f}" for symbol, share in self.share if abs(share) > _WEAK_SHARE)
+        return " ".join(f"{symbol}^{share:.2f}" for symbol, share in self.share if abs(share) > _WEAK_SHARE)
 
 
 @dataclass(frozen=True, eq=False)

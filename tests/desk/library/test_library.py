@@ -262,6 +262,9 @@ def test_discovery_names_effect_and_amends(
     assert discovery.proposals.empty
 
 
+COLUMNS = ("time_s", "rail_pressure_MPa", "needle_lift_mm", "line_pressure_MPa")
+
+
 @pytest.mark.parametrize(
     ("argument", "error", "words"),
     [
@@ -270,6 +273,11 @@ def test_discovery_names_effect_and_amends(
         ([], ort.UserError, "there is none"),
         ("missing.csv", ort.UserError, "missing.csv"),
         (pd.DataFrame({"time_s": [0.0, 1.0]}), ort.UserError, "recording 1: its headings do not say"),
+        (
+            pd.DataFrame(dict.fromkeys(COLUMNS, [0.0, 2e-5, 1e-5] * 99)),
+            ort.UserError,
+            "order of time: it steps back",
+        ),
     ],
 )
 def test_wrong_call_says_what_to_give(argument: object, error: type[Exception], words: str) -> None:

@@ -1,7 +1,10 @@
 """Builds report.html: the answer first, then what it rests on, in words and units."""
 
 import math
+import re
 from dataclasses import dataclass
+
+from markupsafe import Markup, escape
 
 from observer_rt.files.learned_picture import learned_figure
 from observer_rt.foundation import units
@@ -22,6 +25,7 @@ for _module in (units, numbers, gaps, sentences, text, tables, figures, law_word
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
 _PAGES.globals |= {"learned_figure": learned_figure, "guess_words": guess_words}
+_PAGES.filters["with_code"] = lambda text: Markup(re.sub("`(.+?)`", r"<code>\1</code>", escape(text)))
 _PAGES.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
 
 

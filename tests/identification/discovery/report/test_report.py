@@ -12,9 +12,13 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.identification.discovery.findings import ModelSource
 from observer_rt.identification.discovery.report.page import report
+from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
 from observer_rt.identification.discovery.search.results import Decisive, LargestMisfit, Verdict
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.model.effect import Equation
+from observer_rt.model.effects import VOCABULARY
+from observer_rt.model.term_effect import term_effect
+from observer_rt.model.terms.term import TermEquation
 from tests.identification.discovery.conftest import Worn
 
 VOID = {"meta", "br", "path", "use", "rect", "line"}
@@ -77,6 +81,19 @@ def test_what_the_network_learned_is_the_first_figure(worn: Worn) -> None:
     assert "pressure drop [MPa], nozzle" in first
     assert "sac_pressure" in first
     assert findings.as_json()["learned"] == [curve.columns]
+
+
+def test_effects_and_laws_of_a_candidate_are_set_apart(worn: Worn) -> None:
+    law = term_effect(TermEquation.NOZZLE_FLOW, "needle_lift/max_lift")
+    together = Candidate(
+        Hypothesis((VOCABULARY["orifice_area"], law)),
+        (0.1, -0.2),
+        0.0,
+        half=(0.01, 0.01),
+        sizes_of_half=(0.1, -0.2),
+    )
+    text = _page(worn, ranking=(*worn.findings.ranking, together)).text
+    assert "orifice_area + nozzle_flow = c * " in text
 
 
 def test_names_of_files_are_text(worn: Worn) -> None:

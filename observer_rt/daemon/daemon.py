@@ -127,7 +127,7 @@ class Daemon:
             self._lose(error.bus, error)
             return
         now = time.monotonic_ns()
-        self.core.contest.note(self.arrivals.is_contested(now))
+        self.core.second_sender.note(self.arrivals.is_contested(now))
         if self.core.frames_taken != self._frames_seen:
             self._frames_seen, self._last_input = self.core.frames_taken, now
         if results or self._is_waiting:

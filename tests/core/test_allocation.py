@@ -27,7 +27,7 @@ for count in (10, 10, int(sys.argv[2])):  # whatever is made only once is made b
             first, waits = core.compiled.take_many(block, first)
             most = max(most, allocations() - before)
             core._go_on(waits)
-            core._results.collect_rates()
+            core._results.collect_results()
         taken += block.frames
 print(taken, most, core.processed)
 """

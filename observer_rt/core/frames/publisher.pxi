@@ -7,7 +7,7 @@ cdef enum:
     VALID = 1
     LEARNING = 2
     STATE = 3
-    FRAMES = 512  # that one input frame can cause at the most, with a wide margin
+    FRAMES = 512  # capacity for results; one input frame causes far fewer than a quarter, as `FULL` of the service keeps free
 
 
 cdef void publish(Publisher* publisher, Observer* observer) noexcept nogil:

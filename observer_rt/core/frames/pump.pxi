@@ -117,7 +117,7 @@ cdef bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
     memory = pump.memory
     cdef bint waits = proceed(pipeline)  # with what it waited for
     cdef int64_t bus
-    _send_rates(pump, &pipeline.publisher)
+    _send_results(pump, &pipeline.publisher)
     if waits:
         return True
     while True:
@@ -136,7 +136,7 @@ cdef bint run_pump(Pumped* pump, Pipeline* pipeline, int wake) noexcept nogil:
         _receive(pump)
 
 
-cdef void _send_rates(Pumped* pump, Publisher* publisher) noexcept nogil:
+cdef void _send_results(Pumped* pump, Publisher* publisher) noexcept nogil:
     """Send the frames that the publisher has ready; what there is no room for waits, the oldest are given up."""
     cdef uint8_t* frame
     cdef OutFrame* row
@@ -313,7 +313,7 @@ cdef bint _take_frame(Pumped* pump, Pipeline* pipeline, int64_t number) noexcept
     if pipeline.publisher.memory.published > published:
         pump.memory.brought, pump.memory.brought_at = pipeline.publisher.memory.published - published, stamp
     has_rates = pipeline.publisher.memory.frames > 0
-    _send_rates(pump, &pipeline.publisher)
+    _send_results(pump, &pipeline.publisher)
     if has_rates:
         _note_latency(pump, now(CLOCK_REALTIME) - stamp)
     _note_arrival(pump, key)

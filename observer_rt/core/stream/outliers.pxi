@@ -13,11 +13,13 @@ cdef enum:
     LET_GO = 4  # samples after which it has not come back: no spike
     ENOUGH_OPENINGS = 3  # that tell the stop
 
-cdef double STEP = 5.5  # standard deviations from one sample to the next, by which a spike goes away and comes back: with 4.5
-cdef double STRAIGHT = 4.0  # the same, by which an open lift's steps beside a spike may differ from the line across it,
-cdef double AWAY = 10.0  # .. and by which the spike leaves that line: a needle that turns round comes no further
-cdef double RESTLESS = 4.9  # the same of a channel's mean change: of white noise as much
-cdef double CHANGE_MEMORY = 64.0  # samples, of that mean
+# Standard deviations from one sample to the next, by which a spike goes away and comes back. Noise alone does so once in
+# ten seconds at 100 kHz; with 4.5 it would do so three times a second.
+cdef double STEP = 5.5
+cdef double STRAIGHT = 4.0  # the same; more may an open lift's steps beside a spike not differ from the line across it
+cdef double AWAY = 10.0  # the same; the least by which a spike leaves that line: a turning needle does not get so far
+cdef double RESTLESS = 4.9  # the same, of a channel's mean change; white noise alone stays below
+cdef double CHANGE_MEMORY = 64.0  # samples over which that mean is taken
 cdef double CLOSE = 0.7  # of these: it comes back so near to where it was, and the channel was so steady before
 cdef double UNLIKELY = log(1e-8)  # probability a sample of so many equal values by chance
 cdef double UNLIKELY_AFTER_LEAP = log(1e-4)
@@ -26,8 +28,6 @@ cdef double DROPOUT = 30.0  # standard deviations by which a value that then sta
 cdef double BACK = 0.5  # of the leap: less is left after a spike
 cdef double WIDE = 0.5  # of the lift at the stop, above which the seat is so wide that a lift held there changes no flow
 cdef double LEAP = 10.0  # of e~ from one sample to the next; a wrong model's grows over several
-
-# noise does so three times a second at 100 kHz, with 5.5 once in ten seconds
 
 
 cdef inline int64_t inspect(Observer* observer, int64_t position) noexcept nogil:

@@ -286,7 +286,7 @@ class FramePump:
         self._stop()
         self._note_what_came()
         fed = [frame for feeder in self._feeders for frame in feeder.end()]
-        return [*fed, *self._waiting_rates(), *self._core.finish()]
+        return [*fed, *self._waiting_results(), *self._core.finish()]
 
     def close(self) -> None:
         """End what runs beside; the links stay open."""
@@ -329,7 +329,7 @@ class FramePump:
         if self._thread.is_alive():
             self._thread.join()
 
-    def _waiting_rates(self) -> Iterator[OutputFrame]:
+    def _waiting_results(self) -> Iterator[OutputFrame]:
         """Rates for which there was no room yet: they are the caller's now."""
         memory, waiting = self._pump.memory[0], self._pump.waiting.reshape(-1, FD_MTU)
         while memory["first_waiting"] < memory["end_waiting"]:

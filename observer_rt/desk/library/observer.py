@@ -80,6 +80,10 @@ class SampleObserver(KnowledgeHolder):
         self._held: Chunk | None = None
         self._samples_fed = self._seen = 0
 
+    def __repr__(self) -> str:
+        count = len(self._notes.injections)
+        return f"Observer at {self._rate:g} Hz: {self._samples_fed} samples, {count} injections, {self.state}"
+
     def feed(
         self,
         rail_pressure_MPa: ArrayLike,  # noqa: N803 - units as printed

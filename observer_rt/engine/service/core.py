@@ -64,7 +64,7 @@ _NOT_LEARNED = (
 )
 
 
-class Contest:
+class SecondSender:
     """Second sender, if there is one now, and the samples between which there was one last."""
 
     def __init__(self, publisher: NDArray[np.void], observer: NDArray[np.void]) -> None:
@@ -164,7 +164,9 @@ class Core:
         self._writes_summaries = writes_summaries
         self.optional = OptionalInputs(fitted, bus, self.compiled, self._tell, is_restored)
         """Energizing, fuel temperature and learning enable as received."""
-        self.contest = Contest(self.compiled.pipeline.publisher.memory, self.compiled.observer.memory)
+        self.second_sender = SecondSender(
+            self.compiled.pipeline.publisher.memory, self.compiled.observer.memory
+        )
         """Whether another node sends the same results."""
         self._results = ResultFrames(bus, self.compiled.pipeline.publisher, config.outputs.injector_id)
 
@@ -185,7 +187,7 @@ class Core:
         while number < block.frames:
             number, waits = self.compiled.take_many(block, number)
             self._go_on(waits)
-            self._results.collect_rates()
+            self._results.collect_results()
         return self._results.taken()
 
     def attend(self) -> list[OutputFrame]:
@@ -223,9 +225,9 @@ class Core:
         self.compiled.observer.memory["mode"]["draining"] = True
         self.compiled.observer.memory["mode"]["waits_for_verdicts"] = True
         self._go_on(self.compiled.proceed())
-        self._results.collect_rates()
+        self._results.collect_results()
         self.compiled.flush()
-        self._results.collect_rates()
+        self._results.collect_results()
         return self._results.taken()
 
     @property
@@ -356,7 +358,7 @@ class Core:
         """Hand over closed events, judge due ones, change the model, until the observer waits for input again."""
         self._follow()
         while waiting:
-            self._results.collect_rates()
+            self._results.collect_results()
             self._answer()
             waiting = self.compiled.proceed()
             self._follow()
@@ -380,7 +382,7 @@ class Core:
         self.optional.read()
         for injection in self._judging.injections(judged):
             commanded = self.optional.opening_of(injection)
-            report = report_of(injection, judged, commanded, self.contest.concerns(injection))
+            report = report_of(injection, judged, commanded, self.second_sender.concerns(injection))
             if self._writes_summaries:
                 self._results.add_summary(report, self.optional.learning, self.coefficients.pressure_scale)
             self._tell(report)

@@ -66,7 +66,7 @@ class ResultFrames:
         self._injector_id = injector_id
         self._frames: list[OutputFrame] = []
 
-    def collect_rates(self) -> None:
+    def collect_results(self) -> None:
         """The frames that the publisher has ready."""
         if self._rate_layout is None or self._ready[0] == 0:
             return

@@ -148,6 +148,7 @@ def test_observer_in_blocks_sees_what_evaluate_sees(
     count = len(observer.injections)
     np.testing.assert_allclose(observer.injections.mass_mg, result.injections.mass_mg[:count])
     assert count == (1 if block == 61 else 6)
+    assert repr(observer).startswith(f"Observer at 100000 Hz: {len(signals)} samples, {count} injections, ")
     assert observer.is_valid == (block != 61)
 
 

@@ -49,7 +49,8 @@ const halfOf = (plot, high, number, at) =>
 
 // Of each panel: title, unit, and `span`, what its axis shows at least, so that noise looks like noise.
 const TIME = { column: "time", label: "ms", axis: "time, ms", span: 1 };
-const NUMBER = { column: "number", label: "injection", axis: "injection", span: 20 };
+const WHOLE = [1, 10, 100, 1e3, 1e4, 1e5].flatMap((n) => [n, 2 * n, 5 * n]); // steps of an axis that counts
+const NUMBER = { column: "number", label: "injection", axis: "injection", span: 20, incrs: WHOLE };
 const RATE = {
   title: "Injection rate", unit: "mm³/ms", span: 10, least: 0, x: TIME,
   columns: (list) => {
@@ -206,7 +207,7 @@ function addPanel(id, { title, unit, span, least, x, series, columns, bands = []
   const plot = new uPlot({
     title, width: 1, height: 1, series: all, // as large as its place, once that is known
     scales: { x: { time: false, range: steady(x.span, 0) }, y: { range: steady(span, 0.04, least) } },
-    axes: [axis(x.axis, 30), axis(unit, 66)],
+    axes: [{ ...axis(x.axis, 30), incrs: x.incrs }, axis(unit, 66)],
     bands: bands.map(([high, low, fill]) => ({ series: [at(high), at(low)], fill })),
     cursor: { drag: { x: false, y: false } },
   }, all.map(() => []), spot);

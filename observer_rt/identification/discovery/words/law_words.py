@@ -234,7 +234,7 @@ def _in_proportion(line: StraightLaw) -> Reading:
         return Reading(line.slope, "growing steadily", "s")
     if subject.of == {Variable.INJECTION_NUMBER: 1.0}:
         return Reading(line.slope, f"beyond number {line.zero:.3g}", "injection")
-    beyond = f" above {subject.amount(line.zero)}, and the other way below" if line.zero else ""
+    beyond = f" above {subject.amount(line.zero)}, and the opposite below" if line.zero else ""
     return Reading(line.slope, f"of {subject.words}{beyond}", subject.unit_word)
 
 
@@ -254,7 +254,7 @@ def _step(line: StraightLaw, before: str, size: float) -> Reading:
 
 
 def _saturating(line: StraightLaw) -> Reading:
-    far = f"far above {line.subject.at(line.zero)}, and the other way far below"
+    far = f"far above {line.subject.at(line.zero)}, and the opposite far below"
     return Reading(math.copysign(1.0, line.slope), far)
 
 
@@ -310,7 +310,7 @@ def _power_of(line: StraightLaw, words: str) -> Reading | None:
 
 def _remembered(line: StraightLaw, milliseconds: float) -> Reading:
     if Variable.NEEDLE_LIFT in line.subject.of:
-        fades = f"fading in {milliseconds:.3g} ms, and the other way after it fell"
+        fades = f"fading in {milliseconds:.3g} ms, and the opposite after it fell"
         return Reading(1.0, f"right after it rose by the whole lift, {fades}")
     words = f"of {line.subject.words} beyond what it was {milliseconds:.3g} ms ago"
     return Reading(line.slope, words, line.subject.unit_word)

@@ -27,9 +27,9 @@ ELEMENTS = {
 }
 INCLUDE = re.compile(r'^include "(.+)"$', re.MULTILINE)
 CIMPORT = re.compile(r"^from (\S+) cimport ([^()\n]+$|\([^)]+\))", re.MULTILINE)
-GIVEN = re.compile(r"^globals\(\)\.update\((.+?)\)$", re.MULTILINE | re.DOTALL)
+EXPORTED = re.compile(r"^globals\(\)\.update\((.+?)\)$", re.MULTILINE | re.DOTALL)
 DOUBLE = re.compile(r"^cdef double(\[\w+\])? (\w+) =", re.MULTILINE)
-CALLED = re.compile(
+DECLARED = re.compile(
     r"^cdef class (?P<name>\w+)(?P<base>\(\w+\))?:$"
     r"|^(?P<indent>    |)def (?P<function>__init__|[a-z]\w*)\((?P<parameters>.*?)\) -> (?P<result>.+?):$",
     re.MULTILINE | re.DOTALL,
@@ -43,14 +43,14 @@ def stub_of(source: Path) -> str:
     lines = _constants(text, source.parent)
     lines += [RECORDS] if "\nRECORDS = {" in text else []
     is_public = True
-    for match in CALLED.finditer(text):
+    for match in DECLARED.finditer(text):
         if match["name"]:
             is_public = not match["name"].startswith("_")
             if is_public:
                 lines.append(f'class {match["name"]}{match["base"] or ""}:\n    """Compiled."""')
         elif is_public or not match["indent"]:
-            stated = re.split(r",\s+(?=[A-Za-z])", match["parameters"].strip(" \n,"))
-            parameters = ", ".join(map(_parameter, stated))
+            declared = re.split(r",\s+(?=[A-Za-z])", match["parameters"].strip(" \n,"))
+            parameters = ", ".join(map(_parameter, declared))
             lines.append(f"{match['indent']}def {match['function']}({parameters}) -> {match['result']}: ...")
     header = source.with_suffix(".pxd")
     classes = {
@@ -66,14 +66,14 @@ def _constants(text: str, folder: Path) -> list[str]:
     """Constants that a module exports by `globals().update`: a `double`, an array of them, or else a whole number."""
     sources = "".join(path.read_text() for path in folder.glob("*.p*"))
     kinds = {name: "tuple[float, ...]" if array else "float" for array, name in DOUBLE.findall(sources)}
-    arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", "".join(GIVEN.findall(text)))
+    arguments = re.findall(r"\b([A-Z]\w*)=(?:tuple\(|\()?(\w+)", "".join(EXPORTED.findall(text)))
     return [f"{name}: {kinds.get(value, 'int')}" for name, value in arguments]
 
 
-def _parameter(stated: str) -> str:
+def _parameter(declared: str) -> str:
     """A parameter of a Cython function as Python declares it."""
-    match = PARAMETER.fullmatch(stated)
-    assert match, stated
+    match = PARAMETER.fullmatch(declared)
+    assert match, declared
     kind, array, name, default = match.groups()
     if name == "self":
         return name

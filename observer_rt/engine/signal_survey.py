@@ -225,7 +225,7 @@ def _pressure(name: str, pressure: SignalSurvey, opens: bool) -> Iterator[Implau
         name,
         f"reaches {pressure.highest / MEGAPASCAL:.4g} MPa"
         + (" only, though the needle opens" if is_low else ""),
-        f"give pressures of {lowest / MEGAPASCAL:g} to {highest / MEGAPASCAL:g} MPa; mind the unit{_likely(likely)}",
+        f"give pressures of {lowest / MEGAPASCAL:g} to {highest / MEGAPASCAL:g} MPa; check the unit{_likely(likely)}",
     )
 
 
@@ -241,7 +241,7 @@ def _beside_each_other(rail: SignalSurvey, line: SignalSurvey) -> Iterator[Impla
                 "line_pressure",
                 f"is {line.mean / MEGAPASCAL:.4g} MPa in the mean, rail_pressure {rail.mean / MEGAPASCAL:.4g} MPa: "
                 f"{ratio:.3g} times as much",
-                f"mind the units of both; that of line_pressure is likely {unit}"
+                f"check the units of both; that of line_pressure is likely {unit}"
                 + "".join(f", or that of rail_pressure {other}" for other in others),
             )
             return
@@ -255,7 +255,7 @@ def _lift(lift: SignalSurvey) -> Iterator[Implausible]:
         yield Implausible(
             "needle_lift",
             f"reaches {reached / MILLIMETRE:.4g} mm",
-            f"give lifts below {LARGEST_LIFT / MILLIMETRE:g} mm; mind the unit{_likely(likely)}",
+            f"give lifts below {LARGEST_LIFT / MILLIMETRE:g} mm; check the unit{_likely(likely)}",
         )
     elif lowest < -OPEN and highest < -lowest / 4.0:
         yield Implausible(
@@ -273,7 +273,7 @@ def _lift(lift: SignalSurvey) -> Iterator[Implausible]:
         yield Implausible(
             "needle_lift",
             f"reaches {highest / MILLIMETRE:.4g} mm only",
-            f"mind the unit{_likely([_LIFT_FACTORS[-1][1]])}",
+            f"check the unit{_likely([_LIFT_FACTORS[-1][1]])}",
         )
 
 

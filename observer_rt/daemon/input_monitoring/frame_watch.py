@@ -41,7 +41,7 @@ _FAULTS = (
     _Fault(
         "crc_errors",
         "have a wrong CRC",
-        "the bus is disturbed: see to cable, termination and bit rate; if it is all of them, E2EProfile and "
+        "the bus is disturbed: check cable, termination and bit rate; if it is all of them, E2EProfile and "
         "E2EDataId of the database",
         _is_protected,
     ),
@@ -99,7 +99,7 @@ class FrameWatch:
             yield Notice(
                 Topic.INPUT,
                 f"{self._names}: {lost} samples were lost at once, {lost / self._rate:.2g} s\n"
-                "  remedy: see to cable and supply of the measuring device; DroppedFrames says if this computer "
+                "  remedy: check cable and supply of the measuring device; DroppedFrames says if this computer "
                 "was too slow",
             )
         self._looks += 1

@@ -211,7 +211,7 @@ class RestartWatch:
             if before and progress[stream] < before[stream]
         ]
         change = "; ".join(back) or "sample index begins anew"
-        remedy = "nothing, if that was meant; else see to its power supply"
+        remedy = "nothing, if that was meant; else check its power supply"
         return [Notice(Topic.INPUT, f"a measuring device was restarted: {change}\n  remedy: {remedy}")]
 
 
@@ -256,7 +256,7 @@ class LiftWatch:
                 size = figures.crosstalk * 10 * MEGAPASCAL / MICROMETRE
                 finding = (
                     f"the line pressure shows in it, {size:.2g} um per 10 MPa, which is taken out\n"
-                    "  remedy: none is needed; see to mounting, cable and ground of the needle-lift sensor"
+                    "  remedy: none is needed; check mounting, cable and ground of the needle-lift sensor"
                 )
             notices.append(Notice(Topic.VALUE, f"needle_lift: {finding}", not is_pressed))
         if figures.is_to_scale != before.is_to_scale:

@@ -45,7 +45,7 @@ def bench_for(bench: Bench, recording: Sampled) -> Bench:
         raise UserError(
             str(recording.path),
             f"is sampled at {rate:g} Hz, the observer takes {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz",
-            "mind the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
+            "check the unit of the time, which is likely " + ("ms" if rate < LOWEST_RATE else "not s"),
         )
     sampling = bench.injector.config.sampling
     if recording.meaning not in (None, sampling.meaning):

@@ -91,7 +91,7 @@ def doubts(
     if not low / BEYOND < mean < high * BEYOND:
         yield SignalDoubt(
             f"rail_pressure is {mean:.4g} MPa in the mean, and the model was fitted at {low:.4g} to {high:.4g} MPa",
-            "mind the unit of both pressures, or fit the model at such a rail pressure, too",
+            "check the unit of both pressures, or fit the model at such a rail pressure, too",
         )
 
 

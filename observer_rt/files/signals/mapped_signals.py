@@ -94,7 +94,7 @@ class MappedSignals(TableSignals):
             raise UserError(
                 f"{self.path}: time",
                 f"has {rate:.6g} rows a second, which are too few or too many",
-                "mind its unit, or state it in a bench file: [recording.time]",
+                "check its unit, or state it in a bench file: [recording.time]",
             )
         return rate
 
@@ -209,14 +209,14 @@ class MappedSignals(TableSignals):
                 raise UserError(
                     str(self.path),
                     f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows",
-                    "mind column and unit of the time, or raise recording.bridge_ms",
+                    "check column and unit of the time, or raise recording.bridge_ms",
                 )
         self._refuse_disorder(sum(run.is_restart for run in axis.runs), axis.rows)
         if not axis.period:
             name = ", ".join(self._table.rasters[raster])
             problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
             raise UserError(
-                f"{self.path}, {name}", problem, "mind the column of the time; two samples are the least"
+                f"{self.path}, {name}", problem, "check the column of the time; two samples are the least"
             )
         return axis
 
@@ -242,7 +242,7 @@ class MappedSignals(TableSignals):
             raise UserError(
                 str(self.path),
                 f"is sampled at {rate:.6g} Hz, to be put on {self.rate:g} Hz of sampling.rate_hz",
-                "mind column and unit of the time, and rate_hz",
+                "check column and unit of the time, and rate_hz",
             )
         if len(self._axes) > 1 and any(run.is_restart for each in self._axes for run in each.runs):
             raise UserError(
@@ -255,7 +255,7 @@ class MappedSignals(TableSignals):
             raise UserError(
                 str(self.path),
                 f"holds no two samples within {axis.reach / MILLISECOND:g} ms",
-                "mind column and unit of the time, or raise recording.bridge_ms",
+                "check column and unit of the time, or raise recording.bridge_ms",
             )
         return runs
 

@@ -57,7 +57,7 @@ def messages_of_looks(
     [
         (
             "crc_errors",
-            "5 % of frames have a wrong CRC\n  remedy: the bus is disturbed: see to cable, termination",
+            "5 % of frames have a wrong CRC\n  remedy: the bus is disturbed: check cable, termination",
         ),
         ("length_errors", "5 % of frames have another length than the database says"),
         (
@@ -101,7 +101,7 @@ def test_an_outage_is_reported_with_its_length(arrivals: Arrivals, counters: Cou
     watch = FrameWatch(arrivals, RATE)
     assert messages_of_looks(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
     (message,) = messages_of_looks(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
-    assert f"{SAMPLE_BLOCK}: 20000 samples were lost at once, 0.2 s\n  remedy: see to cable" in message
+    assert f"{SAMPLE_BLOCK}: 20000 samples were lost at once, 0.2 s\n  remedy: check cable" in message
 
 
 def timing(drift: float) -> list[MessageTiming]:

@@ -114,7 +114,7 @@ def test_wrong_units_are_refused_by_every_command(command: Command, worn: Path, 
     ):
         said = command.refused(*words)
         assert "wrong.csv, needle_lift" in said
-        assert "mind the unit" in said
+        assert "check the unit" in said
         assert not out.exists()
 
 

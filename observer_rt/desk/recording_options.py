@@ -29,17 +29,19 @@ class EvaluateOptions:
     bench: shared.BenchFile = EXAMPLE_BENCH
     model: shared.Model = None
     state: shared.State = None
-    save_state: Annotated[Path | None, Option("File for what was learned."), Writes("learned state")] = None
+    save_state: Annotated[
+        Path | None, Option("File to which the learned state is written."), Writes("learned state")
+    ] = None
     no_learning: Annotated[bool, Option("Keep the model as it is at the start.")] = False
     twice: Annotated[
         bool,
         Option(
-            "Look at every injection again with what all of them taught: rates, masses and wear of the first are "
-            "as good as those of the last."
+            "Evaluate every injection again with the knowledge from all of them, so that the first are known as well "
+            "as the last."
         ),
     ] = False
     chain: Annotated[
-        bool, Option("Treat the recordings as one history: learning goes on from file to file.")
+        bool, Option("Treat the recordings as one history: learning continues from file to file.")
     ] = False
     output: Annotated[
         Path | None,

@@ -57,7 +57,7 @@ def run_by_run(
 ) -> tuple[list[Evaluation], Knowledge]:
     """Evaluate every source by itself, or all of them as one history, in which knowledge goes on from run to run.
 
-    learning: unless the bench has it off; twice: evaluate each run a second time with what the first taught;
+    learning: unless the bench has it off; twice: evaluate each run again with the knowledge from all its injections;
     progress: gets the number of samples done; curves_of, traces: as of `evaluate`.
     Also returns the knowledge at the end of the last run. Raises `UserError` for a history of several sample rates.
     """

@@ -1,5 +1,6 @@
-"""Injections looked at twice: learned from forward, then each with what all of them taught; the first are as good as
-the last. A live run cannot do that.
+"""Evaluation in two passes: learning goes forward, then every injection is evaluated with the knowledge from all.
+
+So the first injections are known as well as the last. A live run cannot do that.
 """
 
 import math

@@ -182,9 +182,9 @@ class Injector:
         learn : bool
             Whether they are learned from.
         twice : bool
-            Whether every injection is looked at again with what all of them taught, so that the first are as good
-            as the last: rate, mass, peak rate, validity, wear and all else that is learned, with their intervals.
-            `phi_version` stays that of the live run. False, as on the command line: all as the daemon would have it.
+            Whether every injection is evaluated again with the knowledge from all of them, so that the first are
+            known as well as the last: rate, mass, peak rate, validity, wear and all else that is learned, with their
+            intervals. `phi_version` stays that of the live run. False, as on the command line: as the daemon would.
 
         Returns
         -------

@@ -285,7 +285,7 @@ function numbersHtml({ told }, list) {
     + row("injection", `${numberOf(last)} <small>${escaped(v.verdict)}, ${ago}</small>`)
     + row("rail pressure", known(v.rail_pressure_MPa, null, "MPa", 1), "minor")
     + row("nominal", known(nominal, null, "mg"), "minor")
-    + row("rates at", known(v.density_kg_per_m3, null, "kg/m³", 0), "minor")
+    + row("density", known(v.density_kg_per_m3, null, "kg/m³", 0), "minor")
     + row("nozzle flow", wear("nozzle_v_H")) + row("seat flow", wear("seat_v_S"))
     + row("valid lately", `${valid.toFixed(0)} % <small>of ${lately.length}</small>`)
     + row("lost by the observer", `${told.lost} <small>samples and frames</small>`, told.lost ? "" : "minor")

@@ -96,7 +96,7 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         range_ends=EndsOfRange(((0.7,), (1.3, 1.4))),
         overdispersion=Overdispersion(12.0, 11.0),
         held_rail=HeldRail(0.95, 1),
-        lift_lag=LiftLagSearch(3, 2.0, 1e3),
+        lift_lag=LiftLagSearch(3, 0, 2.0, 1e3),
         energizing=Energizing(
             EdgeSearch(np.ones(4), np.ones(4), np.ones((2, 4))),
             CoilCurrent(np.ones(3), np.ones(3), CoilPulse(0.002, 30, 20), np.eye(PARAMETERS)),

@@ -1,9 +1,9 @@
-"""Lag of the needle lift, where no event is explained without: asked only of events that are refused.
+"""Lag of the needle lift: asked of events that are refused, and of those that only large laws explain.
 
 A lift behind a slow sensor or a filter shows openings and closings late, against both pressures. No parameter does
-the same, so that the event is refused. It is fitted again, from nothing known, with a lift that is so much earlier as
-explains most. The lag found is reported, never undone: a lift moved by what another cause has done would be valid and
-wrong.
+the same, but laws of nozzle and seat with the area or in time come near, most of all at few operating points, with a
+mass that is wrong. The event is fitted again, from nothing known, with a lift that is so much earlier as explains
+most. The lag found is reported, never undone: a lift moved by what another cause has done would be valid and wrong.
 """
 
 import math
@@ -27,15 +27,18 @@ UNEXPLAINED = (Reason.MODEL_INADEQUATE, Reason.CONTRADICTED)
 STEP = 5e-6  # s, either way, by which the lift is moved for a slope
 FARTHEST = 30e-6  # s, by which one step goes at most
 USUAL = 20e-6  # s, of an amplifier or a filter ahead of a converter
-_LAWS = WEIGHTS[
-    GROUPS[0].neurons :
-].tolist()  # of the network's neurons, all but those over the pressure drop
+# Held: a pilot valve, what the needle displaces, and of the network's neurons all but those over the pressure drop.
+_HELD = [*SERVO, *WEIGHTS[GROUPS[0].neurons :]]
 CLOSE = 1e-6  # s: no more steps
 STEPS = 4
 SHORTER = 0.4  # a step that explained no more
 FIRST_ITERATIONS, ITERATIONS = 8, 3
 LEAST = 3e-6  # s, that is reported
 ENOUGH = 16.0  # chi2 an event, that a lag must explain: 4 sigma
+# Sum of squares of the held over their prior's sigmas: late lifts come to 20 to 150, laws of real injectors to 40.
+LARGE = 16.0
+# chi2 an event, that a lag must explain instead of laws: those of real injectors are explained by it to 70 at most.
+INSTEAD = 100.0
 MOST_OF_IT = 0.6  # share of what is beyond noise
 NEARLY_ALL = 0.85  # the same, where what is left would still be too much, as on a fitted line
 # What one lag for all may leave, chi2 an event, or of what is explained: another injector seems late by more at some
@@ -63,6 +66,15 @@ class LiftLag:
     missed: float = 0.0
     by_chamber: float = math.inf
 
+    def explains_instead(self, left_by_laws: float) -> bool:
+        """Whether it explains an event as well as laws of nozzle and seat, which leave so much chi2 beyond noise."""
+        return self.without - self.left > INSTEAD and self.left <= left_by_laws + ENOUGH
+
+
+def has_large_laws(theta: Theta, sigmas: NDArray[np.float64]) -> bool:
+    """Whether laws that a late lift looks like are large, over sigmas of their prior (both by parameter)."""
+    return float(np.sum((theta[_HELD] / sigmas[_HELD]) ** 2)) > LARGE
+
 
 def lift_lag_of(
     window: Window, setting: Setting, cost_of: Callable[[Window], EventCost], expected: float = USUAL
@@ -76,8 +88,8 @@ def lift_lag_of(
     slope at 0 leads nowhere. Raises numpy.linalg.LinAlgError when singular.
     """
     scale = setting.coefficients.pressure_scale
-    limits, wide, held = theta_limits(setting.coefficients), SCALARS.prior(scale), [*SERVO, *_LAWS]
-    wide[held] = SCALARS.drift(scale)[held]
+    limits, wide = theta_limits(setting.coefficients), SCALARS.prior(scale)
+    wide[_HELD] = SCALARS.drift(scale)[_HELD]
     prior = prior_belief(np.zeros(SCALARS.width), np.diag(wide**2))
 
     def fitted(
@@ -109,10 +121,13 @@ def lift_lag_of(
 
 @dataclass(frozen=True)
 class LiftLagSearch:
-    """Evidence of recent refused events for a lag: sums of the fields of `LiftLag`; asked: refused events in a
-    row."""
+    """Evidence of recent events for a lag: sums of the fields of `LiftLag`.
+
+    asked: refused events in a row; doubted: explained ones in a row, by large laws.
+    """
 
     asked: int = 0
+    doubted: int = 0
     events: float = 0.0
     samples: float = 0.0
     without: float = 0.0
@@ -122,25 +137,39 @@ class LiftLagSearch:
     by_chamber: float = 0.0
 
     def after(
-        self, objections: Sequence[Objection], ask: Callable[[float], LiftLag]
+        self,
+        objections: Sequence[Objection],
+        left_by_laws: float | None,
+        ask: Callable[[float], LiftLag],
     ) -> tuple["LiftLagSearch", tuple[Objection, ...]]:
-        """Adds an event, if it is refused and its turn is to be asked; returns the objections to it, too.
+        """Adds an event, if its turn is to be asked; returns the objections to it, too.
 
-        Objections that a late or early lift explains get that reason. ask: by the lag [s] that is expected.
+        Objections that a late or early lift explains get that reason. An event that is explained by laws gets one,
+        where a lag explains it as well. left_by_laws: chi2 beyond noise, None if laws are small; ask: by the lag [s]
+        that is expected.
         """
         inadequate = [o for o in objections if o.reason in UNEXPLAINED and o.phase is not None]
-        if not inadequate:
-            return replace(self, asked=0), tuple(objections)
-        search = replace(self, asked=self.asked + 1)
-        if search.asked <= SOON or search.asked % SELDOM == 0:
+        if inadequate:
+            search = replace(self, asked=self.asked + 1, doubted=0)
+        elif left_by_laws is not None:
+            search = replace(self, asked=0, doubted=self.doubted + 1)
+        else:
+            return replace(self, asked=0, doubted=0), tuple(objections)
+        turn = max(search.asked, search.doubted)
+        if turn <= SOON or turn % SELDOM == 0:
             try:
-                search = search._with_event(ask(search._lag or USUAL))
+                event = ask(search._lag or USUAL)
             except np.linalg.LinAlgError:
                 return search, tuple(objections)
+            if not (inadequate or left_by_laws is None or event.explains_instead(left_by_laws)):
+                return LiftLagSearch(doubted=search.doubted), tuple(objections)
+            search = search._with_event(event)
         lag = search.accepted_lag
         if lag is None:
             return search, tuple(objections)
         reason = Reason.LIFT_SENSOR_LAG if lag > 0.0 else Reason.TIME_BASE
+        if not inadequate:
+            return search, (*objections, Objection(reason))
         return search, tuple(replace(o, reason=reason) if o in inadequate else o for o in objections)
 
     @property
@@ -169,6 +198,7 @@ class LiftLagSearch:
             return self
         return LiftLagSearch(
             self.asked,
+            self.doubted,
             REMEMBERED * self.events + 1.0,
             REMEMBERED * self.samples + event.samples,
             REMEMBERED * self.without + event.without,

@@ -42,6 +42,26 @@ def test_a_slow_lift_sensor_is_named(lag: float, wear: float) -> None:
     assert set(result[4:]) <= {Reason.LIFT_SENSOR_LAG, Reason.OUTSIDE_LEARNED_RANGE}
 
 
+@pytest.mark.parametrize("lag", [20e-6, 32e-6])
+@pytest.mark.parametrize("durations", [(1.4e-3,), (1.4e-3, 0.9e-3)])
+def test_laws_learned_do_not_stand_for_a_late_lift(lag: float, durations: tuple[float, ...]) -> None:
+    """At one rail pressure laws of nozzle and seat explain every event, with masses that are wrong."""
+    shots = [Shot(7e-6 * k, durations[k % len(durations)]) for k in range(16)]
+    worn_and_late = Faults(orifice_area=-0.3, lift_sensor_lag=lag)
+    events = tuple(Event(100e6, (shot,), worn_and_late) for shot in shots)
+    run = observed(Bench(Injector(), Needle(), events, seed=11))
+    assert not any(run.valid)
+    assert {report.reason for report in run.reports[2:]} == {Reason.LIFT_SENSOR_LAG}
+
+
+@pytest.mark.parametrize(("left_by_laws", "is_late"), [(0.0, True), (-20.0, False), (None, False)])
+def test_an_explained_event_is_late_where_a_lag_explains_it_as_well_as_laws(
+    left_by_laws: float | None, is_late: bool
+) -> None:
+    _, objections = LiftLagSearch().after((), left_by_laws, lambda _: EXPLAINED)
+    assert [each.reason for each in objections] == [Reason.LIFT_SENSOR_LAG] * is_late
+
+
 @pytest.mark.parametrize("other", [sized("channel_skew", d=50e-6), sized("seat_outflow")])
 def test_a_late_line_pressure_or_another_seat_is_none(other: SizedEffect) -> None:
     result = reasons(other)
@@ -69,7 +89,7 @@ def lags_found(events: Iterable[LiftLag]) -> list[float | None]:
     """After each of the refused events."""
     search, lags = LiftLagSearch(), []
     for event in events:
-        search, _ = search.after(REFUSED, partial(lambda event, _: event, event))
+        search, _ = search.after(REFUSED, None, partial(lambda event, _: event, event))
         lags.append(search.accepted_lag)
     return lags
 
@@ -116,9 +136,9 @@ def test_where_events_are_refused_for_long_few_are_asked() -> None:
         return EXPLAINED
 
     for _ in range(64):
-        search, _ = search.after(REFUSED, ask)
+        search, _ = search.after(REFUSED, None, ask)
         assert search.accepted_lag
     assert next(asked) == 6 + 64 // 8
-    search, _ = search.after((), ask)
-    search.after(REFUSED, ask)
+    search, _ = search.after((), None, ask)
+    search.after(REFUSED, None, ask)
     assert next(asked) == 6 + 64 // 8 + 2

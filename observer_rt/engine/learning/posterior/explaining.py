@@ -60,6 +60,11 @@ class Explanation:
         """Whether the event can be learned from."""
         return self.kind.mode.is_good
 
+    @property
+    def excess(self) -> float:
+        """chi2 of the event beyond that of noise."""
+        return self.reading.cost.beyond_noise(self.cost.value)
+
     @cached_property
     def score_as_believed(self) -> float | None:
         """Score of the event before the fit; None if it was not expected so, or nothing was learned before."""

@@ -28,7 +28,7 @@ from observer_rt.engine.learning.indicators import nozzle_change
 from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.knowledge import LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
-from observer_rt.engine.learning.lift_lag import UNEXPLAINED, LiftLag, lift_lag_of
+from observer_rt.engine.learning.lift_lag import UNEXPLAINED, LiftLag, has_large_laws, lift_lag_of
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
 from observer_rt.engine.learning.posterior.reader import EventReader
@@ -85,7 +85,9 @@ def named(
     if is_ending and against:
         against = (Objection(Reason.INPUT_CLIPPED), *against)
     ask = partial(_lift_lag, state, explained, reader)
-    lift_lag, against = state.lift_lag.after(against, ask)
+    explanation, _ = explained.carried[0]
+    left_by_laws = explanation.excess if has_large_laws(explanation.theta, reader.wide) else None
+    lift_lag, against = state.lift_lag.after(against, left_by_laws, ask)
     return replace(state, lift_lag=lift_lag), tuple(against)
 
 

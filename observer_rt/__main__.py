@@ -1,6 +1,7 @@
 """`observer-rt`, or `python -m observer_rt`."""
 
 import gc
+import os
 import sys
 
 from observer_rt.foundation.errors import InterruptionError
@@ -14,9 +15,19 @@ def collect_seldom() -> None:
     gc.set_threshold(50_000, 5, 2)
 
 
+def calculate_in_one_thread() -> None:
+    """Have linear algebra keep to the thread that asks, unless the environment says otherwise.
+
+    All matrices are small. Its other threads would wait for the next ones by spinning, on the core of the loop.
+    """
+    for library in ("OPENBLAS", "MKL", "OMP"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+
 def main() -> None:
     """Import the command line, which takes a while in which it may be interrupted, and run it."""
     collect_seldom()
+    calculate_in_one_thread()
     try:
         _import_python_can()
         from observer_rt.desk.cli.app import main as command_line

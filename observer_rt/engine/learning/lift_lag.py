@@ -47,8 +47,8 @@ MISSED, MISSED_SHARE = 10.0, 0.015
 # Pa, by which the chamber may be at another pressure than the file says: a sac that rests at it fills sooner, or
 # later, as if the lift were late, or early.
 CHAMBERS = (-4e6, 10e6, 20e6)
-# Refused events that are asked, then one of so many: asking takes ten times as long as learning.
-SOON, SELDOM = 6, 8
+# Events that are asked, then one of so many refused, explained: asking takes ten times as long as learning.
+SOON, SELDOM, RARELY = 6, 8, 64
 REMEMBERED = 0.85  # weight of the sums before this event
 
 
@@ -145,7 +145,7 @@ class LiftLagSearch:
         """Adds an event, if its turn is to be asked; returns the objections to it, too.
 
         Objections that a late or early lift explains get that reason. An event that is explained by laws gets one,
-        where a lag explains it as well. left_by_laws: chi2 beyond noise, None if laws are small; ask: by the lag [s]
+        where a lag explains it as well. left_by_laws: chi2 beyond noise, None if they are small; ask: by the lag [s]
         that is expected.
         """
         inadequate = [o for o in objections if o.reason in UNEXPLAINED and o.phase is not None]
@@ -155,8 +155,8 @@ class LiftLagSearch:
             search = replace(self, asked=0, doubted=self.doubted + 1)
         else:
             return replace(self, asked=0, doubted=0), tuple(objections)
-        turn = max(search.asked, search.doubted)
-        if turn <= SOON or turn % SELDOM == 0:
+        turn, often = (search.asked, SELDOM) if inadequate else (search.doubted, RARELY)
+        if turn <= SOON or turn % often == 0:
             try:
                 event = ask(search._lag or USUAL)
             except np.linalg.LinAlgError:

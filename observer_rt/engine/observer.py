@@ -145,7 +145,12 @@ def make_observer(
         np.zeros_like(learner.schedule.gains),
     )
     lent = (
-        *(memory, recorded, ring, x_tilde, x_hat, gains),
+        memory,
+        recorded,
+        ring,
+        x_tilde,
+        x_hat,
+        gains,
         *(
             np.zeros(PENDING_EVENTS, EVENT),
             np.zeros(INJECTIONS, INJECTION),

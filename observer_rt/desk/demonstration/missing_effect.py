@@ -235,9 +235,12 @@ def loop_table(result: LoopResult) -> Table:
     headings = ("model", "rail [MPa]", "true [mg]", "observer [mg]", "error", "valid")
     rows = (
         (
-            *("amended" if row.amended else "as given", f"{row.rail_pressure / MEGAPASCAL:.0f}"),
-            *(f"{row.true / MILLIGRAM:.2f}", f"{row.mass / MILLIGRAM:.2f}"),
-            *(f"{100 * (row.mass / row.true - 1):+.2f} %", "yes" if row.valid else ",".join(row.reasons)),
+            "amended" if row.amended else "as given",
+            f"{row.rail_pressure / MEGAPASCAL:.0f}",
+            f"{row.true / MILLIGRAM:.2f}",
+            f"{row.mass / MILLIGRAM:.2f}",
+            f"{100 * (row.mass / row.true - 1):+.2f} %",
+            "yes" if row.valid else ",".join(row.reasons),
         )
         for row in result.injections
     )

@@ -72,7 +72,8 @@ def _cells(row: "MassRow") -> Sequence[str]:
         for mass in (row.nominal, row.estimated)
     )
     return (
-        *(str(row.number), f"{true / MILLIGRAM:.2f}"),
+        str(row.number),
+        f"{true / MILLIGRAM:.2f}",
         *chain.from_iterable(masses),
         "yes" if row.valid else "not yet",
     )

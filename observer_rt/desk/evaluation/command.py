@@ -40,7 +40,13 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
         progress_bar(console, "evaluating", sum(source.samples for source in sources)) as progress,
     ):
         evaluations, knowledge = run_by_run(
-            *(bench, sources, knowledge, not options.no_learning, options.chain, options.twice, progress),
+            bench,
+            sources,
+            knowledge,
+            not options.no_learning,
+            options.chain,
+            options.twice,
+            progress,
             c if options.plot is not None or options.twice else None,
             [stack.enter_context(replacing(path)) for path in _traces(paths, options)],
         )

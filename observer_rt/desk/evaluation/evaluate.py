@@ -195,7 +195,12 @@ def evaluate(
             stack.enter_context(file_errors(path))
             evaluation.writer = stack.enter_context(open_trace(path))
         run = ObserverRun(
-            *(bench, knowledge, learning, progress, learner_of, fuel_temperature),
+            bench,
+            knowledge,
+            learning,
+            progress,
+            learner_of,
+            fuel_temperature,
             keeps_frames=traces is None,
             reads_ahead=reads_ahead,
             commanded=commanded,

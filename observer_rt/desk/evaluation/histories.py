@@ -75,8 +75,13 @@ def run_by_run(
 
         look = SecondLook()
         history = evaluate(
-            *(bench, run, current if chain else knowledge, learning, report),
-            *(look.learner if twice else make_learner, curves_of),
+            bench,
+            run,
+            current if chain else knowledge,
+            learning,
+            report,
+            look.learner if twice else make_learner,
+            curves_of,
             None if remaining is None else list(islice(remaining, len(run))),
         )
         look.revise(history.evaluations)

@@ -225,8 +225,12 @@ def _report_by(report: InjectionReport, again: _Again, window: slice, is_judged:
         mass_ci95=(low * report.density, high * report.density),
         peak_rate=float(again.event.run.rate[window].max()),
         indicators=indicators_of(
-            *(again.theta, again.covariance, report.middle_x, report.middle_u),
-            *(again.event.calibration, again.rails),
+            again.theta,
+            again.covariance,
+            report.middle_x,
+            report.middle_u,
+            again.event.calibration,
+            again.rails,
         ),
         budget=budget,
     )

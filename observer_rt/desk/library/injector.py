@@ -244,8 +244,14 @@ class Injector:
             references = [] if healthy is None else sources_of(healthy, self.bench, notes.console)
             measured = self._measured([*sources, *references], notes)
             task = DiscoveryTask(
-                *(self.parameters, measured[: len(sources)], measured[len(sources) :], digests(sources)),
-                *(effects_named("choose", choose), accept_term, observer_remainder, learned_laws),
+                self.parameters,
+                measured[: len(sources)],
+                measured[len(sources) :],
+                digests(sources),
+                effects_named("choose", choose),
+                accept_term,
+                observer_remainder,
+                learned_laws,
             )
             refuse_incomparable(task, self.file.name)
             with progress_bar(screen, "looking for what is missing", 1.0) as progress:

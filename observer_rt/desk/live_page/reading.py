@@ -105,7 +105,11 @@ class DaemonReader:
         status = self._status
         if status is not None and not self._is_old(status.moment):
             return InjectorSnapshot(
-                *(self.name, status.state, status.words, status.level, status.faults),
+                self.name,
+                status.state,
+                status.words,
+                status.level,
+                status.faults,
                 lost=status.lost,
                 learned=self._learned,
             )

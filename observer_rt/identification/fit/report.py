@@ -151,7 +151,10 @@ def print_fit(done: CalibrationResult, console: Console) -> None:
     say(console, "parameters")
     parameters = [
         (
-            *(name, size.symbol, "" if size.file is None else f"{size.file:.5g}", f"{size.value:.5g}"),
+            name,
+            size.symbol,
+            "" if size.file is None else f"{size.file:.5g}",
+            f"{size.value:.5g}",
             *("{:.5g} .. {:.5g}".format(*size.ci95), size.unit),
         )
         for name, size in done.sizes.items()

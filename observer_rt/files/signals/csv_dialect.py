@@ -172,6 +172,8 @@ def _trial(
     found_at = {name: _column_number(column, above[heading]) for name, column in wanted.items()}
     places = [place for name, place in found_at.items() if place is not None and (by_name or name != TIME)]
     fitting = [n for n, row in enumerate(cells) if n > heading and _fits(row, places, by_name)]
+    if separator == " " and by_name:  # between tabs the blank of a date and a time of day separates nothing
+        fitting = [n for n in fitting if len(cells[n]) == len(above[heading])]
     return _Trial(separator, cells, above, heading, name_count, fitting)
 
 

@@ -20,6 +20,7 @@ from observer_rt.config.bench import load_bench
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.files.replay.framing import Framer, TimedFrame, all_samples
 from observer_rt.files.replay.player import play
+from observer_rt.foundation.errors import RunError
 from tests.observed_plants import recording_of
 from tests.plants.parameters import Faults, Injector
 from tests.plants.plant import Outcome, record
@@ -147,7 +148,7 @@ def _played(scenario: Scenario, outcome: Outcome, frames: list[TimedFrame], bus:
     while time.monotonic() < end or any(thread.is_alive() for thread in threads):
         try:
             frame = ear.receive(0.05)
-        except LinkDownError:
+        except RunError:  # away; where it is not back yet, the link stays closed
             time.sleep(0.01)
             with suppress(LinkDownError):
                 ear.reconnect()

@@ -154,6 +154,10 @@ class Laws:
         frequencies = lines(by_group[::2], times, recordings[0].measurement.interval)
         return waves(frequencies, max(float(one[-1] - one[0]) for one in times))
 
+    def made_alone(self) -> list[Candidate]:
+        """Fits with a single law or table that is made for what the model as it is leaves."""
+        return self._tailored(self._nothing, self._scores(self._nothing))
+
     def stand_ins(self, best: Candidate) -> list[Candidate]:
         """Laws that a single effect may stand for.
 

@@ -135,6 +135,14 @@ def test_what_no_form_explains_is_one_table() -> None:
     assert np.std(off) < 0.15
 
 
+def test_several_names_do_not_stand_for_one_law() -> None:
+    """A seat that lets more through while the needle closes: a lagged sensor and a seat by its lift come near."""
+    made = measurements(recorded(with_laws(seat_hysteresis=0.47)))
+    discovery = name_effects(effective_model(NOMINAL), made)
+    assert discovery.named.ids == ()
+    assert {term.equation for term in discovery.ranking[0].terms} == {TermEquation.SEAT_FLOW}
+
+
 def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:
     hidden = {"orifice_area": 0.25, "seat_area": -0.25, "line_friction": 2.5}
 

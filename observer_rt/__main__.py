@@ -6,6 +6,9 @@ import sys
 
 from observer_rt.foundation.errors import InterruptionError
 
+LIBRARY_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment by which a library of linear algebra is told its number of threads."""
+
 
 def collect_seldom() -> None:
     """Look for garbage after 50,000 objects instead of 700.
@@ -20,8 +23,8 @@ def calculate_in_one_thread() -> None:
 
     All matrices are small. Its other threads would wait for the next ones by spinning, on the core of the loop.
     """
-    for library in ("OPENBLAS", "MKL", "OMP"):
-        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    for variable in LIBRARY_THREADS:
+        os.environ.setdefault(variable, "1")
 
 
 def main() -> None:

@@ -25,6 +25,7 @@ from rich.console import Console
 from scipy.stats import binom
 
 import observer_rt
+from observer_rt.__main__ import LIBRARY_THREADS
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.progress import progress_bar
 from tests.plants import plant
@@ -38,7 +39,6 @@ NOTHING = "-"  # in the place of a figure without values
 CHANCE = 0.01  # of a coverage of 95 % showing what is seen: below it is another one
 SOURCES = (Path(observer_rt.__file__).parent, Path(__file__).parent, Path(plant.__file__).parent)
 SUFFIXES = {".py", ".pyx", ".pxd", ".pxi", ".c"}
-_SINGLE_THREADED = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 messages = Console(stderr=True)
 
 
@@ -89,7 +89,7 @@ def run_cases(
     if rows and missing:
         messages.print(f"{what}: {len(rows)} of {len(cases)} are there already, in {kept}")
     out.mkdir(parents=True, exist_ok=True)
-    os.environ.update(dict.fromkeys(_SINGLE_THREADED, "1"))  # the processes share the cores already
+    os.environ.update(dict.fromkeys(LIBRARY_THREADS, "1"))  # the processes share the cores already
     ignored = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's
     pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), signal.signal, ignored)
     with kept.open("a") as file, progress_bar(messages, what, len(missing)) as progress, pool:

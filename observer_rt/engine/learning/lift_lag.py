@@ -137,10 +137,7 @@ class LiftLagSearch:
     by_chamber: float = 0.0
 
     def after(
-        self,
-        objections: Sequence[Objection],
-        left_by_laws: float | None,
-        ask: Callable[[float], LiftLag],
+        self, objections: Sequence[Objection], left_by_laws: float | None, ask: Callable[[float], LiftLag]
     ) -> tuple["LiftLagSearch", tuple[Objection, ...]]:
         """Adds an event, if its turn is to be asked; returns the objections to it, too.
 

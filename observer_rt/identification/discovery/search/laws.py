@@ -108,7 +108,7 @@ class Laws:
             return fits
         if MOST_TOGETHER - len(about.ids) > 1:
             fits += self._sharpened(self._added(about, scores, self._pairs(scores)))
-        return fits + self._tailored(about, scores)
+        return fits + (self._tailored(about, scores) if about.ids else self.made_alone)
 
     def _added(self, about: Candidate, scores: Scores, rows: Sequence[tuple[int, ...]]) -> list[Candidate]:
         """Fits with the effects of these rows more, from what their signatures say of their sizes."""
@@ -154,6 +154,7 @@ class Laws:
         frequencies = lines(by_group[::2], times, recordings[0].measurement.interval)
         return waves(frequencies, max(float(one[-1] - one[0]) for one in times))
 
+    @cached_property
     def made_alone(self) -> list[Candidate]:
         """Fits with a single law or table that is made for what the model as it is leaves."""
         return self._tailored(self._nothing, self._scores(self._nothing))

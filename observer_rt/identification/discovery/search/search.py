@@ -73,9 +73,8 @@ class Search:
             adequate = self._is_adequate(best)
         if len(best.ids) > 1 and adequate and not best.terms:
             # One law may do what several names do, and none of the library's was it.
-            made = self._laws.made_alone()
-            self._tried += made
-            best = min(best, self._better(made, self._nothing) or best, key=self._rank)
+            self._tried += self._laws.made_alone
+            best = min(best, self._better(self._laws.made_alone, self._nothing) or best, key=self._rank)
         if len(best.ids) == 1 and (best.terms or adequate):
             self._tried += self._laws.stand_ins(best)
             best = self._better([one for one in self._tried if len(one.ids) == 1], self._nothing) or best

@@ -33,13 +33,6 @@ class EvaluateOptions:
         Path | None, Option("File to which the learned state is written."), Writes("learned state")
     ] = None
     no_learning: Annotated[bool, Option("Keep the model as it is at the start.")] = False
-    twice: Annotated[
-        bool,
-        Option(
-            "Evaluate every injection again with the knowledge from all of them, so that the first are known as well "
-            "as the last."
-        ),
-    ] = False
     chain: Annotated[
         bool, Option("Treat the recordings as one history: learning continues from file to file.")
     ] = False

@@ -24,7 +24,8 @@ from observer_rt.core.stream.stream import (
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.adequacy import Innovations
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
-from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
+from observer_rt.engine.learning.knowledge import Knowledge
+from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import begin_with
 from observer_rt.engine.stream.standstill import Standstill, standstill_of
 from observer_rt.engine.stream.state import (
@@ -133,7 +134,7 @@ def constants_for(
 
 
 def make_observer(
-    constants: Constants, knowledge: Knowledge, learner: EventLearner, healthy: Healthy = NOT_FITTED
+    constants: Constants, knowledge: Knowledge, learner: Learner, healthy: Healthy = NOT_FITTED
 ) -> Observer:
     """An observer with empty memory that carries `knowledge`; healthy: what its model leaves unexplained."""
     states, parameters = constants.coefficients.states, knowledge.in_force.size

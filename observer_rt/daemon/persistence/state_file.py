@@ -32,7 +32,7 @@ from observer_rt.model.parameters import InjectorParameters
 VERSION = 7
 BEGUN_ANEW = "nothing, if another injector was mounted: learning begins anew; else put the right file back"
 ASIDE = ".set-aside-"  # in the name of what is set aside, before its number
-LARGEST_FILE = 1 << 20  # bytes, far more than any state takes
+LARGEST_FILE = 1 << 24  # bytes, far more than any state takes: a hypothesis is .1 to .3 MB
 _WHOLE = ("account", "noise", "events", "interval")
 """Names in the state without which nothing is restored; of the others, one that does not fit is left out."""
 

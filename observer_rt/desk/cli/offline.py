@@ -102,7 +102,7 @@ def simulate(options: SimulateOptions) -> None:
 
 
 def evaluate(options: EvaluateOptions) -> None:
-    """Run recordings through the observer, as the daemon would and as fast as the machine allows; or --twice."""
+    """Run recordings through the observer, as the daemon would and as fast as the machine allows."""
     from observer_rt.desk.evaluation.command import evaluate_files
 
     stated = load_bench(options.bench, options.model, options.lenient, off_bus=True).of(options.injector)

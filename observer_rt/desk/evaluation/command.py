@@ -45,9 +45,8 @@ def evaluate_files(bench: Bench, options: EvaluateOptions, console: Console) -> 
             knowledge,
             not options.no_learning,
             options.chain,
-            options.twice,
             progress,
-            c if options.plot is not None or options.twice else None,
+            c if options.plot is not None else None,
             [stack.enter_context(replacing(path)) for path in _traces(paths, options)],
         )
     if options.save_state is not None:
@@ -73,12 +72,6 @@ def _refuse_early(paths: Sequence[Path], options: EvaluateOptions) -> None:
         raise UserError(location, "names a file, but there are several recordings", "name a folder")
     if twice := [trace.name for trace in traces if traces.count(trace) > 1]:
         raise UserError(location, f"{twice[0]} would be written twice", "rename the recordings")
-    if options.twice and options.output is not None:
-        raise UserError(
-            "--twice", "revises rates after they are written by --output", "leave one of them out"
-        )
-    if options.twice and options.no_learning:
-        raise UserError("--twice", "has nothing to go by with --no-learning", "leave one of them out")
     if len(paths) > 1 and options.save_state is not None and not options.chain:
         raise UserError(
             "--save-state", "needs one history, but the recordings are evaluated apart", "add --chain"

@@ -4,7 +4,7 @@ Memory does not depend on their length: results are spooled to a temporary file;
 stored as a trace.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -121,20 +121,6 @@ class Evaluation:
             self.writer.write(trace_arrays(passed))
         if self._traces is not None:
             self._traces.append(passed.copy())
-
-    def revise(self, revised: Iterable[tuple[InjectionResult, RateCurves]]) -> None:
-        """Replace the results of all injections, with their curves, which must be there, and in the trace."""
-        self.injections, self.curves = Spool(_IN_MEMORY), Spool()
-        for result, curves in revised:
-            self.injections.append(result)
-            self.curves.append(curves)
-            if self._traces is None or curves.sigma is None:
-                continue
-            first = int(np.searchsorted(self.time, result.start - 0.5 / self.sample_rate))
-            window = slice(first, first + curves.estimated.size)
-            self.trace.injection_rate[window] = curves.estimated
-            self.trace.injection_rate_sigma[window] = curves.sigma
-            self.trace.valid[window] = result.report.valid
 
     def observe(self, run: ObserverRun) -> None:
         """Give all its frames to an observer."""

@@ -1,4 +1,4 @@
-"""Examines recordings, and evaluates them one by one or as one history, once or twice; writes the learned state."""
+"""Examines recordings, and evaluates them one by one or as one history; writes the learned state."""
 
 from collections.abc import Callable, Sequence
 from itertools import islice
@@ -13,9 +13,8 @@ from observer_rt.daemon.persistence.state_file import restored_knowledge, save_k
 from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs
 from observer_rt.desk.evaluation.run import Progress
-from observer_rt.desk.evaluation.twice import SecondLook
 from observer_rt.engine.learning.knowledge import Knowledge
-from observer_rt.engine.service.injector import doubt_about_fit, make_learner
+from observer_rt.engine.service.injector import doubt_about_fit
 from observer_rt.files.replay.framing import bench_for, clamped_in
 from observer_rt.files.signals.doubts import doubts, refuse_dead
 from observer_rt.files.signals.stream import SignalStream
@@ -50,15 +49,14 @@ def run_by_run(
     knowledge: Knowledge | None,
     learning: bool,
     chain: bool,
-    twice: bool,
     progress: Progress,
     curves_of: Coefficients | None,
     traces: Sequence[Path] | None = None,
 ) -> tuple[list[Evaluation], Knowledge]:
     """Evaluate every source by itself, or all of them as one history, in which knowledge goes on from run to run.
 
-    learning: unless the bench has it off; twice: evaluate each run again with the knowledge from all its injections;
-    progress: gets the number of samples done; curves_of, traces: as of `evaluate`.
+    learning: unless the bench has it off; progress: gets the number of samples done;
+    curves_of, traces: as of `evaluate`.
     Also returns the knowledge at the end of the last run. Raises `UserError` for a history of several sample rates.
     """
     runs = in_runs(sources) if chain else [[source] for source in sources]
@@ -73,18 +71,15 @@ def run_by_run(
         def report(samples: int, before: int = done) -> None:
             progress(before + samples)
 
-        look = SecondLook()
         history = evaluate(
             bench,
             run,
             current if chain else knowledge,
             learning,
             report,
-            look.learner if twice else make_learner,
-            curves_of,
-            None if remaining is None else list(islice(remaining, len(run))),
+            curves_of=curves_of,
+            traces=None if remaining is None else list(islice(remaining, len(run))),
         )
-        look.revise(history.evaluations)
         evaluations += history.evaluations
         current = history.knowledge
         done += sum(source.samples for source in run)

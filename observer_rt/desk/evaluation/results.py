@@ -201,12 +201,6 @@ def print_evaluation(
         if reason is Reason.OUTSIDE_LEARNED_RANGE:
             last = next(each.report for each in evaluation.injections if each.report.number == numbers[-1])
             say(console, f"({beyond_learned(last)})")
-    # with a learned state only the first is not valid, and there is nothing to gain any more
-    if len(not_valid.get(Reason.TOO_FEW_EVENTS, ())) > 1 and sum(map(len, not_valid.values())) < count:
-        say(
-            console,
-            "(they were learned from; --twice evaluates them again, with the knowledge from all injections)",
-        )
     if evaluation.level:
         say(console, evaluation.level)
     if count:

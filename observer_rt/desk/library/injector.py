@@ -167,7 +167,6 @@ class Injector:
         state: Pathlike | None = None,
         chain: bool = False,
         learn: bool = True,
-        twice: bool = False,
     ) -> EvaluationResult:
         """Run recordings through the observer.
 
@@ -181,10 +180,6 @@ class Injector:
             Whether the recordings are one history, learned from one after the other.
         learn : bool
             Whether they are learned from.
-        twice : bool
-            Whether every injection is evaluated again with the knowledge from all of them, so that the first are
-            known as well as the last: rate, mass, peak rate, validity, wear and all else that is learned, with their
-            intervals. `phi_version` stays that of the live run. False, as on the command line: as the daemon would.
 
         Returns
         -------
@@ -203,9 +198,7 @@ class Injector:
             knowledge = begun_with("state", before, self.parameters, partial(say, notes.console))
             c = effective_model(self.parameters).coefficients
             with progress_bar(screen, "evaluating", sum(one.samples for one in sources)) as progress:
-                evaluations, knowledge = run_by_run(
-                    self.bench, sources, knowledge, learn, chain, twice, progress, c
-                )
+                evaluations, knowledge = run_by_run(self.bench, sources, knowledge, learn, chain, progress, c)
         return EvaluationResult(self.bench.injector, tuple(evaluations), knowledge, tuple(notes))
 
     def discover(

@@ -102,11 +102,11 @@ def fit(project: Project, say: Say) -> Path:
 
 
 def evaluate(project: Project, model: Path, say: Say) -> Path:
-    """Evaluate the recordings with the fitted model, in two passes; returns the path of the table of injections."""
+    """Evaluate the recordings with the fitted model; returns the path of the table of injections."""
     recordings, table = project.recordings, project.results / INJECTIONS
 
     def work() -> str:
-        result = Injector.load(model, project.bench).evaluate(list(recordings), twice=True)
+        result = Injector.load(model, project.bench).evaluate(list(recordings))
         write_text(table, result.injections.to_csv(index=False))
         write_text(project.results / BUDGET, result.budget.to_csv(index=False))
         save_figure(result.plot(), project.results / EVALUATION_FIGURE, _DPI)

@@ -8,14 +8,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
-from observer_rt.engine.estimation.gating import Belief, prior_belief
-from observer_rt.engine.estimation.predictor import Setting, Window
+from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
 from observer_rt.engine.learning.account.account import Account
 from observer_rt.engine.learning.adequacy import Objection
@@ -124,8 +122,8 @@ class Outcome:
     the covariance (m, m) of its error. resimulated: the event simulated with the estimate, None if nothing was
     learned. outliers: number of samples of the line pressure that were left out, without those that the stream had
     bridged. loudest: largest mean square of the innovations, relative to that at rest. known_flow: where the flow is
-    known well enough to be used. prior: belief before the event, drift included. window, setting: inputs of the
-    simulation. change: shown by an event that passed. posterior: each hypothesis in words, with its probability.
+    known well enough to be used. change: shown by an event that
+    passed. posterior: each hypothesis in words, with its probability.
     """
 
     adoption: Adoption
@@ -139,24 +137,8 @@ class Outcome:
     outliers: int = 0
     loudest: float = 1.0
     known_flow: KnownFlow = EVERYWHERE
-    prior: Belief | None = None
-    window: Window | None = None
-    setting: Setting | None = None
     change: Reason = Reason.NONE
     posterior: tuple[tuple[str, float], ...] = ()
-
-
-class EventLearner(Protocol):
-    """Learns between events: our learner, or one that only watches."""
-
-    @property
-    def schedule(self) -> GainSchedule:
-        """Gains of the live x~."""
-
-    def learn(
-        self, window: Window, standstill: Standstill, in_force: Theta, constants: Constants | None = None
-    ) -> Outcome:
-        """Learn from an event, during which `in_force` (m,) was used; constants: None if they are unchanged."""
 
 
 @dataclass(frozen=True)

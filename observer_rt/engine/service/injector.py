@@ -15,7 +15,7 @@ from observer_rt.config.signals import Role, effects_after_alignment
 from observer_rt.core.stream.stream import OFFSET_FOLLOWS
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.learning.healthy import Healthy, healthy_of, is_same_rate, with_remainder
-from observer_rt.engine.learning.knowledge import EventLearner, Knowledge
+from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.state import Constants, Doubt, Observer
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 EVENTS_REQUIRED = 2  # judged, before a sample is valid
 EVENTS_REQUIRED_RESTORED = 1  # the same with a restored state
 
-LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], EventLearner]
+LearnerFactory = Callable[[BenchInjector, Constants, Knowledge], Learner]
 """Factory of a `Core`'s learner: `make_learner`, or another where learners are compared."""
 
 SIGNALS = {  # short name, unit, its size

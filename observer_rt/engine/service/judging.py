@@ -12,14 +12,8 @@ from observer_rt.core.stream.stream import INJECTIONS, PENDING_EVENTS
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.adequacy import Examination, Examiner, Innovations, Objection
 from observer_rt.engine.learning.healthy import Healthy
-from observer_rt.engine.learning.knowledge import (
-    Adoption,
-    EventLearner,
-    EventRecord,
-    Fuel,
-    Knowledge,
-    Outcome,
-)
+from observer_rt.engine.learning.knowledge import Adoption, EventRecord, Fuel, Knowledge, Outcome
+from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import has_room, post_examined, post_learned
 from observer_rt.engine.observer import event_innovations, event_standstill, event_window
 from observer_rt.engine.service.pipeline import CompiledPipeline
@@ -84,7 +78,7 @@ class Judging:
     def __init__(
         self,
         compiled: CompiledPipeline,
-        learner: EventLearner,
+        learner: Learner,
         executor: Executor,
         start: Knowledge,
         healthy: Healthy,

@@ -93,12 +93,6 @@ def test_table_fits_80_columns_and_tells_what_is_not_valid(command: Command, wor
     assert [row[-1] for row in rows] == ["no", "no", "yes", "yes"]
 
 
-def test_looked_at_twice_all_are_valid(command: Command, worn: Path) -> None:
-    (recording,) = document(command, worn, "--twice")["recordings"]
-    assert recording["summary"]["valid_share"] == 1.0
-    assert "--twice" in command.done("evaluate", worn).out
-
-
 def test_recording_without_injections(command: Command, resting: Path, tmp_path: Path) -> None:
     figure = tmp_path / "empty.svg"
     outcome = command.done("evaluate", resting, "--plot", figure)

@@ -159,9 +159,6 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
         outliers=int(explained.window.masked.sum()) - int(explained.unmasked.masked.sum()),
         loudest=state.jitter.loudest(explained.window, explanation.reading.follows.sigmas.innovation),
         known_flow=known_flow(again, theta, covariance, explained.point),
-        prior=explanation.prior if explanation.is_good else None,
-        window=explained.window,
-        setting=setting,
         change=verdict.change,
         posterior=posterior_of(explained.explanations),
     )

@@ -11,14 +11,14 @@ from observer_rt.engine.estimation.gating import Belief
 from observer_rt.engine.estimation.phases import PhaseStatistics, no_statistics
 from observer_rt.engine.estimation.prediction_error import Whitening
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS
-from observer_rt.engine.learning.account.account import (
+from observer_rt.engine.learning.account import (
     Account,
     MassDoubt,
+    Overdispersion,
     Scatter,
     UnexplainedPressure,
     Wander,
 )
-from observer_rt.engine.learning.account.hypotheses import Mode, Possibility, Velocity
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import (
     CoilCurrent,
@@ -28,12 +28,12 @@ from observer_rt.engine.learning.disturbances.coil_current import (
 )
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
 from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
+from observer_rt.engine.learning.hypotheses import Mode, Possibility, Velocity
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EventPoint
 from observer_rt.engine.learning.lift_lag import LiftLagSearch
-from observer_rt.engine.learning.overdispersion import Overdispersion
 from observer_rt.engine.learning.pressure_lag import no_doubt
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.desk.evaluation.curves import InjectionResult, RateCurves, numbers_shown
 from observer_rt.desk.evaluation.evaluate import Evaluation
 from observer_rt.engine.estimation.scalars import NOZZLE, SEAT
-from observer_rt.engine.learning.account.hypotheses import BEFORE
+from observer_rt.engine.learning.hypotheses import BEFORE
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.files.learned_picture import FLOWS, HEIGHT, draw_learned

@@ -18,12 +18,12 @@ from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.prediction_error import EventCost
 from observer_rt.engine.estimation.predictor import Setting, Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta
+from observer_rt.engine.learning.account import TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.adequacy import BURN_IN, Innovations, event_statistics
 from observer_rt.engine.learning.healthy import NOT_FITTED, EventStretch, Healthy, ShapeFit, stretch_of
 from observer_rt.engine.learning.knowledge import Knowledge, Outcome
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.engine.learning.learner import Learner
-from observer_rt.engine.learning.overdispersion import TemperedEvent, overdispersion_of
 from observer_rt.engine.learning.posterior.reader import setting_of
 from observer_rt.engine.stream.standstill import Standstill
 from observer_rt.engine.stream.state import Constants

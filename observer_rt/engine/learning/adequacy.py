@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.phases import AFTERGLOW, EDGE, Phase, PhaseSt
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta, sensor_lag
 from observer_rt.engine.learning.disturbances.colour import Colour
-from observer_rt.engine.learning.disturbances.noise_levels import mask_of
+from observer_rt.engine.learning.disturbances.masks import mask_of
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.stream.state import Constants, Reason
 

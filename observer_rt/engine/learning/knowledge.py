@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gain import GainSchedule, NoiseLevels
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Theta
-from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account import Account, Overdispersion, of_healthy
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.disturbances.clipping import EndsOfRange
 from observer_rt.engine.learning.disturbances.coil_current import Energizing
@@ -26,7 +26,6 @@ from observer_rt.engine.learning.interval import Resimulation
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import EVERYWHERE, KnownFlow
 from observer_rt.engine.learning.lift_lag import LiftLagSearch
-from observer_rt.engine.learning.overdispersion import Overdispersion, of_healthy
 from observer_rt.engine.learning.pressure_lag import LagDoubt, no_doubt
 from observer_rt.engine.stream.standstill import HeldRail, RestingLift, Standstill
 from observer_rt.engine.stream.state import Constants, Reason

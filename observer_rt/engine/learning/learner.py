@@ -12,7 +12,7 @@ from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta
 from observer_rt.engine.learning.adequacy import Objection
 from observer_rt.engine.learning.disturbances.colour import offset_between
-from observer_rt.engine.learning.disturbances.noise_levels import median
+from observer_rt.engine.learning.disturbances.masks import median
 from observer_rt.engine.learning.fitting import theta_limits
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, Outcome

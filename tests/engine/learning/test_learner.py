@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import PARAMETERS, SCALARS, Parameter, network_of
-from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.knowledge import Adoption, Knowledge, LearningState, no_knowledge
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.observer import Durations, constants_for, in_force, make_observer

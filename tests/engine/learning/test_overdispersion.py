@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.learning.overdispersion import (
+from observer_rt.engine.learning.account import (
     LARGEST,
     USUAL_SCORE,
     Overdispersion,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.outliers import AT_LEVEL, FEWEST, find_pile, smoothed
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, mask_of, median
+from observer_rt.engine.learning.disturbances.masks import Sigmas, mask_of, median
 from observer_rt.foundation.records import NOT_KEPT
 
 BEYOND = 3.0  # standard deviations above it that no range ends at

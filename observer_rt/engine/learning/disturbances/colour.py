@@ -16,8 +16,7 @@ from observer_rt.core.learning.whitening import NO_HIGH_PASS, high_passed, take_
 from observer_rt.engine.estimation.phases import BLOCKS, deviate
 from observer_rt.engine.estimation.prediction_error import Whitening, forgetting_of
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.masks import DIFFERENCE
-from observer_rt.engine.learning.disturbances.noise_levels import mask_of
+from observer_rt.engine.learning.disturbances.masks import DIFFERENCE, mask_of
 from observer_rt.engine.stream.standstill import Standstill
 
 TIME_CONSTANTS = (2e-3, 0.66e-3, 0.245e-3, 0.095e-3)  # s, of the high passes to choose from

@@ -1,4 +1,4 @@
-"""Outliers that only the model shows: a line pressure held before noise came on it, spikes, bursts of noise.
+"""Outliers that only the model shows, and levels of the noise they stand out of.
 
 Outliers are masked (`Window.masked`), and the event is fitted again. A stretch that may be the truth is not: one
 at the event's highest or lowest level, if that recurs, is clipped; one at the same place in event after event is
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.outliers import BETTER, LENGTH, find_held, find_loud, largest_of
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.noise_levels import Sigmas, loudness, mask_of, robust_sigma
+
+GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
+FEWEST = 16  # samples that tell a level
 
 LEAP = 8.0  # standard deviations of the innovations from one sample to the next
 WIDEST_SPIKE = 8  # samples
@@ -37,6 +39,47 @@ FLAT = 30.0  # chi2 of a constant that is one, to 1 %
 SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
 OTHER_POINT = 40.0  # standard deviations of a sample, between ends that are at other rail pressures
 SAME_LEVEL = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class Sigmas:
+    """Standard deviations, in units of p_0: of the innovations, and of the line pressure's noise."""
+
+    innovation: float
+    noise: float
+
+    def times(self, factor: float) -> "Sigmas":
+        """Levels of a noise louder by a factor."""
+        return Sigmas(factor * self.innovation, factor * self.noise)
+
+
+def loudness(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> float:
+    """Factor by which most innovations (n,) at rest, from sample `first` on, are larger than expected; 1 at least.
+
+    A noise whose level is not known yet has no outliers by the level that is.
+    """
+    resting = innovations[first:][window.resting[first:]]
+    if resting.size < FEWEST:
+        return 1.0
+    return max(1.0, robust_sigma(resting) / sigmas.innovation)
+
+
+def robust_sigma(values: NDArray[np.float64]) -> float:
+    """Standard deviation of most values (n,) about 0, however far a few of them are."""
+    return GAUSSIAN * median(np.abs(values))
+
+
+def median(values: NDArray[np.float64]) -> float:
+    """Median of finite values (n,); numpy's own looks for others first, which takes thrice as long."""
+    middle = values.size // 2
+    parted = np.partition(values, middle)
+    above = float(parted[middle])
+    return above if values.size % 2 else 0.5 * (float(parted[:middle].max()) + above)
+
+
+def mask_of(window: Window) -> NDArray[np.bool_]:
+    """Samples of a window (n,) that do not count."""
+    return window.masked if len(window.masked) else np.zeros(len(window.output), np.bool_)
 
 
 def spikes_of(innovations: NDArray[np.float64], sigma: float, first: int) -> list[tuple[int, int]]:

@@ -10,10 +10,11 @@ import numpy as np
 from observer_rt.engine.estimation.gating import Belief, HeldBelief
 from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.scalars import Theta
-from observer_rt.engine.learning.account import constants as c
-from observer_rt.engine.learning.account.account import Account
-from observer_rt.engine.learning.account.evidence import evidences, nearly_white
-from observer_rt.engine.learning.account.hypotheses import (
+from observer_rt.engine.learning import constants as c
+from observer_rt.engine.learning.account import Account
+from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
+from observer_rt.engine.learning.fitting import EventFit, EventFitter, evidences, nearly_white
+from observer_rt.engine.learning.hypotheses import (
     AT_FAULT,
     BEFORE,
     BELIEVED,
@@ -27,8 +28,6 @@ from observer_rt.engine.learning.account.hypotheses import (
     moving,
     transitions,
 )
-from observer_rt.engine.learning.adequacy import is_worn_beyond_limits
-from observer_rt.engine.learning.fitting import EventFit, EventFitter
 from observer_rt.engine.learning.posterior.reader import EventReader, EventReading
 
 _OWN = (BEFORE, QUICK)

@@ -14,7 +14,7 @@ import numpy as np
 from observer_rt.engine.estimation.phases import Phase, no_statistics
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.estimation.scalars import Parameter, Theta, learned_of, sensor_lag
-from observer_rt.engine.learning.account.account import Account
+from observer_rt.engine.learning.account import Account
 from observer_rt.engine.learning.adequacy import (
     Objection,
     inadequate_phase,

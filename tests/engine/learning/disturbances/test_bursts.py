@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 
 from observer_rt.core.learning.outliers import LENGTH
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.masks import RECURS, OutlierSearch, bursts_of
-from observer_rt.engine.learning.disturbances.noise_levels import Sigmas
+from observer_rt.engine.learning.disturbances.masks import RECURS, OutlierSearch, Sigmas, bursts_of
 
 NOISE, COUNT, FIRST = 0.0015, 1400, 50  # of p_0, samples
 SIGMAS = Sigmas(1.1 * NOISE, NOISE)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.predictor import Window
 from observer_rt.engine.learning.disturbances.clipping import CLEAR, MARGIN, RECURS, EndsOfRange, pile_of
-from observer_rt.engine.learning.disturbances.noise_levels import Sigmas
+from observer_rt.engine.learning.disturbances.masks import Sigmas
 
 NOISE = 0.0015  # of p_0
 SIGMAS = Sigmas(innovation=1.2 * NOISE, noise=NOISE)

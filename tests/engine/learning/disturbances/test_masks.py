@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.predictor import Window
-from observer_rt.engine.learning.disturbances.masks import OutlierSearch, frozen_stretches
-from observer_rt.engine.learning.disturbances.noise_levels import Sigmas
+from observer_rt.engine.learning.disturbances.masks import OutlierSearch, Sigmas, frozen_stretches
 
 NOISE = 0.0015  # of p_0
 SIGMAS = Sigmas(innovation=1.2 * NOISE, noise=NOISE)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter, with_gain
-from observer_rt.engine.learning.posterior.resting_pressure import SYSTEMATIC, RestingPressure
+from observer_rt.engine.learning.posterior.reader import SYSTEMATIC, RestingPressure
 
 SCALE = 1e8  # Pa
 OFFSET, GAIN = Parameter.LINE_PRESSURE_OFFSET, Parameter.LINE_PRESSURE_GAIN

@@ -7,12 +7,11 @@ import pytest
 
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
-from observer_rt.engine.learning.account.hypotheses import BEFORE, Possibility
+from observer_rt.engine.learning.hypotheses import BEFORE, Possibility
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.posterior.event import ExplainedEvent
 from observer_rt.engine.learning.posterior.explaining import Explanation
-from observer_rt.engine.learning.posterior.masses import EventMass, Shares
-from observer_rt.engine.learning.posterior.outcome import verdict_of
+from observer_rt.engine.learning.posterior.outcome import EventMass, Shares, verdict_of
 from observer_rt.engine.stream.state import Reason
 
 WIDE = SCALARS.prior(1e8)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.core.learning.gating import inverse_of
 from observer_rt.engine.estimation.gating import Belief, symmetric
 from observer_rt.engine.estimation.scalars import SCALARS, WEIGHTS, Parameter, Theta
-from observer_rt.engine.learning.account import constants as c
+from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.stream.state import Reason
 

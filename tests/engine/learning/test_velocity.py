@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS, Parameter
-from observer_rt.engine.learning.account.constants import SPEED, TURNS
-from observer_rt.engine.learning.account.hypotheses import moving
+from observer_rt.engine.learning.constants import SPEED, TURNS
+from observer_rt.engine.learning.hypotheses import moving
 
 WIDTH = SCALARS.width
 FLOWS = [int(Parameter.NOZZLE_BIAS), int(Parameter.SEAT_BIAS)]

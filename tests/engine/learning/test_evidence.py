@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from observer_rt.engine.estimation.gating import Belief, prior_belief
 from observer_rt.engine.estimation.phases import PHASES, Phase, phase_statistics
 from observer_rt.engine.estimation.prediction_error import Linearisation
-from observer_rt.engine.learning.account.constants import BEYOND
-from observer_rt.engine.learning.account.evidence import Evidence, at_fault, evidences, nearly_white
 from observer_rt.engine.learning.adequacy import CLIP
-from observer_rt.engine.learning.fitting import Limits
+from observer_rt.engine.learning.constants import BEYOND
+from observer_rt.engine.learning.fitting import Evidence, Limits, at_fault, evidences, nearly_white
 from observer_rt.engine.learning.healthy import NOT_FITTED
 
 FAR = np.full(2, 1e3)

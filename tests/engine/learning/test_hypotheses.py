@@ -5,7 +5,7 @@ import pytest
 
 from observer_rt.engine.estimation.gating import prior_belief
 from observer_rt.engine.estimation.scalars import SCALARS
-from observer_rt.engine.learning.account.hypotheses import (
+from observer_rt.engine.learning.hypotheses import (
     BEFORE,
     HYPOTHESES,
     NEW,

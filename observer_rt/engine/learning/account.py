@@ -6,21 +6,26 @@
   before an event makes of its mass, over what the theta does that was learned from it, tells how much.
 - `UnexplainedPressure` that a model leaves, as a share of the mass it would be at the nozzle. With a hum of the
   supply the noise takes its colour, and no test hears it any more; the mass does.
+
+A quasi-likelihood: what an event says of the parameters counts for less by the factor by which such events were seen
+to differ (McCullagh, Nelder, Generalized Linear Models, 2nd ed., section 4.5).
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from observer_rt.engine.estimation.prediction_error import Linearisation
 from observer_rt.engine.estimation.predictor import Setting, Window, innovations
 from observer_rt.engine.estimation.scalars import Theta, learned_of
-from observer_rt.engine.learning.account import constants as c
-from observer_rt.engine.learning.account.hypotheses import Possibility
+from observer_rt.engine.learning import constants as c
 from observer_rt.engine.learning.disturbances.colour import resting_segments
-from observer_rt.engine.learning.disturbances.noise_levels import mask_of
+from observer_rt.engine.learning.disturbances.masks import mask_of
+from observer_rt.engine.learning.hypotheses import Possibility
 from observer_rt.engine.learning.learned_injector import LearnedInjector
 from observer_rt.engine.learning.learned_range import REACH, EventPoint
 from observer_rt.foundation.records import Count
@@ -33,6 +38,13 @@ _SHARES = np.append(1.0 - c.WANDER_PRIOR, c.WANDER_PRIOR / SIZES[1:] / np.sum(1.
 _LEAST_VARIANCE = 1e-8  # of a ratio of masses
 _STEPS, _CLOSE = 30, 1e-12  # of Newton's method: at most, and relative change from which on it is settled
 FEWEST = 5  # samples with the needle open
+
+USUAL_SCORE = 1.2  # of events that scatter by noise alone; their mean is 1
+REMEMBERED = 0.95  # weight of the scores before an event
+PRIOR_EVENTS = 10.0  # for which the factor of the fit counts at first
+LARGEST_RATIO = 2.5  # of a score to the usual one, up to which it is scatter and no change of the injector
+LARGEST = 8.0  # factor; a model worse than that is inadequate
+_ROUNDS = 10  # in which the factor settles
 
 
 @dataclass(frozen=True)
@@ -181,3 +193,56 @@ class Account:
             hypotheses=tuple(replace(h, learned=changed[id(h.learned)]) for h in self.hypotheses),
             settled=tuple(changed.get(id(each)) or change(each) for each in self.settled),
         )
+
+
+def _within(factor: float) -> float:
+    return min(max(factor, 1.0), LARGEST)
+
+
+def _ratio(score: float) -> float:
+    """Ratio of a score to the usual one."""
+    return min(score / USUAL_SCORE, LARGEST_RATIO)
+
+
+@dataclass(frozen=True)
+class Overdispersion:
+    """The factor on the variance of what events say of the parameters, at least 1: a weighted mean over events."""
+
+    sum: float = PRIOR_EVENTS
+    weight: float = PRIOR_EVENTS
+
+    @property
+    def factor(self) -> float:
+        """On the variance; an event's log likelihood is divided by it."""
+        return _within(self.sum / self.weight)
+
+    def after(self, score: float) -> "Overdispersion":
+        """Adds the score of an event against what was believed, tempered by the factor."""
+        return Overdispersion(
+            REMEMBERED * self.sum + _ratio(score) * self.factor, REMEMBERED * self.weight + 1.0
+        )
+
+
+def of_healthy(factor: float) -> Overdispersion:
+    """Overdispersion before any event, by the factor of the healthy injector, 1 of a model that is exact."""
+    return Overdispersion(PRIOR_EVENTS * factor)
+
+
+class TemperedEvent(NamedTuple):
+    """The cost of an event round what was believed before it, and how sure that was, (m, m)."""
+
+    cost: Linearisation
+    covariance: NDArray[np.float64]
+
+    def ratio(self, factor: float) -> float:
+        """Ratio of a score to the usual one, tempered by a factor."""
+        return _ratio(self.cost.tempered(factor).score(self.covariance))
+
+
+def overdispersion_of(events: Sequence[TemperedEvent]) -> float:
+    """The factor with which the scores of events are the usual ones on the mean, 1 .. LARGEST."""
+    factor = 1.0
+    for _ in range(_ROUNDS):
+        mean = float(np.mean([event.ratio(factor) for event in events]))
+        factor = _within(factor * mean)
+    return factor

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from observer_rt.engine.learning.account.account import Scatter, Wander
+from observer_rt.engine.learning.account import Scatter, Wander
 from observer_rt.engine.learning.learned_range import EventPoint
 
 POINTS = (EventPoint(0.5, math.log(1e-3), 0.9), EventPoint(1.6, math.log(1e-3), 0.9))

@@ -169,14 +169,11 @@ def _is_off_bus(shared: Mapping[str, Any]) -> bool:
     return "recording" in shared and _OFF_BUS.issuperset(shared)
 
 
-def load_bench(
-    path: Path = EXAMPLE_BENCH, model: Path | None = None, lenient: bool = False, off_bus: bool = False
-) -> Bench:
+def load_bench(path: Path = EXAMPLE_BENCH, model: Path | None = None, off_bus: bool = False) -> Bench:
     """Read a bench file and the injector files it names.
 
-    model: injector file for each injector, instead of that named. lenient: read every bus database as with its
-    `lenient = true`. off_bus: only files are read, so that a bench file with `[recording]` and no bus sections is
-    completed by the example.
+    model: injector file for each injector, instead of that named. off_bus: only files are read, so that a bench file
+    with `[recording]` and no bus sections is completed by the example.
     Raises `UserError` naming file, key, problem and remedy.
     """
     shared = read_toml(path)
@@ -197,11 +194,10 @@ def load_bench(
     for name, config in configs.items():
         for key, link in config.stated_links:
             require_link(files[name].location(*key.split("."), "link"), link, buses.links)
-    databases = tuple(entry.model_copy(update={"lenient": entry.lenient or lenient}) for entry in buses.dbc)
     return Bench(
         path=path,
-        config=buses.model_copy(update={"dbc": databases}),
-        databases=tuple(_database_path(path, number, entry.file) for number, entry in enumerate(databases)),
+        config=buses,
+        databases=tuple(_database_path(path, number, entry.file) for number, entry in enumerate(buses.dbc)),
         injectors=tuple(_injector(files[name], config, model) for name, config in configs.items()),
     )
 

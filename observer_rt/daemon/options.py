@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from observer_rt.foundation.options import Injector, Lenient, Option, Standing, Writes
+from observer_rt.foundation.options import Injector, Option
 
 
 @dataclass(frozen=True)
@@ -18,21 +18,14 @@ class RunOptions:
             "File of the learned state: restored at the start, saved every few seconds "
             "([state] save_within_s, 5 s) and at the stop."
         ),
-        Writes(
-            "learned state, one that does not fit set aside as `*.set-aside-N`", Standing.OWN, ("*.lock",)
-        ),
     ] = None
     journal: Annotated[
         Path | None,
         Option("SQLite file with one row per injection, saved as often as the state."),
-        Writes("journal of injections", Standing.OWN),
     ] = None
     view: Annotated[bool, Option("Show the live terminal view.")] = False
     json: Annotated[bool, Option("Write every injection as a line of JSON to stdout.")] = False
-    log: Annotated[
-        Path | None, Option("Also append the log to this file."), Writes("lines of the log", Standing.OWN)
-    ] = None
+    log: Annotated[Path | None, Option("Also append the log to this file.")] = None
     injector: Injector = None
-    lenient: Lenient = False
     print_example_bench: Annotated[bool, Option("Print a complete, commented bench file.")] = False
     print_example_injector: Annotated[bool, Option("Print a complete, commented injector file.")] = False

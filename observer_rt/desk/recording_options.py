@@ -8,7 +8,7 @@ from typing import Annotated
 from observer_rt.config.bench import EXAMPLE_BENCH
 from observer_rt.desk import options as shared
 from observer_rt.files import formats
-from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Writes
+from observer_rt.foundation.options import Argument, Injector, Option
 
 SIGNALS = ", ".join(formats.suffixes_of(formats.SIGNALS))
 LOGS = ", ".join(formats.suffixes_of(formats.LOGS))
@@ -29,9 +29,7 @@ class EvaluateOptions:
     bench: shared.BenchFile = EXAMPLE_BENCH
     model: shared.Model = None
     state: shared.State = None
-    save_state: Annotated[
-        Path | None, Option("File to which the learned state is written."), Writes("learned state")
-    ] = None
+    save_state: Annotated[Path | None, Option("File to which the learned state is written.")] = None
     no_learning: Annotated[bool, Option("Keep the model as it is at the start.")] = False
     chain: Annotated[
         bool, Option("Treat the recordings as one history: learning continues from file to file.")
@@ -39,17 +37,13 @@ class EvaluateOptions:
     output: Annotated[
         Path | None,
         Option("Trace, one row a sample (.csv, .mf4, .parquet); a folder for several.", "FILE|DIR"),
-        Writes("trace; in a folder `RECORDING.trace.csv` for each"),
     ] = None
-    plot: Annotated[
-        Path | None, Option("Figure (png, svg, pdf): curves, masses, wear."), Writes("figure")
-    ] = None
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): curves, masses, wear.")] = None
     injections: Annotated[
         str | None, Option("Injections to draw as curves, such as 1,5-8 (default: first, middle, last).")
     ] = None
     from_channel: shared.FromChannel = ()
     injector: Injector = None
-    lenient: Lenient = False
     force: shared.Force = False
     json: shared.Json = False
 

@@ -20,7 +20,7 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import encoding_of
 
 _KEPT = 16  # databases
-_LENIENT = "or read it all the same: lenient = true in its [[dbc]], or --lenient"
+_LENIENT = "or read it all the same: lenient = true in its [[dbc]]"
 # Messages of cantools: where it stopped, an attribute, or signals and message by name.
 _AT_LINE = re.compile(r"at line (\d+)")
 _OF_PYTHON = re.compile(

@@ -12,7 +12,6 @@ from observer_rt.daemon.persistence.state_file import StateDoesNotFitError, load
 from observer_rt.desk.check.buses import buses_findings
 from observer_rt.desk.check.findings import Finding, Said, failed, ruled
 from observer_rt.desk.check.injector import (
-    channel_findings,
     mapping_findings,
     observer_findings,
     time_findings,
@@ -59,7 +58,6 @@ def bench_findings(
         findings += _for_each_injector(bench, lambda fitted: time_findings(maps[fitted.name]))
     except UserError as error:
         findings.append(failed("mapping", error))
-    findings += _for_each_injector(bench, channel_findings)
     findings += _for_each_injector(bench, observer_findings)
     return findings
 

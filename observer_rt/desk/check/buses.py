@@ -1,6 +1,6 @@
 """Findings about the buses of a bench: contents of each, comparable stamps, names, identifiers, load."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,7 +97,8 @@ def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
     for key, layouts in clashes.items():
         shared = f"{' and '.join(map(mapped.name_of, layouts))} share 0x{key & 0x1FFFFFFF:X}"
         remedy = f"give every message its own identifier{_OUTPUT_KEYS}"
-        yield UserError(_place_of(bench, mapped, layouts), shared, remedy)
+        part = "outputs" if any(layout in mapped.sent for layout in layouts) else "signals"
+        yield UserError(f"{bench.path}: {part}", shared, remedy)
     used = {(layout.name, layout.bus) for layout in mapped.layouts}
     others = [
         message
@@ -113,25 +114,6 @@ def _identifiers(bench: Bench, mapped: BenchMap) -> Iterator[Said]:
         )
     if not (clashes or others):
         yield f"{len(owners)} messages, all different"
-
-
-def _place_of(bench: Bench, mapped: BenchMap, layouts: Sequence[MessageLayout]) -> str:
-    """The key to change where messages share an identifier: that of a result, one that is stated before others."""
-    location = f"{bench.path}: signals"
-    for injector, bus in zip(bench.injectors, mapped.injectors, strict=True):
-        outputs = injector.config.outputs
-        for layout, key, stated in (
-            (bus.rate and bus.rate.layout, "injection_rate_id", outputs.injection_rate_id),
-            *(
-                (result.layout, f"{key}_id", getattr(outputs, f"{key}_id"))
-                for key, result in bus.results.items()
-            ),
-        ):
-            if layout in layouts:
-                location = injector.location(f"outputs.{key}")
-                if stated is not None:
-                    return location
-    return location
 
 
 @ruled("databases")

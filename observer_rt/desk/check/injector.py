@@ -25,14 +25,12 @@ from observer_rt.config.bench import PACKAGE_DATA, BenchInjector
 from observer_rt.config.signals import OPTIONAL_SIGNALS, Role, effects_after_alignment
 from observer_rt.core.stream.stream import MAX_EVENT, dead_band
 from observer_rt.desk.check.findings import Finding, Said, graded, ruled
-from observer_rt.engine.estimation.gain import gain_schedule
 from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.service.injector import (
     bench_constants,
     calibration_of,
     configured_noise,
     doubt_about_fit,
-    rail_every,
 )
 from observer_rt.engine.stream.state import noise_gain
 from observer_rt.foundation.errors import UserError
@@ -74,14 +72,14 @@ _LEVEL = {
 
 
 @ruled("mapping")
-def optional_findings(fitted: BenchInjector, bus: BusMap) -> Iterator[Said]:
+def optional_findings(bus: BusMap) -> Iterator[Said]:
     """Findings about every optional input of a bench."""
     for slow in bus.slow:
         for signal in slow.signals:
             name = f"{signal.role}: {bus.name_of(slow.layout)} 0x{slow.layout.frame_id:X}, {signal.name}"
             yield _optional(name, signal)
     if bus.energizing is not None:
-        yield from _energizing(bus.energizing, 1.0 / fitted.config.sampling.rate_hz)
+        yield from _energizing(bus.energizing)
 
 
 @ruled("fuel")
@@ -109,8 +107,8 @@ def _optional(name: str, signal: "SlowSignal") -> Said:
     return lowest <= most and highest >= least, ", ".join(filter(None, said)), carried.wrong
 
 
-def _energizing(energizing: "EnergizingLayout", sample: float) -> Iterator[Said]:
-    """Mapping of the energizing signal, and accuracy of opening delays; sample: interval from one to the next [s]."""
+def _energizing(energizing: "EnergizingLayout") -> Iterator[Said]:
+    """Mapping of the energizing signal, and the stamps behind opening delays."""
     layout, names = energizing.layout, energizing.names
     signals = names[0] if len(names) == 1 else f"{len(names)} samples a frame, {names[0]} to {names[-1]}"
     kind = "energized while it is not 0" if energizing.is_level else "energizing time"
@@ -119,14 +117,11 @@ def _energizing(energizing: "EnergizingLayout", sample: float) -> Iterator[Said]
         f"{energizing.window / MILLISECOND:g} ms after its command"
     )
     cycle = energizing.cycle if energizing.is_level and len(names) == 1 else None
-    between = (cycle or 0.0) / 2
     prefix = f"{layout.name}: opening delays by"
     if energizing.index is not None:
-        yield graded("time", True, f"{prefix} the sample index, to {(sample + between) / MICROSECOND:.4g} us")
+        yield graded("time", True, f"{prefix} the sample index")
     else:
-        off = f", and {between / MICROSECOND:.4g} us more between two frames" if between else ""
-        delay = f"{energizing.delay / MICROSECOND:.4g} us after it"
-        text = f"{prefix} receive stamps, {delay}: too short by the jitter of its frames{off}"
+        text = f"{prefix} receive stamps, too short by the jitter of its frames"
         remedy = "an index of the line pressure's time base would tell them to a sample"
         yield graded("time", False, text, remedy)
     if cycle is not None and cycle >= COARSE:
@@ -139,7 +134,7 @@ def _energizing(energizing: "EnergizingLayout", sample: float) -> Iterator[Said]
 
 def mapping_findings(fitted: BenchInjector, bus: BusMap, messages: Sequence[KnownMessage]) -> list[Finding]:
     """All findings about the mapping of an injector; messages: the messages of all databases."""
-    findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(fitted, bus)
+    findings = [_mapping(fitted, bus, role) for role in ROLES] + optional_findings(bus)
     return findings + _protection(fitted, bus) + _sample_periods(fitted, bus, messages)
 
 
@@ -269,23 +264,12 @@ def _joined(timing: np.void) -> str:
     return ""
 
 
-@ruled("channels")
-def channel_findings(fitted: BenchInjector) -> Iterator[Said]:
-    """A finding for each channel with a stated delay or lag, and its treatment."""
-    for role in Role:
-        signal = fitted.config.signals.of(role)
-        delay = f"recorded {signal.filter_delay_us:g} us late" if signal.filter_delay_us else ""
-        slow = f"sensor with a lag of {signal.lag_us:g} us" if signal.lag_us else ""
-        if delay or slow:
-            yield f"{role}: {', '.join(filter(None, (delay, slow)))}, undone"
-
-
 def observer_findings(fitted: BenchInjector) -> list[Finding]:
     """All findings about the observer of an injector; none with too many cells to be stable."""
     integration = _integration(fitted)
     is_stable = integration[0].error is None
-    fuel = fuel_findings(fitted) if is_stable else []
     steps_itself = effective_model(fitted.parameters).coefficients.line.fastest == 0.0
+    fuel = fuel_findings(fitted) if is_stable else []
     observer = _observer(fitted) if is_stable or not steps_itself else []
     return [*integration, *fuel, *_fitted_model(fitted), *level_findings(fitted), *observer]
 
@@ -342,27 +326,17 @@ def level_findings(fitted: BenchInjector) -> Iterator[Said]:
 
 def _observer(fitted: BenchInjector) -> list[Finding]:
     rate = fitted.config.sampling.rate_hz
-    noise = configured_noise(fitted)
     stated = effects_after_alignment(fitted.config.signals)
     constants = constants_for(fitted.parameters, rate, Durations(), events_required=0, stated=stated)
-    sensor, lookahead = constants.sensor, constants.timing.lookahead + constants.undoing.ahead
-    every = rail_every(fitted)
-    schedule = gain_schedule(constants.coefficients, noise, rate, sensor.lag, sensor.fraction, every)
-    c = constants.coefficients
-    line_mode = c.line.mode / (2 * math.pi)
-    opens, shuts = dead_band(noise.needle_lift * noise_gain(constants.undoing.lift_lag))
+    lookahead = constants.timing.lookahead + constants.undoing.ahead
+    line_mode = constants.coefficients.line.mode / (2 * math.pi)
+    opens, shuts = dead_band(configured_noise(fitted).needle_lift * noise_gain(constants.undoing.lift_lag))
     return [
         graded(
             "line mode",
             rate >= SAMPLES_PER_PERIOD * line_mode,
             f"{line_mode:.0f} Hz, {rate / line_mode:.3g} samples a period",
             f"sample at {SAMPLES_PER_PERIOD * line_mode:.0f} Hz or more, for {SAMPLES_PER_PERIOD} a period",
-        ),
-        graded(
-            "gain",
-            True,
-            f"steady gain {schedule.gains[-1, 0]:.3g} on p_L and {schedule.gains[-1, 1]:.3g} on Q_L (normalised); "
-            f"innovation sigma {schedule.innovation_sigma * c.pressure_scale / MEGAPASCAL:.3g} MPa",
         ),
         graded(
             "dead band",

@@ -48,7 +48,7 @@ def with_options(work: Callable[[Any], None]) -> Callable[..., None]:
 
 def _annotation(name: str, hint: Any) -> Any:
     """The declaration of a field for typer."""
-    kind, said, *more = get_args(hint)
+    kind, said = get_args(hint)
     if get_origin(kind) is tuple:
         kind = list[get_args(kind)[0]] | None  # type: ignore[misc]
     parameter: Any
@@ -63,18 +63,16 @@ def _annotation(name: str, hint: Any) -> Any:
             min=said.minimum,
             max=said.maximum,
         )
-    return Annotated[kind, parameter, *more]
+    return Annotated[kind, parameter]
 
 
-def decoder_of(
-    bench: Path | None, injector: str | None, lenient: bool, model: Path | None = None
-) -> Bench | None:
+def decoder_of(bench: Path | None, injector: str | None, model: Path | None = None) -> Bench | None:
     """The bench of `--bench`, with the injector of `--injector` only; None without one.
 
     Raises `UserError` for files that do not fit, and for an injector of no bench file.
     """
     if bench is not None:
-        return load_bench(bench, model, lenient, off_bus=True).of(injector)
+        return load_bench(bench, model, off_bus=True).of(injector)
     if injector is not None:
         raise UserError(f"--injector {injector}", "names one of a bench file", "give that by --bench")
     return None

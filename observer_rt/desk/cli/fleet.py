@@ -9,8 +9,8 @@ from typing import Annotated
 from observer_rt.config.bench import EXAMPLE_BENCH, load_bench
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
-from observer_rt.foundation.console import results, say
-from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Standing, Writes
+from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
+from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.outputs import check_output, make_folder
 
 
@@ -26,11 +26,6 @@ class BatchOptions:
         Path,
         Option(
             "Folder for the tables (Parquet); recordings that are in them are not evaluated again.", "DIR"
-        ),
-        Writes(
-            "tables; marker: `batch.json`",
-            Standing.MARKED,
-            ("batch.json", "done.jsonl", "errors.jsonl", "injections"),
         ),
     ]
     bench: shared.BenchFile = EXAMPLE_BENCH
@@ -48,7 +43,6 @@ class BatchOptions:
     ] = None
     state: shared.State = None
     no_learning: Annotated[bool, Option("Judge injections without learning from them.")] = False
-    lenient: Lenient = False
     json: shared.Json = False
 
 
@@ -62,7 +56,7 @@ def batch(options: BatchOptions) -> None:
     from observer_rt.foundation.console import stop_on_signals
 
     model, pattern = options.model and options.model.absolute(), options.injector_from
-    benches = load_bench(options.bench.absolute(), model, options.lenient, off_bus=True)
+    benches = load_bench(options.bench.absolute(), model, off_bus=True)
     chosen = benches.of(options.injector)
     names = None if pattern is None else PathPattern.read(INJECTOR_FROM, pattern)
     paths = recordings_in(options.sources)
@@ -94,13 +88,7 @@ class TrendOptions:
             "Regular expression whose first group finds date and time of a recording in its path.", "PATTERN"
         ),
     ] = None
-    trust_file_times: Annotated[
-        bool,
-        Option(
-            "Take the time at which a file was last written where nothing else says when it was recorded."
-        ),
-    ] = False
-    out: Annotated[Path | None, Option("Page to write (default: trend.html in DIR)."), Writes("page")] = None
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): courses of the most worn injectors.")] = None
     force: shared.Force = False
     json: shared.Json = False
 
@@ -110,18 +98,21 @@ def trend(options: TrendOptions) -> None:
     from observer_rt.desk.fleet.dataset import read_injections
     from observer_rt.desk.fleet.recordings import TIME_FROM, PathPattern
     from observer_rt.desk.fleet.trend import NEEDED, Limit, trends
-    from observer_rt.desk.fleet.trend_page import as_json as document
-    from observer_rt.desk.fleet.trend_page import table_of, write_page
+    from observer_rt.desk.fleet.trend_report import as_json as document
+    from observer_rt.desk.fleet.trend_report import table_of
 
-    folder, pattern = options.results_of, options.time_from
-    page = options.out or folder / "trend.html"
-    check_output("--out", page, options.force, suffixes=(".html",))
+    plot, pattern = options.plot, options.time_from
+    if plot is not None:
+        check_output("--plot", plot, options.force, suffixes=FIGURE_SUFFIXES)
     limits = [Limit.read(text) for text in options.limit]
     dates = None if pattern is None else PathPattern.read(TIME_FROM, pattern)
-    made = trends(read_injections(folder, NEEDED), dates, options.trust_file_times)
-    write_page(page, made, limits, folder)
+    made = trends(read_injections(options.results_of, NEEDED), dates)
     if options.json:
         print(json.dumps(document(made, limits), indent=2))
     else:
         results().print(table_of(made, limits))
-    say(messages, f"{len(made)} injector{'s' if len(made) != 1 else ''}: {page}")
+    if plot is not None:
+        from observer_rt.desk.fleet.trend_figure import draw
+
+        draw(plot, made, limits)
+        say(messages, f"{plot}: figure")

@@ -21,7 +21,7 @@ from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import messages
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Standing, Writes
+from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.outputs import check_output
 
 
@@ -35,7 +35,7 @@ class DemoOptions:
     injections: Annotated[int, Option("Number of injections.", minimum=3, maximum=100)] = 12
     speed: Annotated[float, Option("Replay speed, 1 = real time.", minimum=0.01, maximum=1.0)] = 0.1
     seed: Annotated[int, Option("Seed of the measurement noise.", minimum=0)] = 1
-    figure: Annotated[Path, Option("Where to write the picture (png, svg, pdf)."), Writes("picture")] = Path(
+    figure: Annotated[Path, Option("Where to write the picture (png, svg, pdf).")] = Path(
         "observer_rt_demo.png"
     )
     missing_effect: Annotated[
@@ -51,7 +51,6 @@ class DemoOptions:
     out: Annotated[
         Path,
         Option("With --missing-effect: folder of bench, evidence and report, new or empty.", "DIR"),
-        Writes("bench, injector, log, journal, evidence and report", Standing.EMPTY),
     ] = Path("observer_rt_demo")
     force: shared.Force = False
 
@@ -105,7 +104,7 @@ def run(options: RunOptions) -> None:
     from observer_rt.desk.check.bench_rules import refuse_errors
 
     def read() -> Bench:
-        all_injectors = load_bench(bench, lenient=options.lenient)
+        all_injectors = load_bench(bench)
         refuse_errors(all_injectors, options.state, options.journal, options.injector)
         refuse_several(all_injectors, options.injector)
         return all_injectors
@@ -138,7 +137,6 @@ class CheckOptions:
         None
     )
     injector: Injector = None
-    lenient: Lenient = False
     json: shared.Json = False
 
 
@@ -151,7 +149,7 @@ def check(options: CheckOptions) -> None:
 
     is_alone = options.bench == EXAMPLE_BENCH and options.model is None and options.state is None
     is_layout = options.recording is not None and (is_alone or describes_files_only(options.bench))
-    chosen = load_bench(options.bench, options.model, options.lenient, off_bus=is_layout).of(options.injector)
+    chosen = load_bench(options.bench, options.model, off_bus=is_layout).of(options.injector)
     findings = [] if is_layout else checkup(chosen, options.state)
     if (log := options.log) is not None:
         findings += of_each(chosen, lambda alone: given_files.log_findings(alone, log, options.from_channel))
@@ -178,16 +176,14 @@ class MonitorOptions:
     out: Annotated[
         Path,
         Option("Folder that `Save` writes injections into.", "DIR"),
-        Writes("an injection at each `Save`: CSV and JSON", Standing.FREE),
     ] = Path("injections")
-    lenient: Lenient = False
 
 
 def monitor(options: MonitorOptions) -> None:
     """Serve a live page of the daemons of a bench: last injections, masses, wear, states and what to do."""
     from observer_rt.desk.live_page.server import serve_page
 
-    chosen = load_bench(options.bench, lenient=options.lenient).of(options.injector)
+    chosen = load_bench(options.bench).of(options.injector)
     serve_page(chosen, options.address, options.port, options.out, messages)
 
 
@@ -201,7 +197,6 @@ class TakeOverOptions:
     bench: Annotated[
         Path | None,
         Option("Bench file that is to name it."),
-        Writes("the name of a copy of AMENDED, which gets the next free name", Standing.KEY),
     ] = None
     undo: Annotated[bool, Option("Instead: have the bench file name what it named before the last step.")] = (
         False

@@ -8,9 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from rich.live import Live
-from rich.text import Text
-
 from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.bench_file import of_links, refuse_shared_channels
 from observer_rt.desk import options as shared
@@ -18,7 +15,7 @@ from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import CLASSIC_ONLY, RECORDED, Recording
 from observer_rt.foundation.console import say, stop_on_signals
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Writes
+from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -58,7 +55,6 @@ class ReplayOptions:
     ] = ()
     force: Annotated[bool, Option("Send even if another node sends the same identifiers.")] = False
     injector: Injector = None
-    lenient: Lenient = False
     json: shared.Json = False
 
 
@@ -69,7 +65,7 @@ def replay(options: ReplayOptions) -> None:
     from observer_rt.files.replay import log_frames, player
 
     recording, loop, extent = options.recording, options.loop, (options.start, options.stop)
-    bench = load_bench(options.bench, lenient=options.lenient).of(options.injector)
+    bench = load_bench(options.bench).of(options.injector)
     chosen = _with_links(bench, options)
     channels = log_frames.channel_map(options.map_channel)
     if is_log(recording):
@@ -99,7 +95,7 @@ def replay(options: ReplayOptions) -> None:
 class RecordOptions:
     """Options of the command."""
 
-    out: Annotated[Path, Option(f"Log to write ({RECORDED})."), Writes("log, begun at the first frame")]
+    out: Annotated[Path, Option(f"Log to write ({RECORDED}).")]
     bench: shared.BenchFile = EXAMPLE_BENCH
     channel: Channel = ()
     interface: Interface = ()
@@ -122,11 +118,7 @@ def record(options: RecordOptions) -> None:
         bus.name if channels.count(bus.config.channel) > 1 and bus.name else bus.config.channel
         for bus in buses
     ]
-    with (
-        stop_on_signals() as stop,
-        ExitStack() as stack,
-        Live(console=messages, auto_refresh=False, transient=True) as live,
-    ):
+    with stop_on_signals() as stop, ExitStack() as stack, messages.status("waiting for frames") as status:
         links = {
             name: stack.enter_context(
                 open_link(link.interface, link.channel, link.fd, computer_time=len(buses) > 1)
@@ -135,7 +127,11 @@ def record(options: RecordOptions) -> None:
         }
         say(messages, f"recording {', '.join(f'{bus.config.interface} {bus.label}' for bus in buses)}")
         limits = RecordLimits(options.duration, options.frames)
-        statistics = record_links(links, options.out, limits, stop, _FrameCount(live), options.force)
+
+        def report(so_far: "RecordStatistics") -> None:
+            status.update(f"{so_far.frames} frames, {so_far.lost} lost")
+
+        statistics = record_links(links, options.out, limits, stop, report, options.force)
     print(json.dumps(statistics.as_json(), indent=2) if options.json else statistics.as_text())
 
 
@@ -147,12 +143,10 @@ class ConvertOptions:
     target: Annotated[
         Path,
         Argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT"),
-        Writes("recording or log; of one in stretches a series `*_0001`, …"),
     ]
     bench: shared.Decoder = None
     from_channel: shared.FromChannel = ()
     injector: Injector = None
-    lenient: Lenient = False
     force: shared.Force = False
 
 
@@ -160,7 +154,7 @@ def convert(options: ConvertOptions) -> None:
     """Convert recordings and CAN logs to other formats; with a bench file, logs to recordings."""
     from observer_rt.desk.evaluation.convert import convert as convert_file
 
-    chosen = decoder_of(options.bench, options.injector, options.lenient)
+    chosen = decoder_of(options.bench, options.injector)
     recording, target, channels = options.recording, options.target, options.from_channel
     print(convert_file(recording, target, chosen, channels, options.force, messages))
 
@@ -180,21 +174,3 @@ def _with_links(bench: Bench, options: ReplayOptions | RecordOptions) -> Bench:
     config = config.model_copy(update={"link": link, "links": links})
     refuse_shared_channels("--channel: ", config.buses)
     return replace(bench, config=config)
-
-
-class _FrameCount:
-    """Frames so far, and how many came in a second of late; on a terminal only."""
-
-    def __init__(self, live: Live) -> None:
-        self._live = live
-        self._frames, self._moment = 0, 0.0
-
-    def __call__(self, so_far: "RecordStatistics") -> None:
-        if not self._live.console.is_terminal:
-            return
-        passed = so_far.duration - self._moment
-        rate = (so_far.frames - self._frames) / passed if passed else 0.0
-        self._frames, self._moment = so_far.frames, so_far.duration
-        name = so_far.files[-1].name if so_far.files else "waiting for frames"
-        line = f"{name}: {so_far.frames} frames, {rate:.0f} a second, {so_far.lost} lost, {so_far.duration:.0f} s"
-        self._live.update(Text(line), refresh=True)

@@ -16,7 +16,7 @@ from observer_rt.desk.cli.command import decoder_of, messages
 from observer_rt.desk.recording_options import Recordings
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import InterruptionError, UserError, require
-from observer_rt.foundation.options import Argument, Injector, Lenient, Option, Standing, Writes
+from observer_rt.foundation.options import Argument, Injector, Option
 from observer_rt.foundation.outputs import check_output, make_folder
 from observer_rt.foundation.progress import progress_bar
 
@@ -28,12 +28,11 @@ class ModelOptions:
     bench: shared.Decoder = None
     from_channel: shared.FromChannel = ()
     injector: Injector = None
-    lenient: Lenient = False
     json: shared.Json = False
 
     def decoder(self, model: Path | None) -> Bench | None:
         """The bench that says how to read the files. Raises `UserError` if none fits."""
-        return decoder_of(self.bench, self.injector, self.lenient, model)
+        return decoder_of(self.bench, self.injector, model)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,16 +43,16 @@ class FitOptions(ModelOptions):
     model: Annotated[
         Path, Option("Injector file to start from: geometry right, the rest within a factor of two.")
     ]
-    output: Annotated[Path, Option("Fitted injector file to write."), Writes("injector file")]
+    output: Annotated[Path, Option("Fitted injector file to write.")]
     mass: Annotated[
         Path | None,
         Option(
             "Measured masses (CSV: recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level."
         ),
     ] = None
-    plot: Annotated[
-        Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase."), Writes("figure")
-    ] = None
+    plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = (
+        None
+    )
     force: shared.Force = False
 
 
@@ -118,11 +117,6 @@ class DiscoverOptions(ModelOptions):
     out: Annotated[
         Path,
         Option("Folder for findings, amended model and report.", "DIR"),
-        Writes(
-            "answer to a search that goes on where `fits.jsonl` ends",
-            Standing.ANSWER,
-            ("findings.json", "report.html", "amended.toml", "plan.csv", "fits.jsonl"),
-        ),
     ]
     recordings: Recordings = ()
     from_evidence: Annotated[

@@ -11,7 +11,7 @@ from observer_rt.desk.recording_options import SIGNALS, EvaluateOptions
 from observer_rt.foundation.console import FIGURE_SUFFIXES, results, say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import REPRODUCED
-from observer_rt.foundation.options import Option, Standing, Writes
+from observer_rt.foundation.options import Option
 from observer_rt.foundation.outputs import check_output, make_folder, write_text
 from observer_rt.foundation.progress import progress_bar
 from observer_rt.foundation.units import MILLISECOND
@@ -26,7 +26,6 @@ class SimulateOptions:
     output: Annotated[
         Path,
         Option(f"Recording to write ({SIGNALS})."),
-        Writes("recording, its truth", names=("*.truth.csv",)),
     ]
     rail_pressure: Annotated[
         str, Option("Rail pressures [MPa], separated by commas; events take them in turn.")
@@ -105,7 +104,7 @@ def evaluate(options: EvaluateOptions) -> None:
     """Run recordings through the observer, as the daemon would and as fast as the machine allows."""
     from observer_rt.desk.evaluation.command import evaluate_files
 
-    stated = load_bench(options.bench, options.model, options.lenient, off_bus=True).of(options.injector)
+    stated = load_bench(options.bench, options.model, off_bus=True).of(options.injector)
     evaluate_files(stated, options, messages)
 
 
@@ -116,11 +115,6 @@ class ReproduceOptions:
     out: Annotated[
         Path,
         Option("Folder for figures and table.", "DIR"),
-        Writes(
-            "figures, table",
-            Standing.NAMES,
-            ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv"),
-        ),
     ]
     sample_rate: shared.SampleRate = 100e3
     force: shared.Force = False

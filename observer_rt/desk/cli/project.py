@@ -9,7 +9,7 @@ from typing import Annotated
 from observer_rt.desk.cli.command import messages
 from observer_rt.foundation.console import results, say
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.options import Argument, Option, Standing, Writes
+from observer_rt.foundation.options import Argument, Option
 
 
 class ProjectStep(StrEnum):
@@ -33,11 +33,6 @@ class ProjectOptions:
     folder: Annotated[
         Path,
         Argument("Folder of the project.", "DIR"),
-        Writes(
-            "`new`: `project.toml`; else `results`; markers: `project.toml`, `results/done.json`",
-            Standing.MARKED,
-            ("injector.toml", "results/fit.json"),
-        ),
     ]
     model: Annotated[
         Path | None, Option("With new: injector file to begin with (default: the nominal injector).")

@@ -6,19 +6,16 @@ import threading
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.desk.fleet.dataset import Dataset
-from observer_rt.desk.fleet.job import FailedFile, Task, evaluated, hashed
+from observer_rt.desk.fleet.job import FailedFile, Task, evaluated
 from observer_rt.foundation.console import results, say
 from observer_rt.foundation.errors import InterruptionError, RunError
 from observer_rt.foundation.files import file_hash
@@ -86,16 +83,10 @@ class EvaluatedFiles:
     skipped: int = 0
     failed: list[FailedFile] = field(default_factory=list)
 
-    def take(self, dataset: Dataset, path: Path, sha256: str, rows: pa.Table | FailedFile | str) -> None:
-        """One file into the dataset; rows: a hash where they are there already."""
-        if isinstance(rows, str):
-            self.skipped += 1
-        elif isinstance(rows, FailedFile):
-            dataset.take_failure(rows)
-            self.failed.append(rows)
-        else:
-            dataset.take(path, sha256, rows)
-            self.done += 1
+    @property
+    def count(self) -> int:
+        """Number of files that are through."""
+        return self.done + self.skipped + len(self.failed)
 
 
 def evaluate_all(
@@ -105,31 +96,47 @@ def evaluate_all(
 
     Only as many files are at work as keep the workers busy. Raises `InterruptionError` when it is interrupted.
     """
-    submit = partial(client.submit, pure=False, retries=_RETRIES)
     remaining, counts = iter(paths), EvaluatedFiles()
     running: dict[Any, tuple[Path, str]] = {}
     begun: set[str] = set()
     with progress_bar(console, "evaluating", len(paths)) as progress:
         while not stop.is_set():
             most = _WAITING * max(1, sum(client.ncores().values()))
-            for path in islice(remaining, max(0, most - len(running))):
-                running[submit(hashed, task.folder / path)] = path, ""
+            path = next(remaining, None) if len(running) < most else None
+            if path is not None:
+                sha256 = _hashed(task.folder / path, path, counts)
+                if sha256 and not dataset.is_done(sha256) and sha256 not in begun:
+                    job = client.submit(evaluated, task, path, sha256, pure=False, retries=_RETRIES)
+                    running[job] = path, sha256
+                    begun.add(sha256)
+                elif sha256:
+                    counts.skipped += 1
+                continue
             if not running:
                 return counts
             for future in _ready(running):
                 path, sha256 = running.pop(future)
-                result = _result(future, path, sha256)
-                if isinstance(result, str) and not dataset.is_done(result) and result not in begun:
-                    begun.add(result)
-                    running[submit(evaluated, task, path, result)] = path, result
+                rows = _result(future, path)
+                if isinstance(rows, FailedFile):
+                    counts.failed.append(rows)
                 else:
-                    counts.take(dataset, path, sha256, result)
-                    progress(counts.done + counts.skipped + len(counts.failed))
+                    dataset.take(sha256, rows)
+                    counts.done += 1
+                progress(counts.count)
     client.cancel(list(running))
     raise InterruptionError(
         f"interrupted; {counts.done + counts.skipped} of {len(paths)} files are done\n"
         "  remedy: give the same command again to go on"
     )
+
+
+def _hashed(file: Path, path: Path, counts: EvaluatedFiles) -> str:
+    """SHA-256 of a file; empty, and the file counted as failed, where it cannot be read."""
+    try:
+        return file_hash(file)
+    except OSError as error:
+        counts.failed.append(FailedFile(path, f"{path}: {error.strerror}"))
+        return ""
 
 
 def _ready(running: Collection[Any]) -> Collection[Any]:
@@ -143,7 +150,7 @@ def _ready(running: Collection[Any]) -> Collection[Any]:
     return over
 
 
-def _result(future: Any, path: Path, sha256: str) -> Any:
+def _result(future: Any, path: Path) -> Any:
     """Of a job: what its function returned, or that it returned nothing, not even an error that it foresees."""
     error = future.exception()
     if error is None:
@@ -151,7 +158,7 @@ def _result(future: Any, path: Path, sha256: str) -> Any:
     problem = f"{type(error).__name__}: {error}\n  remedy: please report it, with the file"
     if type(error).__name__ == "KilledWorker":
         problem = f"its worker died {_RETRIES + 1} times\n  remedy: fewer --workers, if memory is short"
-    return FailedFile(path, sha256, f"{path}: {problem}")
+    return FailedFile(path, f"{path}: {problem}")
 
 
 def settings_of(bench: Bench, state: Path | None, learning: bool, pattern: str | None) -> dict[str, Any]:
@@ -174,7 +181,7 @@ def tell(dataset: Dataset, counts: EvaluatedFiles, as_json: bool, console: Conso
         said = {
             "done": counts.done,
             "skipped": counts.skipped,
-            "failed": len(counts.failed),
+            "failed": [{"file": str(failed.file), "problem": failed.problem} for failed in counts.failed],
             "injections": dataset.injections,
             "out": str(dataset.folder),
         }
@@ -184,5 +191,5 @@ def tell(dataset: Dataset, counts: EvaluatedFiles, as_json: bool, console: Conso
     if counts.skipped:
         text += f"; {counts.skipped} were done before, or are copies"
     if counts.failed:
-        text += f"; {len(counts.failed)} could not be evaluated, see {dataset.errors}"
+        text += f"; {len(counts.failed)} could not be evaluated"
     say(results(), f"{text}; {dataset.folder}")

@@ -22,7 +22,7 @@ from observer_rt.engine.reports.injection_report import Output, columns_of, row_
 from observer_rt.files.formats import is_log
 from observer_rt.files.signals.doubts import refuse_dead
 from observer_rt.foundation.errors import ObserverError
-from observer_rt.foundation.files import file_errors, file_hash
+from observer_rt.foundation.files import file_errors
 from observer_rt.model.effects import effective_model
 
 _KINDS = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
@@ -56,19 +56,10 @@ class Task:
 
 @dataclass(frozen=True)
 class FailedFile:
-    """Failure of a file; sha256: empty where it could not be read."""
+    """A file that gave no rows, and why."""
 
     file: Path
-    sha256: str
     problem: str
-
-
-def hashed(path: Path) -> str | FailedFile:
-    """SHA-256 of a file."""
-    try:
-        return file_hash(path)
-    except OSError as error:
-        return FailedFile(path, "", f"{path}: {error.strerror}")
 
 
 def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
@@ -77,9 +68,9 @@ def evaluated(task: Task, path: Path, sha256: str) -> pa.Table | FailedFile:
         rows = (row for alone in task.bench.per_injector for row in _rows(task, path, sha256, alone))
         return _table(rows)
     except ObserverError as error:
-        return FailedFile(path, sha256, str(error))
+        return FailedFile(path, str(error))
     except MemoryError:
-        return FailedFile(path, sha256, f"{path}: not enough memory\n  remedy: fewer --workers")
+        return FailedFile(path, f"{path}: not enough memory\n  remedy: fewer --workers")
     finally:
         gc.collect()  # observer and listener hold each other: without it the next files find their memory taken
 

@@ -145,20 +145,18 @@ class InjectorTrend:
     courses: dict[str, Course]
 
 
-def trends(
-    rows: pa.Table, dates: PathPattern | None = None, trusts_file_times: bool = False
-) -> list[InjectorTrend]:
+def trends(rows: pa.Table, dates: PathPattern | None = None) -> list[InjectorTrend]:
     """Trends of every injector in the rows of a batch (columns `NEEDED`), the most worn first.
 
-    dates: in the files' paths; trusts_file_times: files were written as they were recorded. Raises `UserError` for
-    recordings of one injector at the same time, as copied files seem to be, or at an unknown one.
+    dates: in the files' paths. Raises `UserError` for recordings of one injector at the same time, as copied files
+    seem to be, or at an unknown one.
     """
     table = rows.to_pandas()
     if dates is not None:
         begin = table["file"].map({file: dates.date_in(Path(file)) for file in table["file"].unique()})
         since = table["time"] - table.groupby("sha256")["time"].transform("min")
         table = table.assign(time=begin + since)
-    elif not trusts_file_times:
+    else:
         _refuse_written(table)
     table = table.sort_values(["time", "number"])
     made = [_trend(str(name), its) for name, its in table.groupby("injector")]
@@ -174,7 +172,7 @@ def _refuse_written(table: pd.DataFrame) -> None:
             "trend",
             f"{len(doubtful)} recordings, such as {doubtful.iloc[0]}, do not state when they were made; when files "
             "were last written is no answer, as copying changes it",
-            f"{_HOW}; or --trust-file-times, if they were written as they were recorded",
+            _HOW,
         )
 
 

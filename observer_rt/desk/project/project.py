@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
@@ -44,9 +44,6 @@ class Project:
 
     folder: Path
     config: ProjectConfig
-    _hashes: dict[tuple[Path, int, int], str] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     @classmethod
     def new(cls, folder: Path, model: Path | None) -> Self:
@@ -134,17 +131,9 @@ class Project:
         digest = hashlib.sha256(__version__.encode())
         for path in files:
             if path is not None:
-                digest.update(f"{os.path.relpath(path, self.folder)} {self.hash_of(path)}\n".encode())
+                with file_errors(path):
+                    digest.update(f"{os.path.relpath(path, self.folder)} {file_hash(path)}\n".encode())
         return digest.hexdigest()
-
-    def hash_of(self, path: Path) -> str:
-        """SHA-256 of a file, read again only where it was written since: each step asks, and recordings are large."""
-        with file_errors(path):
-            now = path.stat()
-            key = path, now.st_size, now.st_mtime_ns
-            if key not in self._hashes:
-                self._hashes[key] = file_hash(path)
-            return self._hashes[key]
 
     def once(
         self, step: str, files: Iterable[Path | None], made: Path, work: Callable[[], str], say: Say

@@ -46,7 +46,6 @@ def write_page(project: Project) -> Path:
             answer=answer,
             page=f"{DISCOVERY}/{REPORT}",
             has_amended=(results / DISCOVERY / "amended.toml").exists(),
-            files=[(path, project.hash_of(path)[:12]) for path in _files(project)],
             made=datetime.now(),
             version=__version__,
         )
@@ -72,11 +71,6 @@ def _picture(path: Path) -> Markup | None:
         return None
     data = base64.b64encode(path.read_bytes()).decode("ascii")
     return Markup(f'<img alt="" src="data:image/png;base64,{data}">')
-
-
-def _files(project: Project) -> list[Path]:
-    named = [project.model, project.bench, project.masses, *project.healthy, *project.recordings]
-    return [path for path in named if path is not None]
 
 
 def fit(project: Project, say: Say) -> Path:

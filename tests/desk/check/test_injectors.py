@@ -7,13 +7,11 @@ import pytest
 from observer_rt.bus.mapping.bus_map import map_bench, map_bus
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import load_bench
-from observer_rt.config.signals import Role
 from observer_rt.desk.check.buses import INJECTIONS_PER_SECOND, expected_load
 from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
-from observer_rt.desk.check.injector import channel_findings, time_findings
+from observer_rt.desk.check.injector import time_findings
 from observer_rt.foundation.errors import UserError
-from tests.benches import bench_with
 from tests.daemon.time_frames import write_time_bench
 from tests.daemon.time_scenarios import NIBBLE, SLOW, STAMPS, TWO_BASES, slow
 from tests.two_injectors import one_injector, two_injectors
@@ -31,7 +29,6 @@ def test_each_is_reported_by_its_name(tmp_path: Path) -> None:
             "mapping",
             "sampling",
             "integration",
-            "gain",
             "dead band",
             "events",
             "time",
@@ -105,16 +102,3 @@ def test_message_without_index_and_counter_is_warned_of(tmp_path: Path) -> None:
 
 def test_slower_signal_tells_how_long_it_is_held(tmp_path: Path) -> None:
     assert any("held at most 2.5 ms" in finding.text for finding in findings(tmp_path, slow(SLOW)))
-
-
-def test_what_is_stated_is_said_channel_by_channel() -> None:
-    bench = bench_with(
-        line_pressure={"filter_delay_us": 22.5}, needle_lift={"filter_delay_us": 4, "lag_us": 15.9}
-    )
-    findings = channel_findings(bench.injector)
-    assert {each.level for each in findings} == {Level.OK}
-    assert [each.text.split(":")[0] for each in findings] == [Role.NEEDLE_LIFT, Role.LINE_PRESSURE]
-    assert "4 us late" in findings[0].text
-    assert "lag of 15.9 us" in findings[0].text
-    assert "22.5 us late" in findings[1].text
-    assert "lag" not in findings[1].text

@@ -115,7 +115,7 @@ MISTAKES = {
     "identifier beyond CAN": ("injector_id = 1", "status_id = 0x20000000", "outputs.status_id", "to 536870911"),
     "one message for two results": ("injector_id = 1", 'status = "InjectionSummary"',
         "outputs", "2 results share the message InjectionSummary", "give each its own"),
-    "input for a result": ("injector_id = 1", 'status = "SampleBlock"', "outputs.status_id", "share 0x100"),
+    "input for a result": ("injector_id = 1", 'status = "SampleBlock"', "status_id", "share 0x100"),
     # files
     "no such injector file": (END, '[model]\nfile = "x.toml"\n', "model.file", "x.toml does not exist"),
     "a folder for the injector file": (END, '[model]\nfile = "."\n', "bench.toml: model.file", "folder"),

@@ -7,25 +7,19 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 import pytest
 from typer.models import OptionInfo
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR
 from observer_rt.desk.cli.app import app_of
-from observer_rt.foundation.options import Standing, Writes
+from observer_rt.files.signals.recording import TRUTH_SUFFIX
 from tests.desk.cli.conftest import Command, module
 
 # how each output is asked for; {out}: the file without its suffix, or the folder; {worn}: a recording
-ASKED = {
+REPLACED = {  # with --force, where a file of the same kind is there
     ("demo", "--figure"): "demo --figure {out}.png",
-    ("demo", "--out"): "demo --missing-effect --out {out}",
-    ("run", "--state"): "run --bench bench.toml --state {out}",
-    ("run", "--journal"): "run --bench bench.toml --journal {out}",
-    ("run", "--log"): "run --bench bench.toml --log {out}",
-    ("monitor", "--out"): "monitor --out {out}",
-    ("take-over", "--bench"): "take-over {out}.toml --bench bench.toml",
     ("record", "--out"): "record --interface virtual --out {out}.log",
     ("simulate", "--output"): "simulate --injections 1 --output {out}.csv",
     ("evaluate", "--output"): "evaluate {worn} --output {out}.csv",
@@ -34,12 +28,27 @@ ASKED = {
     ("convert", "OUT"): "convert {worn} {out}.parquet",
     ("fit", "--output"): "fit {worn} --model model.toml --output {out}.toml",
     ("fit", "--plot"): "fit {worn} --model model.toml --output fitted.toml --plot {out}.png",
-    ("project", "DIR"): "project new {out}",
-    ("reproduce", "--out"): "reproduce --out {out}",
-    ("discover", "--out"): "discover {worn} --out {out}",
-    ("batch", "--out"): "batch {worn} --out {out}",
-    ("trend", "--out"): "trend {here} --out {out}.html",
+    ("trend", "--plot"): "trend {here} --plot {out}.png",
 }
+CONTINUED = {
+    ("run", "--state"): "run --bench bench.toml --state {out}",
+    ("run", "--journal"): "run --bench bench.toml --journal {out}",
+    ("run", "--log"): "run --bench bench.toml --log {out}",
+}
+FILES = REPLACED | CONTINUED
+FOLDERS = {  # and the names in it that are written
+    ("project", "DIR"): ("project new {out}", ("injector.toml", "results/fit.json")),
+    ("reproduce", "--out"): (
+        "reproduce --out {out}",
+        ("figure_3.png", "figure_4.png", "figure_5.png", "table.csv"),
+    ),
+    ("discover", "--out"): (
+        "discover {worn} --out {out}",
+        ("findings.json", "report.html", "amended.toml", "plan.csv", "fits.jsonl"),
+    ),
+    ("batch", "--out"): ("batch {worn} --out {out}", ("batch.json", "injections")),
+}
+ELSEWHERE = {("demo", "--out"), ("monitor", "--out"), ("take-over", "--bench")}
 # parameters that name what is read; a new one that names a file must be among them, or declare what is written
 READ = {
     "amended",
@@ -68,31 +77,22 @@ SAME_KIND = {
 STRANGERS = ("observer.log", "bench.toml", "learned.json", "evidence/mine.parquet", "notes.txt")
 
 
-def declared() -> dict[tuple[str, str], Writes]:
-    """What commands say that they write, by command and option; `export` is not among them."""
-    result = {}
-    for command in app_of().registered_commands:
-        for name, hint in get_type_hints(command.callback, include_extras=True).items():
-            of_hint: tuple[Any, ...] = getattr(hint, "__metadata__", ())
-            for writes in (one for one in of_hint if isinstance(one, Writes)):
-                info = of_hint[0]
-                option = info.default if isinstance(info, OptionInfo) else info.metavar
-                result[command.name or "", str(option)] = writes
-            if "Path" in str(hint) and not any(isinstance(one, Writes) for one in of_hint):
-                assert name in READ or command.name == "export", f"{command.name}: is {name} read or written?"
-    return result
-
-
-DECLARED = declared()
 HAVE_FORCE = {
     command.name for command in app_of().registered_commands if "force" in get_type_hints(command.callback)
 }
-FILES = [key for key, writes in DECLARED.items() if writes.standing in (Standing.FILE, Standing.OWN)]
-FOLDERS = [
-    key
-    for key, writes in DECLARED.items()
-    if writes.standing in (Standing.NAMES, Standing.ANSWER, Standing.MARKED)
-]
+
+
+def test_every_output_is_tried() -> None:
+    named: set[tuple[str, str]] = set()
+    for command in app_of().registered_commands:
+        for name, hint in get_type_hints(command.callback, include_extras=True).items():
+            if "Path" in str(hint):
+                info = hint.__metadata__[0]
+                option = info.default if isinstance(info, OptionInfo) else info.metavar
+                named.add((command.name or "", name if name in READ else str(option)))
+    written = {(command, option) for command, option in named if option not in READ}
+    changed = {("take-over", "--bench"), ("run", "--state"), ("run", "--log")}  # which other commands read
+    assert written | changed == {*FILES, *FOLDERS, *ELSEWHERE}
 
 
 def contents(folder: Path) -> Mapping[str, bytes]:
@@ -113,26 +113,22 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def words(key: tuple[str, str], worn: Path, out: str = "out") -> list[str]:
-    return [word.format(worn=worn, here=Path.cwd(), out=out) for word in ASKED[key].split()]
+    line = FILES[key] if key in FILES else FOLDERS[key][0]
+    return [word.format(worn=worn, here=Path.cwd(), out=out) for word in line.split()]
 
 
 def file_of(key: tuple[str, str]) -> Path:
-    (named,) = re.findall(r"\{out\}(\S*)", ASKED[key])
+    (named,) = re.findall(r"\{out\}(\S*)", FILES[key])
     return Path(f"out{named}")
-
-
-def test_every_output_is_declared_and_tried() -> None:
-    assert set(ASKED) == set(DECLARED)
 
 
 @pytest.mark.parametrize("key", FILES, ids=" ".join)
 def test_a_file_of_somebody_else_is_refused_by_its_name(
     command: Command, folder: Path, worn: Path, key: tuple[str, str]
 ) -> None:
-    out, writes = file_of(key), DECLARED[key]
-    strangers = [Path(name.replace("*", str(out))) for name in writes.names if not name.endswith(".lock")]
-    consents = [[]] if writes.standing is Standing.OWN else [[], ["--force"]]
-    for path in (out, *strangers):
+    out = file_of(key)
+    consents = [[]] if key in CONTINUED else [[], ["--force"]]
+    for path in (out, *([Path(f"{out}{TRUTH_SUFFIX}")] if key[0] == "simulate" else [])):
         for content in (b"mine\n", EXAMPLE_BENCH.read_bytes()):
             path.write_bytes(content)
             before = contents(folder)
@@ -142,7 +138,7 @@ def test_a_file_of_somebody_else_is_refused_by_its_name(
                 assert "stays as it is" in " ".join(said.split())
                 assert contents(folder) == before
         path.unlink()
-    if writes.standing is Standing.FILE:
+    if key in REPLACED:
         out.write_bytes(SAME_KIND[out.suffix])
         before = contents(folder)
         said = command.refused(*words(key, worn))
@@ -155,7 +151,7 @@ def test_a_file_of_somebody_else_is_refused_by_its_name(
 def test_a_folder_of_somebody_else_is_left_alone(
     command: Command, folder: Path, worn: Path, key: tuple[str, str]
 ) -> None:
-    for name in DECLARED[key].names:
+    for name in FOLDERS[key][1]:
         for content in (b"mine\n", SAME_KIND.get(Path(name).suffix, b"[1]")):
             position = folder / str(len(list(folder.iterdir())))
             for stranger in (*STRANGERS, name):
@@ -169,7 +165,7 @@ def test_a_folder_of_somebody_else_is_left_alone(
                 asked[1] = "report"
             before = contents(folder)
             for consent in ([], ["--force"]) if key[0] in HAVE_FORCE else ([],):
-                if consent and DECLARED[key].standing is Standing.NAMES and content != b"mine\n":
+                if consent and key[0] == "reproduce" and content != b"mine\n":
                     continue  # which replaces it
                 said = command.refused(*asked, *consent)
                 assert str(position) in said
@@ -202,7 +198,7 @@ def test_with_force_only_its_own_names_are_replaced(
     command: Command, folder: Path, worn: Path, key: tuple[str, str]
 ) -> None:
     out = file_of(key)
-    own = {str(out), *(name.replace("*", str(out)) for name in DECLARED[key].names)}
+    own = {str(out), *([f"{out}{TRUTH_SUFFIX}"] if key[0] == "simulate" else [])}
     for name in (*STRANGERS[2:], f".{out.stem}.part{out.suffix}", f"{out}.new", f"{out}.part"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(b"mine\n")

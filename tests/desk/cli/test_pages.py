@@ -69,8 +69,7 @@ def test_the_commands_on_many_recordings(command: Command, desk: Path) -> None:
         path.parent.mkdir(parents=True)
         command.done("simulate", *SEVERAL_POINTS, *effect, "--output", path)
     run_all(command, without_bus(Page("docs/batch.md")))
-    page = (desk / "results" / "trend.html").read_text()
-    assert page.index("<td>b</td>") < page.index("<td>a</td>")
+    assert (desk / "trend.png").exists()
 
 
 @pytest.mark.slow

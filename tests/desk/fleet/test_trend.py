@@ -1,6 +1,5 @@
 """Wear over time: what all recordings of an injector say together, its line, the dates of limits, and the page."""
 
-import html
 import json
 import math
 import re
@@ -13,7 +12,8 @@ import pytest
 
 from observer_rt.desk.fleet.recordings import PathPattern, TimeFrom
 from observer_rt.desk.fleet.trend import FEWEST, InjectorTrend, Limit, Signal, WearLine, trends
-from observer_rt.desk.fleet.trend_page import as_json, table_of, write_page
+from observer_rt.desk.fleet.trend_figure import draw
+from observer_rt.desk.fleet.trend_report import as_json, table_of
 from observer_rt.foundation.console import results
 from observer_rt.foundation.errors import UserError
 from tests.desk.fleet.rows import campaign, rows
@@ -59,17 +59,13 @@ def when_written(*files: str) -> pa.Table:
 
 def test_times_that_only_the_file_system_says_are_asked_for() -> None:
     table = when_written("a_20260301_1200.csv", "b_20260401_1200.csv")
-    with pytest.raises(
-        UserError, match=r"2 recordings, such as a_2026(?s:.*)--time-from PATTERN.*--trust-file-"
-    ):
+    with pytest.raises(UserError, match=r"2 recordings, such as a_2026(?s:.*)--time-from PATTERN"):
         trends(table)
     (dated,) = trends(table, dates=PathPattern.read("--time-from", r"_(\d{8}_\d{4})"))
     assert [f"{each:%m-%d %H:%M:%S}" for each in dated.times] == ["03-01 12:00:01", "04-01 12:00:01"]
 
 
-def test_they_are_taken_if_one_says_so() -> None:
-    (trusted,) = trends(when_written("a.csv"), trusts_file_times=True)
-    assert len(trusted.times) == 1
+def test_a_time_that_the_file_states_is_taken() -> None:
     (stated,) = trends(rows("aa", "worn", [0.1], time_from=TimeFrom.HEADER))
     assert len(stated.times) == 1
 
@@ -193,16 +189,9 @@ def test_the_terminal_has_a_row_of_each_injector_with_the_dates_of_limits(
     assert "never" in said["doubtful"]
 
 
-def test_the_page_has_every_injector_and_pictures_of_the_most_worn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("observer_rt.desk.fleet.trend_page._MOST_DRAWN", 3)
-    table = pa.concat_tables(campaign(f"<b>{number:02}", 0.005 * number) for number in range(6))
-    made = trends(table)
-    write_page(tmp_path / "trend.html", made, [LIMIT], tmp_path)
-    text = (tmp_path / "trend.html").read_text()
-    names = [html.escape(trend.injector) for trend in made]
-    assert re.findall(r"<tr><td>(.*?)</td>", text) == names
-    assert re.findall(r"<h3>(.*)</h3>", text) == names[:3]
-    assert text.count("<svg") == 3
-    assert "src=" not in text
+def test_the_figure_shows_the_most_worn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("observer_rt.desk.fleet.trend_figure._MOST_DRAWN", 3)
+    made = trends(pa.concat_tables(campaign(f"no_{number}", 0.005 * number) for number in range(6)))
+    draw(tmp_path / "trend.svg", made, [LIMIT])
+    said = re.findall(r"<!-- (no_\d) -->", (tmp_path / "trend.svg").read_text())
+    assert said == [trend.injector for trend in made[:3]]

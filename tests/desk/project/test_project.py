@@ -7,11 +7,9 @@ import pandas as pd
 import pytest
 
 import observer_rt as ort
-from observer_rt.desk.project import project as module
 from observer_rt.desk.project.project import Project
 from observer_rt.desk.project.steps import do
 from observer_rt.files.formats import write_recording
-from observer_rt.foundation.files import file_hash
 
 
 def made(folder: Path, step: str) -> list[str]:
@@ -64,28 +62,6 @@ def test_without_healthy_recordings_the_model_is_used_as_it_is(tmp_path: Path) -
     assert "up to date" in made(tmp_path, "evaluate")[-1]
     record(tmp_path / "recordings" / "b.parquet", worn=0.1, seed=2)
     assert "8 injections" in made(tmp_path, "evaluate")[-1]
-
-
-def test_a_file_is_hashed_once_for_all_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    Project.new(tmp_path, None)
-    read: list[str] = []
-
-    def counted(path: Path) -> str:
-        read.append(path.name)
-        return file_hash(path)
-
-    monkeypatch.setattr(module, "file_hash", counted)
-    project, path = Project.read(tmp_path), tmp_path / "recordings" / "a.csv"
-    path.write_text("one")
-    first = project.state_of([path, project.model])
-    assert project.state_of([path, project.model]) == first
-    assert project.hash_of(path) == file_hash(path)
-    assert read == ["a.csv", "injector.toml"]
-    path.write_text("another")
-    assert project.state_of([path, project.model]) != first
-    assert read == ["a.csv", "injector.toml", "a.csv"]
-    with pytest.raises(ort.UserError, match="no such file"):
-        project.hash_of(tmp_path / "none.csv")
 
 
 @pytest.mark.slow

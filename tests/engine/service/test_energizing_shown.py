@@ -32,7 +32,7 @@ from tests.device import EPOCH, frames_of, merged
 from tests.files.canlog.log_cases import sent_log, write_log
 
 TWO = 'signals = ["{0}_00", "{0}_01"]\n'
-BY_INDEX = "sample index, to 20 us"
+BY_INDEX = "by the sample index"
 
 
 def traffic() -> list[TimedFrame]:
@@ -55,12 +55,12 @@ def findings(bench: Path, topic: str, name: str) -> list[tuple[Level, str]]:
         (EnergizingBy.TIME, "PulseTime 0x331, Duration, energizing time", Level.OK, BY_INDEX),
         (EnergizingBy.LEVELS_IN_BLOCK, "20 samples a frame, Level_00 to Level_19", Level.OK, BY_INDEX),
         (
-            EnergizingBy.TIME_BY_STAMP + "delay_us = 50\n",
+            EnergizingBy.TIME_BY_STAMP,
             "energizing time",
             Level.WARNING,
-            "stamps, 50 us after it",
+            "receive stamps",
         ),
-        (EnergizingBy.CYCLIC, "Energized", Level.WARNING, "500 us more between two frames"),
+        (EnergizingBy.CYCLIC, "Energized", Level.WARNING, "receive stamps"),
     ],
 )
 def test_check_says_what_to_expect(

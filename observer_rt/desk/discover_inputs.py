@@ -15,7 +15,6 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.reading import hashes, read_measured, without_copies
-from observer_rt.model.effect import SizedEffect
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +25,6 @@ class DiscoverInputs:
     measured: tuple[Measurement, ...]
     hashes: dict[str, str]  # SHA-256 of the measured files, by name
     healthy: tuple[Measurement, ...] = ()
-    stated: tuple[SizedEffect, ...] = ()  # delays and lags of the channels, from the bench file
 
 
 def inputs_of_recordings(
@@ -45,7 +43,7 @@ def inputs_of_recordings(
     read = partial(open_source, bench=decoder, from_channels=from_channel, console=console)
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     measured = read_measured([*paths, *references], read, console, stated=stated, baseline=baseline)
-    return DiscoverInputs(start, measured[: len(paths)], hashes(paths), measured[len(paths) :], stated)
+    return DiscoverInputs(start, measured[: len(paths)], hashes(paths), measured[len(paths) :])
 
 
 def inputs_of_evidence(
@@ -65,4 +63,4 @@ def inputs_of_evidence(
             f"was kept with an earlier content of {start}",
             "name a copy with that content by --model, or let the observer see more injections",
         )
-    return DiscoverInputs(start, (kept.measurement,), kept.hashes, stated=kept.measurement.stated)
+    return DiscoverInputs(start, (kept.measurement,), kept.hashes)

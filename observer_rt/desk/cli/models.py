@@ -196,17 +196,11 @@ def discover(options: DiscoverOptions) -> None:
     make_folder("--out", out)
     for measurement in (*inputs.measured, *inputs.healthy):
         say(messages, coverage(measurement))
-    store = folder.fits_in(out, task, inputs.stated)
-    if store.taken_over:
-        say(messages, f"going on with {store.taken_over} candidates fitted before")
-    with store, progress_bar(messages, "looking for what is missing", 1.0) as progress:
+    with progress_bar(messages, "looking for what is missing", 1.0) as progress:
         try:
-            findings = discovery.answer(task, store, progress)
+            findings = discovery.answer(task, progress)
         except KeyboardInterrupt:
-            raise InterruptionError(
-                f"interrupted; {len(store)} fitted candidates are kept in {out / folder.FITS}\n"
-                "  remedy: give the same command again to go on"
-            ) from None
+            raise InterruptionError("interrupted; nothing was written") from None
     if options.plan:
         with progress_bar(messages, "planning what to measure next", 1.0) as progress:
             findings = discovery.planned(findings, task, two_injections, progress)

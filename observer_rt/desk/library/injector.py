@@ -248,7 +248,7 @@ class Injector:
             )
             refuse_incomparable(task, self.file.name)
             with progress_bar(screen, "looking for what is missing", 1.0) as progress:
-                findings = answer(task, {}, progress)
+                findings = answer(task, progress)
             said = (*notes, *map(coverage, measured))
             return DiscoveryResult(self.file, task, findings, said, self._with_file)
 

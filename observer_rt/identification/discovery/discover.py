@@ -28,7 +28,6 @@ from observer_rt.identification.discovery.gaps import disagreements, gaps_of
 from observer_rt.identification.discovery.injections import injection_gaps, mass_changes, typical_overlays
 from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import Candidate
-from observer_rt.identification.discovery.search.fits import FitMemory
 from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Part, Verdict, probabilities
@@ -109,7 +108,7 @@ def refuse_incomparable(task: DiscoveryTask, model: str) -> None:
     refuse_unstable_cells(model, task.parameters, coefficients, first.interval)
 
 
-def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], None]) -> Findings:
+def answer(task: DiscoveryTask, progress: Callable[[float], None]) -> Findings:
     """Finds the missing effect; progress takes the share done.
 
     Raises `RunError` when the model has no solution on the recordings, `UserError` for a choice they do not leave.
@@ -130,7 +129,7 @@ def answer(task: DiscoveryTask, memory: FitMemory, progress: Callable[[float], N
 
     recordings = [one.recording for one in task.measured]
     learned = task.learned(task.parameters, recordings) if task.learned else ()
-    options = SearchOptions(workers, memory, named, baseline, task.chosen, first_guess(learned))
+    options = SearchOptions(workers, named, baseline, task.chosen, first_guess(learned))
     discovery = name_effects(nominal, measured, options)
     likelihood = joint_likelihood(measured, nominal, baseline.shape)
     accepted_term = task.accepted if task.accepted <= len(discovery.proposals) else 0

@@ -1,4 +1,4 @@
-"""`observer-rt discover`: what it writes and prints; mistakes it names; an interruption survived."""
+"""`observer-rt discover`: what it writes and prints; mistakes it names."""
 
 import json
 import re
@@ -13,29 +13,23 @@ import observer_rt.identification.discovery.discover
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.files.formats import read_recording, write_recording
 from observer_rt.foundation.errors import RunError
-from observer_rt.identification.discovery.folder import FitStore
-from observer_rt.identification.discovery.search.fits import Fit
 from tests.desk.cli.conftest import Command
 
 
-def test_a_search_goes_on_where_it_was_names_a_worn_nozzle_and_the_amended_model_explains_it(
+def test_a_search_interrupted_writes_nothing(
     command: Command, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    result = tmp_path / "found"
-
-    def interrupted(store: FitStore, ids: tuple[str, ...], fit: Fit) -> None:
-        keep(store, ids, fit)
-        raise KeyboardInterrupt
-
-    keep = FitStore.__setitem__
-    with monkeypatch.context() as patched:
-        patched.setattr(FitStore, "__setitem__", interrupted)
-        done = command("discover", "--out", result, worn)
+    monkeypatch.setattr(observer_rt.identification.discovery.discover, "answer", _interrupted)
+    done = command("discover", "--out", tmp_path / "found", worn)
     assert done.code == 130
-    assert "same command" in done.err
-    (kept,) = re.findall(r"(\d+) fitted candidates are kept", done.err)
+    assert not list((tmp_path / "found").iterdir())
+
+
+def test_a_search_names_a_worn_nozzle_and_the_amended_model_explains_it(
+    command: Command, worn: Path, tmp_path: Path
+) -> None:
+    result = tmp_path / "found"
     done = command.done("discover", "--out", result, worn)
-    assert f"going on with {kept} " in done.err
     assert done.out.startswith("named: orifice_area")
     assert "MPa" in done.out
     assert "mg" in done.out
@@ -43,7 +37,6 @@ def test_a_search_goes_on_where_it_was_names_a_worn_nozzle_and_the_amended_model
         "findings.json",
         "amended.toml",
         "report.html",
-        "fits.jsonl",
     }
     (effect,) = load_injector(result / "amended.toml").effects
     assert effect.parameters["v_H"].value == pytest.approx(0.3, abs=0.02)
@@ -156,6 +149,10 @@ def test_a_log_with_gaps_is_judged_by_what_is_whole(
 
 def _stopped(*_: object) -> None:
     raise RunError("not wanted here")
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _replayed(command: Command, recording: Path, bench: Path) -> list[can.Message]:

@@ -29,6 +29,6 @@ def worn() -> Worn:
     made = recordings((sized("orifice_area", v_H=WEAR),), measured_rate=True, points=WORN_POINTS)
     names = {f"<{number}>.csv": f"{number:064x}" for number in range(len(made))}
     task = DiscoveryTask(NOMINAL, measurements(made), (), names)
-    findings = answer(task, {}, lambda _: None)
+    findings = answer(task, lambda _: None)
     model = ModelSource("a & b.toml", "0" * 64, ("seat_area",))
     return Worn(task, replace(findings, model=model, made=datetime(2026, 1, 31, 12, 0), folder="found"))

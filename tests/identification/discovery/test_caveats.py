@@ -115,7 +115,7 @@ def test_flow_and_stiffness_that_changed_together_look_like_another_inertance(
 def test_what_is_of_the_bench_is_told_and_never_amended() -> None:
     made = recordings((sized("needle_lift_sensor_lag", tau=16e-6),))
     task = DiscoveryTask(NOMINAL, measurements(made), (), {"a.csv": "0" * 64, "b.csv": "1" * 64})
-    findings = answer(task, {}, lambda _: None)
+    findings = answer(task, lambda _: None)
     assert [effect.id for effect in findings.effects] == ["needle_lift_sensor_lag"]
     assert "state the lag of the lift sensor in the bench file" in as_text(findings).splitlines()[0]
     assert (findings.amended_model, findings.in_force) == (None, ())

@@ -43,7 +43,7 @@ def plugged() -> DiscoveryTask:
 
 
 def answered(task: DiscoveryTask) -> Findings:
-    return replace(answer(task, {}, lambda _: None), folder="found")
+    return replace(answer(task, lambda _: None), folder="found")
 
 
 @pytest.fixture(scope="module")

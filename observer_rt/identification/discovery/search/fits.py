@@ -1,8 +1,9 @@
 """Fits of explanations: each made once, several at a time, and what any further effect would gain beside them."""
 
 import math
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import combinations, product
 from operator import attrgetter, itemgetter
 from types import MappingProxyType
@@ -67,11 +68,6 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 _Key = tuple[tuple[str, ...], tuple[float, ...]]
-Fit = tuple[NDArray[np.float64], float, float]
-"""theta (p,), -2 log L and the mean square of the residuals."""
-FitMemory = MutableMapping[tuple[str, ...], Fit]
-"""Fitted candidates by the ids of their effects, and ROUGH or FREED after them: an interrupted run goes on where it
-was."""
 
 
 class Fitter:
@@ -82,7 +78,6 @@ class Fitter:
         likelihood: JointLikelihood,
         nominal: EffectiveModel,
         workers: int = 1,
-        memory: FitMemory | None = None,
         fitted: Callable[[Candidate], None] | None = None,
         appears: Mapping[str, Appearance] = MappingProxyType({}),
     ) -> None:
@@ -91,7 +86,7 @@ class Fitter:
         self.likelihood = likelihood
         self.nominal = nominal
         self._workers = workers
-        self._memory: FitMemory = {} if memory is None else memory
+        self._fits: dict[tuple[str, ...], Candidate | None] = {}  # by ids, and ROUGH or FREED after them
         self._fitted = fitted
         self._appears = appears
         self.signatures: dict[str, appearance.Signature] = {}
@@ -100,7 +95,6 @@ class Fitter:
         samples = sum(one.phases.size + one.rate_phases.size for one in likelihood.recordings)
         self._most_kept = max(LEAST_KEPT, KEPT_SAMPLES // samples)
         self._pools: dict[_Key, Pool | None] = {}
-        self._failed: set[tuple[str, ...]] = set()
 
     def nothing(self) -> Candidate:
         """The nominal model."""
@@ -257,19 +251,16 @@ class Fitter:
         self, hypothesis: Hypothesis, key: tuple[str, ...], search: Callable[[], Minimum | None]
     ) -> Candidate | None:
         """A fit made before, else made now and kept."""
-        stored = self._memory.get(key)
-        if stored is not None:
-            return Candidate(hypothesis, tuple(stored[0].tolist()), *stored[1:])
-        minimum = None if key in self._failed else search()
-        if minimum is None:
-            self._failed.add(key)
-            return None
-        spread = minimum.residuals.spread
-        candidate = Candidate(hypothesis, tuple(minimum.theta.tolist()), minimum.statistic, spread)
-        self._memory[key] = minimum.theta, minimum.statistic, spread
-        if self._fitted is not None:
-            self._fitted(candidate)
-        return candidate
+        if key not in self._fits:
+            minimum, candidate = search(), None
+            if minimum is not None:
+                sizes, spread = tuple(minimum.theta.tolist()), minimum.residuals.spread
+                candidate = Candidate(hypothesis, sizes, minimum.statistic, spread)
+                if self._fitted is not None:
+                    self._fitted(candidate)
+            self._fits[key] = candidate
+        kept = self._fits[key]
+        return None if kept is None else replace(kept, hypothesis=hypothesis)
 
     def named(
         self, about: Candidate, effects: Sequence[Effect], sizes: Sequence[float] | None = None

@@ -13,7 +13,7 @@ from observer_rt.foundation.errors import RunError, UserError
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.discovery.search.adequacy import cells_of, worst
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
-from observer_rt.identification.discovery.search.fits import FitMemory, Fitter, best_of_each
+from observer_rt.identification.discovery.search.fits import Fitter, best_of_each
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
 from observer_rt.identification.discovery.search.laws import Guess
 from observer_rt.identification.discovery.search.proposals import Proposer, with_parts
@@ -112,13 +112,12 @@ def _measurement(first: Effect, second: Effect, rate_measured: bool) -> str:
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """Options of a search. workers: threads; memory: of candidates fitted before; baseline: of healthy recordings;
+    """Options of a search. workers: threads; baseline: of healthy recordings;
     chosen: effects that are to lead where they are among those that explain the recordings as well as the best;
     guess: curve whose law is refitted first.
     """
 
     workers: int = 1
-    memory: FitMemory | None = None
     progress: Progress | None = None
     baseline: Healthy = NOT_FITTED
     chosen: tuple[str, ...] = ()
@@ -146,7 +145,7 @@ def name_effects(
 
     if likelihood.judge(nominal) is None:
         raise RunError("the model has no finite solution on these recordings: see `observer-rt check`")
-    fitter = Fitter(likelihood, nominal, options.workers, options.memory, count, options.baseline.appears)
+    fitter = Fitter(likelihood, nominal, options.workers, count, options.baseline.appears)
     fitter.measure(effects)
     search = Search(fitter, effects, options.baseline, options.guess)
     outcome = search.run()

@@ -97,7 +97,7 @@ def test_a_proposal_is_in_document_screen_and_page(accepted: Findings) -> None:
         )
         assert "injection_number starts anew" in text
     assert "injection_number starts anew" in accepted.terms[0].evidence
-    for words in ("With proposal 1", "(nozzle_flow)", "--model found/amended.toml", "any curve there"):
+    for words in ("With proposal 1", "nozzle_flow = c", "--model found/amended.toml", "any curve there"):
         assert words in page
 
 

@@ -21,17 +21,16 @@ from observer_rt.identification.discovery.amend import AMENDED
 from observer_rt.identification.discovery.discover import DiscoveryTask, planned
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.folder import REPORT, check_answer_folder, write_findings
+from observer_rt.identification.discovery.law_words import law_text
 from observer_rt.identification.discovery.report.text import as_text
 from observer_rt.identification.discovery.search.results import Proposal
-from observer_rt.identification.discovery.words.law_words import law_text
-from observer_rt.identification.discovery.words.sentences import proposal_words
 from observer_rt.model.effects import VOCABULARY
 
 if TYPE_CHECKING:
     from observer_rt.desk.library.injector import Injector
 
 PROPOSAL: dict[str, Callable[[Proposal], Any]] = {
-    "words": proposal_words,
+    "words": lambda one: one.sentence,
     "laws": lambda one: "; ".join(map(law_text, one.terms)),
     "gap_before_MPa": lambda one: one.held_out[0] / MEGAPASCAL,
     "gap_after_MPa": lambda one: one.held_out[1] / MEGAPASCAL,

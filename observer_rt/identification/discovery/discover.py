@@ -32,8 +32,8 @@ from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
 from observer_rt.identification.discovery.search.results import Cell, Discovery, Part, Verdict, probabilities
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
+from observer_rt.identification.discovery.sentences import candidate_words, headline
 from observer_rt.identification.discovery.standstill import standstill_checks
-from observer_rt.identification.discovery.words.sentences import candidate_words, headline, proposal_words
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
@@ -257,7 +257,7 @@ def rivals_of(discovery: Discovery, nominal: EffectiveModel) -> list[Rival]:
     """Explanations that an ambiguous answer leaves, the leading one first."""
     tied = (discovery.named.ids, *discovery.rivals)
     left = [(_words(one), one) for ids in tied for one in discovery.ranking if one.ids == ids]
-    left += [(proposal_words(one), one.candidate) for one in discovery.proposals]
+    left += [(one.sentence, one.candidate) for one in discovery.proposals]
     return [
         Rival(
             words,

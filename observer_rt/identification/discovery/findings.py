@@ -13,23 +13,21 @@ from observer_rt.engine.learning.healthy import Healthy
 from observer_rt.engine.learning.learned_curves import LearnedCurve
 from observer_rt.foundation.documents import Entry, Inside, key
 from observer_rt.foundation.units import MILLIGRAM
-from observer_rt.identification.discovery.gaps import RATE, Disagreement, ModelGaps
-from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
-from observer_rt.identification.discovery.search.candidates import Candidate
-from observer_rt.identification.discovery.search.results import Cell, Discovery, LargestMisfit, Verdict
-from observer_rt.identification.discovery.search.search import indistinguishable
-from observer_rt.identification.discovery.standstill import StandstillFigure
-from observer_rt.identification.discovery.words.entries import (
+from observer_rt.identification.discovery.entries import (
     CellOfMap,
     GapEntry,
     LearnedEntry,
     RankedCandidate,
-    Unknown,
     cell_of_map,
     gap_entry,
     ranked,
-    unknown,
 )
+from observer_rt.identification.discovery.gaps import RATE, Disagreement, ModelGaps
+from observer_rt.identification.discovery.injections import InjectionGap, MassChange, Overlay
+from observer_rt.identification.discovery.search.candidates import Candidate
+from observer_rt.identification.discovery.search.results import Cell, Discovery, Verdict
+from observer_rt.identification.discovery.search.search import indistinguishable
+from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct
 from observer_rt.identification.planning.plan import MeasurementPlan
 from observer_rt.model.baseline import Remainder
@@ -192,7 +190,6 @@ class Findings(Discovery):
     schema: Literal[1] = 1
     best: Annotated[Candidate, Entry(lambda one, _: one.ids, tuple[str, ...])]
     ranking: tuple[Annotated[Candidate, Entry(ranked, RankedCandidate)], ...]
-    unexplained: Annotated[LargestMisfit | None, Entry(unknown, Unknown | None), key("unknown")]
     where: tuple[Annotated[Disagreement, Entry(cell_of_map, CellOfMap)], ...]
     gaps: Annotated[ModelGaps, Entry(gap_entry, GapEntry), key("gap")]
     checks: tuple[StandstillFigure, ...]

@@ -33,13 +33,6 @@ from observer_rt.model.parameters import LineOutflow
 LINE_PRESSURE, RATE, MASS = "line_pressure", "injection_rate", "injected_mass"
 UNITS = {LINE_PRESSURE: ("MPa", MEGAPASCAL), RATE: ("mm3/ms", MM3_PER_MS), MASS: ("mg", MILLIGRAM)}
 NOISE_RUNS = 3  # with noise added, for the noise floor
-PHASE_NAMES = {
-    Phase.STANDSTILL: "closed",
-    Phase.OPENING: "opening",
-    Phase.OPEN: "open",
-    Phase.CLOSING: "closing",
-    Phase.AFTER: "after",
-}
 _Key = tuple[Signal, Phase, int]
 
 
@@ -71,12 +64,10 @@ class Gap:
 
 @dataclass(frozen=True)
 class PointGaps:
-    """The gaps of one held-out recording by quantity, the rate only where it is measured; injected: mean mass of an
-    event [kg]."""
+    """The gaps of one held-out recording by quantity, the rate only where it is measured."""
 
     recording: int
     by_name: Mapping[str, Gap]
-    injected: float
 
 
 @dataclass(frozen=True)
@@ -85,7 +76,6 @@ class ModelGaps:
     `fitted_on`."""
 
     by_name: Mapping[str, Gap]
-    injected: float  # kg, mean of an event
     refitted: EffectiveModel
     points: tuple[PointGaps, ...]
     fitted_on: tuple[int, ...]
@@ -112,8 +102,7 @@ def gaps_of(shown: Candidate, measured: Sequence[Measurement], nominal: Effectiv
         )
         for name, gap in points[0].by_name.items()
     }
-    injected = float(np.mean([point.injected for point in points]))
-    return ModelGaps(by_name, injected, refitted, points, fitted_on, held_out)
+    return ModelGaps(by_name, refitted, points, fitted_on, held_out)
 
 
 def _together(points: Sequence[PointGaps], name: str, of: str) -> float:
@@ -136,7 +125,7 @@ def _point(
     )
     before, after = (_errors(measurement, model, true_masses) for model in (nominal, refitted))
     noisy = [_errors(measurement, refitted, true_masses, seed) for seed in range(NOISE_RUNS)]
-    noise, mean_mass = measurement.noise.line_pressure, float(np.mean(true_masses))
+    noise = measurement.noise.line_pressure
     own_errors = {LINE_PRESSURE: [noise], MASS: [0.0]}
     if is_measured:
         rate = [one.rate[_injecting(measurement, one)] for one in simulated(measurement, refitted)]
@@ -144,7 +133,7 @@ def _point(
         own_errors = {
             LINE_PRESSURE: [noise],
             RATE: [measurement.rate_noise, gain_error],
-            MASS: [GAIN_ERROR * mean_mass],
+            MASS: [GAIN_ERROR * float(np.mean(true_masses))],
         }
     by_name = {}
     for name, own in own_errors.items():
@@ -152,7 +141,7 @@ def _point(
         floor = math.hypot(*own, rms(np.concatenate([one[name] - after[name] for one in noisy])))
         with_measured = is_measured or name == LINE_PRESSURE
         by_name[name] = Gap(name, rms(before[name]) / si, rms(after[name]) / si, floor / si, with_measured)
-    return PointGaps(number, by_name, mean_mass)
+    return PointGaps(number, by_name)
 
 
 def _errors(

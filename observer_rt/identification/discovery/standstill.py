@@ -77,16 +77,15 @@ def standstill_checks(
 def _of_recording(
     number: int, measurement: Measurement, c: Coefficients, usual_offset: float
 ) -> list[StandstillFigure]:
-    noise, result = measurement.noise, []
-    blocks = _blocks(measurement, 2.0 * math.pi / c.line.mode)
-    if blocks is not None:
-        offset, scatter = float(np.mean(blocks.differences)), float(np.std(blocks.differences, ddof=1))
-        moved, spread = offset - usual_offset, scatter / math.sqrt(blocks.runs.size)
-        for name, unit, tolerated, value, sigma in (
-            ("rail_line_offset", "MPa", OFFSET_TOLERATED, moved, spread),
-            ("line_pressure_slope", "MPa/s", SLOPE_TOLERATED, *_slope(blocks)),
-        ):
-            result.append(_judged(name, number, value, sigma, MEGAPASCAL, unit, tolerated))
+    noise, result = measurement.noise, list[StandstillFigure]()
+    means = _period_means(measurement, 2.0 * math.pi / c.line.mode)
+    if means is not None:
+        offset, scatter = float(np.mean(means.differences)), float(np.std(means.differences, ddof=1))
+        moved = offset - usual_offset, scatter / math.sqrt(means.differences.size)
+        result = [
+            _judged("rail_line_offset", number, *moved, MEGAPASCAL, "MPa", OFFSET_TOLERATED),
+            _judged("line_pressure_slope", number, *means.slope(), MEGAPASCAL, "MPa/s", SLOPE_TOLERATED),
+        ]
     levels = [
         ("rail_pressure_noise", noise.rail_pressure / MEGAPASCAL, "MPa"),
         ("line_pressure_noise", noise.line_pressure / MEGAPASCAL, "MPa"),
@@ -109,28 +108,44 @@ def _judged(
 
 @dataclass(frozen=True, eq=False)
 class _PeriodMeans:
-    """Means over whole periods of the line, in which its ringing cancels: (b,), SI; runs: stretch of standstill."""
+    """Means over whole periods of the line, in which its ringing cancels (b,), SI.
 
+    differences: line minus rail pressure; times, lines: from the means of their stretch of standstill.
+    """
+
+    differences: NDArray[np.float64]
     times: NDArray[np.float64]
-    differences: NDArray[np.float64]  # line minus rail pressure
     lines: NDArray[np.float64]
-    runs: NDArray[np.int64]
+    stretches: int
+
+    def slope(self) -> tuple[float, float]:
+        """Slope of the line pressure within the stretches, and its standard deviation [Pa/s]."""
+        spread, freedom = float(self.times @ self.times), self.times.size - self.stretches - 1
+        if not spread > 0.0 or freedom < 1:
+            return 0.0, math.inf
+        slope = float(self.times @ self.lines) / spread
+        left = self.lines - slope * self.times
+        return slope, math.sqrt(float(left @ left) / freedom / spread)
 
 
-def _blocks(measurement: Measurement, period: float) -> _PeriodMeans | None:
+def _period_means(measurement: Measurement, period: float) -> _PeriodMeans | None:
+    """None where too little of the needle's rest is there."""
     recording = measurement.recording
     size = max(1, round(period * recording.sample_rate))
-    starts, runs = [], []
     places = np.flatnonzero(_calm(measurement))
-    for number, run in enumerate(np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)):
-        firsts = run[: run.size - run.size % size : size]
-        starts.extend(firsts.tolist())
-        runs.extend([number] * firsts.size)
-    if len(starts) < _FEWEST_BLOCKS:
+    moments = []
+    for stretch in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
+        if stretch.size >= size:
+            rows = stretch[: stretch.size - stretch.size % size].reshape(-1, size)
+            time, line, rail = (
+                signal[rows].mean(axis=1)
+                for signal in (recording.time, recording.line_pressure, recording.rail_pressure)
+            )
+            moments.append((line - rail, time - time.mean(), line - line.mean()))
+    if sum(differences.size for differences, *_ in moments) < _FEWEST_BLOCKS:
         return None
-    rows = np.array(starts)[:, None] + np.arange(size)
-    line, rail = recording.line_pressure[rows].mean(axis=1), recording.rail_pressure[rows].mean(axis=1)
-    return _PeriodMeans(recording.time[rows].mean(axis=1), line - rail, line, np.array(runs))
+    differences, times, lines = (np.concatenate(each) for each in zip(*moments, strict=True))
+    return _PeriodMeans(differences, times, lines, len(moments))
 
 
 def _calm(measurement: Measurement) -> NDArray[np.bool_]:
@@ -141,23 +156,6 @@ def _calm(measurement: Measurement) -> NDArray[np.bool_]:
     last_open = np.maximum.accumulate(np.where(recording.needle_lift <= opens, -settled - 1, every))
     finite = np.isfinite(recording.rail_pressure + recording.line_pressure)
     return np.asarray((every - last_open > settled) & finite, np.bool_)
-
-
-def _slope(blocks: _PeriodMeans) -> tuple[float, float]:
-    """Slope of the line pressure within the stretches of standstill, and its standard deviation [Pa/s]."""
-    times, lines = blocks.times.copy(), blocks.lines.copy()
-    runs = np.unique(blocks.runs)
-    for run in runs:
-        inside = blocks.runs == run
-        times[inside] -= times[inside].mean()
-        lines[inside] -= lines[inside].mean()
-    spread = float(times @ times)
-    freedom = times.size - runs.size - 1
-    if not spread > 0.0 or freedom < 1:
-        return 0.0, math.inf
-    slope = float(times @ lines) / spread
-    left = lines - slope * times
-    return slope, math.sqrt(float(left @ left) / freedom / spread)
 
 
 def _apparent(

@@ -63,10 +63,6 @@ def test_what_no_effect_explains_is_proposed_as_a_law(accepted: Findings) -> Non
     assert high - low < 0.01
     assert proposal.may_enter
     assert proposal.held_out[1] < 0.5 * proposal.held_out[0]
-    (curve,) = proposal.curves
-    np.testing.assert_array_equal(curve.at, (1.0, 2.0))
-    np.testing.assert_allclose(curve.points, (0.0, -0.2), atol=0.01)
-    assert np.all(curve.half < 0.02)
 
 
 def test_an_accepted_proposal_explains_the_recordings(
@@ -97,7 +93,7 @@ def test_a_proposal_is_in_document_screen_and_page(accepted: Findings) -> None:
         )
         assert "injection_number starts anew" in text
     assert "injection_number starts anew" in accepted.terms[0].evidence
-    for words in ("With proposal 1", "nozzle_flow = c", "--model found/amended.toml", "any curve there"):
+    for words in ("With proposal 1", "nozzle_flow = c", "--model found/amended.toml"):
         assert words in page
 
 
@@ -122,7 +118,8 @@ def less(accepted: Findings, plugged: DiscoveryTask) -> Discovery:
     discovery = Discovery(**{field.name: getattr(accepted, field.name) for field in fields(Discovery)})
     left = replace(discovery.proposals[0], adequate=False, held_out=(2e6, 0.5e6))
     parts = with_parts([left], plugged.measured, effective_model(NOMINAL))
-    return replace(discovery, accepted=0, proposals=parts)
+    assert discovery.unexplained is not None
+    return replace(discovery, accepted=0, unexplained=replace(discovery.unexplained, proposals=parts))
 
 
 def test_what_leaves_something_is_accepted_in_part(

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import groupby
 from operator import attrgetter
-from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,11 +14,9 @@ from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.gaps import LINE_PRESSURE, Gap
 from observer_rt.identification.discovery.injections import Overlay
 from observer_rt.identification.discovery.numbers import sign
-from observer_rt.identification.discovery.search.results import LawCurve
 
 _FEWEST_PLACES = 3  # bars for which a figure always has room
 _CROWDED = 9  # operating points: from so many on, labels are small
-_WRAPPED = 30  # characters of a line of a label
 
 
 def overlay_figure(findings: Findings) -> str:
@@ -52,10 +49,10 @@ def _draw_overlays(figure: Figure, overlays: Sequence[Overlay], amended: str) ->
     figure.align_ylabels()
 
 
-def _legend(figure: Figure, axes: Axes, columns: int = 3) -> None:
+def _legend(figure: Figure, axes: Axes) -> None:
     """Above the axes of a figure, by what one of them shows."""
     handles = axes.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper right", ncols=columns, frameon=False)
+    figure.legend(*handles, loc="outside upper right", ncols=3, frameon=False)
 
 
 def _draw_overlay(axes: Sequence[Axes], overlay: Overlay, amended: str) -> None:
@@ -159,30 +156,3 @@ def with_words(findings: Findings) -> str:
     if findings.effects or findings.proposal is None:
         return f"with {' and '.join(findings.named.ids)}"
     return f"with proposal {findings.proposals.index(findings.proposal) + 1}"
-
-
-def laws_figure(curves: Sequence[LawCurve]) -> str:
-    """Laws over their variables, with the band of their coefficients, and the points of a free curve."""
-    with svg_figure(10.4, 3.1) as (figure, svg):
-        for column, curve in enumerate(curves):
-            axes = figure.add_subplot(1, len(curves), column + 1)
-            law, low, high = curve.law
-            axes.fill_between(curve.x, low, high, color=FOUND, alpha=0.2, lw=0)
-            axes.plot(curve.x, law, color=FOUND, lw=1.4, label="law")
-            axes.errorbar(
-                curve.at,
-                curve.points,
-                curve.half,
-                color=MEASURED,
-                fmt="o",
-                ms=3.5,
-                lw=1.0,
-                label="recordings",
-            )
-            axes.set_xlabel(curve.words if curve.unit == "-" else f"{curve.words} [{curve.unit}]")
-            equation = curve.term.equation
-            unit = "" if equation.is_share else f" [{sign(str(equation.unit))}]"
-            axes.set_ylabel(fill(f"{equation.words}{unit}", _WRAPPED))
-            if column == 0:
-                _legend(figure, axes, 2)
-    return svg()

@@ -8,14 +8,14 @@ from markupsafe import Markup, escape
 from observer_rt.files.learned_picture import learned_figure
 from observer_rt.foundation import units
 from observer_rt.foundation.files import templates_of
-from observer_rt.identification.discovery import gaps
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.report import figures, tables, text
+from observer_rt.identification.discovery.search import results
 from observer_rt.identification.discovery.search.laws import guess_words
 from observer_rt.model.effects import VOCABULARY
 
 _PAGES = templates_of(__package__)
-for _module in (units, gaps, text, tables, figures):
+for _module in (units, results, text, tables, figures):
     _PAGES.globals |= vars(_module)
 _PAGES.globals |= {"VOCABULARY": VOCABULARY, "isfinite": math.isfinite}
 _PAGES.globals |= {"learned_figure": learned_figure, "guess_words": guess_words}

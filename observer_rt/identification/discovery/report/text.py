@@ -5,14 +5,13 @@ from rich.console import Console
 from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.findings import Findings
+from observer_rt.identification.discovery.law_words import law_text
+from observer_rt.identification.discovery.search.candidates import size_words
 from observer_rt.identification.discovery.search.results import Verdict
-from observer_rt.identification.discovery.words.law_words import law_text
-from observer_rt.identification.discovery.words.sentences import (
+from observer_rt.identification.discovery.sentences import (
     best_words,
     choices,
     headline,
-    proposal_words,
-    size_words,
     standing_words,
     visible_words,
 )
@@ -48,8 +47,8 @@ def as_text(findings: Findings) -> str:
         lines.append(f"  no amended model while these are tied: {choices(findings)}")
     if findings.verdict is Verdict.UNKNOWN:
         lines.append(f"  {best_words(findings)}")
-    for number, proposal in enumerate(findings.proposals, 1):
-        lines += [f"  proposal {number}: {proposal_words(proposal)}", f"    {standing_words(proposal)}"]
+    for proposal in findings.proposals:
+        lines += [f"  proposal {proposal.number}: {proposal.sentence}", f"    {standing_words(proposal)}"]
         lines += [f"    {law_text(term)}" for term in proposal.terms]
     option = acceptance(findings)
     if option:
@@ -73,7 +72,7 @@ def acceptance(findings: Findings) -> str:
     """Options that put a proposal into the amended model; empty where none do, or one is in it."""
     if findings.amended_model is not None or findings.is_open:
         return ""
-    may = [number for number, one in enumerate(findings.proposals, start=1) if one.may_enter]
+    may = [one.number for one in findings.proposals if one.may_enter]
     return f"--accept-term {may[0]}" if may else ""
 
 

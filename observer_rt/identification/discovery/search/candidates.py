@@ -1,7 +1,7 @@
 """Explanations of the missing effect: effects with free sizes, and those that were fitted, each with its price."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -130,6 +130,11 @@ class Size(EffectValue):
     def interval_text(self) -> str:
         """Such as `0.295 to 0.307`, with the unit."""
         return f"{self.digits[1]} to {self.digits[2]} {sign(self.unit)}".rstrip()
+
+
+def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
+    """Such as `v_H = 0.301 (0.295 to 0.307)`. level: before the interval."""
+    return [f"{name} = {one.value_text} ({level}{one.interval_text})" for name, one in sizes.items()]
 
 
 @dataclass(frozen=True)

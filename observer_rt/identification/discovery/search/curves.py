@@ -5,7 +5,7 @@ that variable would gain. Oscillations of a fixed frequency stand out of the spe
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, lru_cache
@@ -33,7 +33,6 @@ STANDS_OUT = 8.0  # times the median: least power of a line
 LARGEST = 5.0  # standard deviations: residuals are clipped, since transients would hide an oscillation
 APART = 50.0  # Hz: least distance of two lines
 MOST_LINES = 2
-TIMES = 6  # knots over the time of recordings
 GATES = (Variable.OPEN, Variable.CLOSED, Variable.OPENING, Variable.CLOSING)
 SWINGING = (TermEquation.RAIL_PRESSURE, TermEquation.LINE_PRESSURE_SENSOR, TermEquation.CHAMBER_PRESSURE)
 """Equations that may hold an oscillating term; not outflows, since fuel would flow back half of the time."""
@@ -54,17 +53,12 @@ class Shape(Enum):
 class Axis:
     """A variable u of curves, of order 1.
 
-    over: u in the language of laws; knots: where its hats are; words, unit, scale: of the shown quantity, which is
-    offset + scale u; of: a moment at which it has its values, by variable what it is at 0, and how it goes with u.
+    over: u in the language of laws; knots: where its hats are; of: variables of the laws over it.
     """
 
     over: str
     knots: tuple[float, ...]
-    words: str
-    unit: str
-    scale: float
-    of: Mapping[str, tuple[float, float]]
-    offset: float = 0.0
+    of: Set[str]
 
     @cached_property
     def forms(self) -> tuple["Form", ...]:
@@ -108,38 +102,28 @@ class Axis:
         return made
 
 
-FLOW = Axis(
-    "line_flow/60", (-0.3, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0),
-    "flow through the line", "mm³/ms", 60.0, {"line_flow": (0.0, 60.0)},
-)  # fmt: skip
+FLOW = Axis("line_flow/60", (-0.3, -0.1, 0.0, 0.1, 0.25, 0.5, 0.75, 1.0), {"line_flow"})
 PRESSURE = Axis(
-    "(line_pressure - 100)/50", (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7, 1.0),
-    "line pressure", "MPa", 50.0, {"line_pressure": (100.0, 50.0), "chamber_pressure": (0.0, 0.0)}, 100.0,
-)  # fmt: skip
-LIFT = Axis(
-    "needle_lift/max_lift", (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0),
-    "needle lift over the largest", "-", 1.0, {"needle_lift": (0.0, 1.0), "max_lift": (1.0, 0.0)},
-)  # fmt: skip
+    "(line_pressure - 100)/50",
+    (-1.0, -0.7, -0.4, -0.15, 0.0, 0.15, 0.4, 0.7, 1.0),
+    {"line_pressure", "chamber_pressure"},
+)
+LIFT = Axis("needle_lift/max_lift", (0.0, 0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0), {"needle_lift", "max_lift"})
 SINCE = Axis(
-    "time_since_opening/1", (*(0.07 * number for number in range(19)), 1.5, 2.0),
-    "time since the opening", "ms", 1.0, {"time_since_opening": (0.0, 1.0)},
-)  # fmt: skip
+    "time_since_opening/1", (*(0.07 * number for number in range(19)), 1.5, 2.0), {"time_since_opening"}
+)
 OVER_NOZZLE = Axis(
-    "(sac_pressure - chamber_pressure)/100", (0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
-    "pressure drop over the nozzle", "MPa", 100.0, {"sac_pressure": (0.0, 100.0), "chamber_pressure": (0.0, 0.0)},
-)  # fmt: skip
+    "(sac_pressure - chamber_pressure)/100",
+    (0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.3),
+    {"sac_pressure", "chamber_pressure"},
+)
 OVER_SEAT = Axis(
-    "(line_pressure - sac_pressure)/10", (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0),
-    "pressure drop over the seat", "MPa", 10.0, {"line_pressure": (0.0, 10.0), "sac_pressure": (0.0, 0.0)},
-)  # fmt: skip
-SPEED = Axis(
-    "lift_rate", (-0.5, -0.35, -0.2, -0.1, 0.1, 0.2, 0.35, 0.5),
-    "speed of the needle", "mm/ms", 1.0, {"lift_rate": (0.0, 1.0)},
-)  # fmt: skip
-RATE = Axis(
-    "line_pressure_rate/50", (-1.5, -0.8, -0.3, -0.1, 0.1, 0.3, 0.8, 1.5),
-    "change of the line pressure", "MPa/ms", 50.0, {"line_pressure_rate": (0.0, 50.0)},
-)  # fmt: skip
+    "(line_pressure - sac_pressure)/10",
+    (0.0, 0.3, 0.7, 1.2, 2.0, 3.5, 6.0, 10.0),
+    {"line_pressure", "sac_pressure"},
+)
+SPEED = Axis("lift_rate", (-0.5, -0.35, -0.2, -0.1, 0.1, 0.2, 0.35, 0.5), {"lift_rate"})
+RATE = Axis("line_pressure_rate/50", (-1.5, -0.8, -0.3, -0.1, 0.1, 0.3, 0.8, 1.5), {"line_pressure_rate"})
 AXES = (FLOW, PRESSURE, LIFT, SINCE, OVER_NOZZLE, OVER_SEAT, SPEED, RATE)
 CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
     TermEquation.LINE_FLOW: ((FLOW, ""), (PRESSURE, "line_flow/60*")),
@@ -161,25 +145,10 @@ CURVES: Mapping[TermEquation, tuple[tuple[Axis, str], ...]] = {
 """Curves of an equation: over what, and a factor before it."""
 
 
-def axis_of(law: Law, reach: tuple[float, float]) -> tuple[Axis, list[Variable]] | None:
-    """The one variable of a law beside its gates, and these; None of one that remembers, or has several.
-
-    reach: time [s] and number of injections of the recordings.
-    """
-    time, injections = reach
-    gates = [gate for gate in GATES if gate in law.variables]
-    counted = tuple(float(number) for number in range(1, round(injections) + 1))
-    spread = tuple(np.linspace(0.0, time, TIMES).tolist())
-    axes = (
-        *AXES,
-        Axis("injection_number", counted, "injection", "-", 1.0, {"injection_number": (0.0, 1.0)}),
-        Axis("time", spread, "time", "s", 1.0, {"time": (0.0, 1.0)}),
-    )
-    words = {variable.word for variable in law.variables if variable not in gates}
-    fitting = (axis for axis in axes if words and words <= set(axis.of) and len(axis.knots) > 1)
-    swings = Variable.TIME in law.variables and "sin(" in str(law)  # by the clock: no curve has enough points
-    axis = None if law.remembers or swings else next(fitting, None)
-    return None if axis is None else (axis, gates)
+def axis_of(law: Law) -> Axis | None:
+    """The one variable of a law beside its gates; None of one that remembers, or has several."""
+    words = {variable.word for variable in law.variables if variable not in GATES}
+    return next((axis for axis in AXES if words and words <= axis.of and not law.remembers), None)
 
 
 @dataclass(frozen=True)

@@ -170,9 +170,8 @@ class Laws:
         if not isinstance(law, TermLaw):
             over = self._unlike(best)
         else:
-            span = span_of(self._fits.likelihood)
-            axis = axis_of(law.law, (span.time, span.injections))
-            over = [one for one in _EVERY if axis and one[1] is axis[0] and one[0] is not law.equation]
+            axis = axis_of(law.law)
+            over = [one for one in _EVERY if one[1] is axis and one[0] is not law.equation]
             alike = [other for other in TermEquation if {law.equation, other} in _ALIKE]
             if self._fits.nominal.injector.line.model == "lump":  # what is lost along it is lost at its inlet
                 alike = [other for other in alike if {law.equation, other} != _LOSSES]

@@ -1,14 +1,12 @@
 """Laws that explain recordings as proposals: intervals, consequences, gaps held out, and what a model may have.
 
-A law is drawn beside what recordings say of it: a free curve about the model with the law in force. It is judged in
-the range in which they show it, between the ends of what its inputs were there, and a margin. Of one that leaves
-something a model may have a part, what it leaves being its uncertainty.
+A law is judged in the range in which recordings show it, between the ends of what its inputs were there, and a
+margin. Of one that leaves something a model may have a part, what it leaves being its uncertainty.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from operator import attrgetter
 
 import numpy as np
@@ -21,16 +19,13 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM, MILLIMETRE, MILLISECOND, MM3_PER_MS
 from observer_rt.identification.discovery.search.adequacy import Adequacy, worst
 from observer_rt.identification.discovery.search.candidates import Candidate, Hypothesis
-from observer_rt.identification.discovery.search.curves import GATES, Axis, Score, axis_of
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.held_out import HeldOutPoints
-from observer_rt.identification.discovery.search.library import span_of
 from observer_rt.identification.discovery.search.results import (
     INTERVAL_MARGIN,
     TOO_FREE,
     TOO_MANY,
     Cell,
-    LawCurve,
     Part,
     Proposal,
     Refusal,
@@ -45,11 +40,9 @@ from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.term_effect import is_term
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.in_force import SeenRange
-from observer_rt.model.terms.law import Law, Number, Values
+from observer_rt.model.terms.law import Number
 from observer_rt.model.terms.term import VARIABLES, Term, TermEquation, Variable
 
-VAGUE = 1.0  # times what the law spans, from which on an uncertain point shows nothing
-DRAWN = 201  # points of a line
 MARGIN = 0.1  # of the range of a pressure or speed, at both ends
 FLOW_MARGIN = 1.25  # times the largest injection rate, that a flow may be, either way
 _DIGITS = 4
@@ -80,10 +73,9 @@ class Proposer:
         self._seen = seen_in(self._measured, self._nominal)
 
     def proposals(self, laws: Sequence[Candidate]) -> tuple[Proposal, ...]:
-        """Of these, the first with its laws drawn. Where that piles up laws and leaves something all the same, the
-        best of them alone is one more."""
+        """Of these. Where the first piles up laws and leaves something all the same, the best of them alone is one
+        more."""
         made = [self._proposal(one) for one in laws]
-        made = [replace(one, curves=self._curves(one.candidate)) for one in made[:1]] + made[1:]
         if made and not made[0].adequate and made[0].objection in (TOO_MANY, TOO_FREE):
             first = made[0].candidate
             pairs = zip(first.hypothesis.effects, first.sizes, strict=True)
@@ -91,7 +83,7 @@ class Proposer:
             made += [
                 self._proposal(one) for one in sorted(self._fitter.laws(alone), key=attrgetter("price"))[:1]
             ]
-        return tuple(made)
+        return tuple(replace(one, number=number) for number, one in enumerate(made, start=1))
 
     def _proposal(self, candidate: Candidate) -> Proposal:
         model, outcome = candidate.model(self._nominal), self._outcome
@@ -114,13 +106,6 @@ class Proposer:
             largest_lift=self._nominal.injector.seat.max_lift,
         )
 
-    def _curves(self, candidate: Candidate) -> tuple[LawCurve, ...]:
-        """The laws of a proposal over their variables."""
-        span, score = span_of(self._fitter.likelihood), partial(self._fitter.scores, candidate)
-        reach = span.time, span.injections
-        drawn = (law_curve(term, score, candidate.spread, reach) for term in candidate.terms)
-        return tuple(curve for curve in drawn if curve is not None)
-
 
 def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> Refusal | None:
     """Objection to an injector file with these terms more, their inputs held where they were seen; None: none."""
@@ -131,45 +116,6 @@ def unsound(terms: Sequence[Term], nominal: EffectiveModel, seen: SeenRange) -> 
     except UserError as error:
         return Refusal(f"{error.location} {error.problem}", error.remedy)
     return None
-
-
-def law_curve(term: Term, score: Score, spread: float, reach: tuple[float, float]) -> LawCurve | None:
-    """A term with its interval, drawn; None of one that remembers, or depends on several variables.
-
-    score: of effects beside the model that has the term; spread: mean square of what that leaves; reach: time [s] and
-    number of injections of the recordings.
-    """
-    curve_axis = axis_of(term.law, reach)
-    if curve_axis is None:
-        return None
-    axis, gates = curve_axis
-    scores = score(axis.hats(term.equation, "".join(f"{gate.word}*" for gate in gates)))
-    covariance = np.linalg.pinv(scores.information, rcond=1e-9, hermitian=True)
-    off = covariance @ scores.gradient
-    sigmas = np.sqrt(np.diag(covariance) * spread)
-    knots = np.array(axis.knots)[scores.numbers]
-    drawn = np.linspace(axis.knots[0], axis.knots[-1], DRAWN)
-    low, high = term.interval or (term.coefficient, term.coefficient)
-    lines = [_law_at(term.law, axis, drawn, c) for c in (term.coefficient, low, high)]
-    half = NORMAL_975 * sigmas
-    clear = half < VAGUE * max(float(np.ptp(lines[0])), float(np.max(np.abs(lines[0]))))
-    return LawCurve(
-        term,
-        axis.words,
-        axis.unit,
-        axis.offset + axis.scale * drawn,
-        (lines[0], np.minimum(*lines[1:]), np.maximum(*lines[1:])),
-        (axis.offset + axis.scale * knots)[clear],
-        (_law_at(term.law, axis, knots, term.coefficient) + off)[clear],
-        half[clear],
-    )
-
-
-def _law_at(law: Law, axis: Axis, u: Values, c: float) -> Values:
-    """At values (n,) of its variable, all gates open."""
-    moment = {name: at_zero + slope * u for name, (at_zero, slope) in axis.of.items()}
-    moment |= {gate.word: np.ones_like(u) for gate in GATES}
-    return np.broadcast_to(law.at(moment, c), u.shape)
 
 
 def seen_in(measured: Sequence[Measurement], model: EffectiveModel) -> SeenRange:

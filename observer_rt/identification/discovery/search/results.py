@@ -7,15 +7,14 @@ from enum import StrEnum
 from itertools import combinations
 from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import PlainSerializer
+from pydantic import PlainSerializer, computed_field
 
 from observer_rt.engine.estimation.gain import NoiseLevels
 from observer_rt.engine.estimation.phases import Phase
-from observer_rt.foundation.documents import Figure, Inside, key, unit
+from observer_rt.foundation.documents import DocumentPart, Entry, Figure, Figures, Inside, Number, key, unit
 from observer_rt.foundation.units import MEGAPASCAL
-from observer_rt.identification.discovery.search.candidates import Candidate, Size
+from observer_rt.identification.discovery.law_words import as_if
+from observer_rt.identification.discovery.search.candidates import Candidate, Size, size_words
 from observer_rt.identification.likelihood.likelihood import Signal
 from observer_rt.identification.likelihood.open_loop import Consequence
 from observer_rt.identification.likelihood.operating_points import point_name
@@ -32,6 +31,16 @@ TEMPER = 2.0  # of -2 log L, for what no model knows of noise and line: 12 behin
 HIGHEST = 0.96  # of all candidates, the rest for what none of them is: of 43 that stood alone 3 were wrong
 SURE = 0.95  # probability from which on a name is an answer, and that the explanations left together hold
 _MORE_POINTS = "record more rail pressures and durations"
+
+
+PHASE_NAMES = {
+    Phase.STANDSTILL: "closed",
+    Phase.OPENING: "opening",
+    Phase.OPEN: "open",
+    Phase.CLOSING: "closing",
+    Phase.AFTER: "after",
+}
+PhaseName = Annotated[Phase, PlainSerializer(PHASE_NAMES.__getitem__, str)]
 
 
 class Verdict(StrEnum):
@@ -94,17 +103,6 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class LargestMisfit:
-    """Phase and signal in which the model as given fails most; equation, variables and text of what explains most."""
-
-    equation: Equation
-    phase: Phase
-    signal: Signal
-    depends_on: tuple[str, ...]
-    term: str
-
-
-@dataclass(frozen=True)
 class SmallestVisible:
     """The size from which on an effect would have been seen in these recordings, by its first parameter."""
 
@@ -112,24 +110,6 @@ class SmallestVisible:
     parameter: str
     size: Annotated[float, key("value"), PlainSerializer(lambda size: float(f"{size:.4g}"))]
     unit: str
-
-
-@dataclass(frozen=True, eq=False)
-class LawCurve:
-    """A term over its variable, in printed units, beside what the recordings say of it.
-
-    x: (n,); law: lines (n,) of it and of its interval's ends; at, points, half: (k,) of a free curve about it,
-    with half widths of 95 % intervals.
-    """
-
-    term: Term
-    words: str
-    unit: str
-    x: NDArray[np.float64]
-    law: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-    at: NDArray[np.float64]
-    points: NDArray[np.float64]
-    half: NDArray[np.float64]
 
 
 class Refusal(NamedTuple):
@@ -163,41 +143,113 @@ class Part:
     ] = None
 
 
+def _gap_held_out(gap: tuple[float, float], _: object) -> Figures:
+    before, after = gap
+    return {"before_MPa": before / MEGAPASCAL, "after_MPa": after / MEGAPASCAL}
+
+
+def _stated(term: Term) -> tuple[Number | str, ...]:
+    return term.coefficient, *(term.interval or (None, None)), str(term.equation.unit)
+
+
+class ProposedTerm(DocumentPart):
+    """A law added to an equation. sentence: in words, behind `as if`;
+    coefficient: value, ends of its 95 % interval, unit."""
+
+    equation: str
+    law: str
+    sentence: str
+    coefficient: dict[str, Number | str]
+    hardly_told_from: tuple[str, ...]
+    depends_on: tuple[str, ...]
+
+
+class ProposedEffect(DocumentPart):
+    """An effect of the vocabulary beside the terms of a proposal, with its sizes by parameter."""
+
+    id: str
+    parameters: dict[str, Size]
+
+
 @dataclass(frozen=True)
 class Proposal:
     """Terms that would explain the recordings, perhaps beside effects of the vocabulary.
 
-    candidate: the terms as effects with one size, and their intervals; gain: of -2 log L over the model as given;
-    phase: in which the model as given fails most; adequate: nothing but noise is left; unsound: why a law fails
-    where it was seen, None where all hold; held_out: rms of the line pressure's gap on events it was not fitted to,
-    before and after [Pa], nan where nothing was held out; probability: among all explanations tried, 0 of one that
-    leaves something; seen: between what its inputs lay; curves: of the first proposal, its laws over their variables
-    where they have one; part: of one that leaves something but has no other objection; largest_lift: of the needle
-    [m], for words.
+    number: from 1, the best; candidate: the terms as effects with one size, and their intervals; gain: of -2 log L
+    over the model as given; phase: in which the model as given fails most; adequate: nothing but noise is left;
+    unsound: why a law fails where it was seen, None where all hold; held_out: rms of the line pressure's gap on
+    events it was not fitted to, before and after [Pa], nan where nothing was held out; probability: among all
+    explanations tried, 0 of one that leaves something; seen: between what its inputs lay; part: of one that leaves
+    something but has no other objection; largest_lift: of the needle [m], for words.
     """
 
-    candidate: Candidate
-    gain: float
-    phase: Phase
+    candidate: Inside[Candidate]
+    gain: Figure
+    phase: PhaseName
     adequate: bool
-    unsound: Refusal | None
-    held_out: tuple[float, float]
+    unsound: Inside[Refusal | None]
+    held_out: Annotated[tuple[float, float], key("gap_held_out"), Entry(_gap_held_out, Figures)]
     probability: float = 0.0
-    seen: SeenRange = field(default_factory=dict)
-    curves: tuple[LawCurve, ...] = ()
-    part: Part | None = None
-    largest_lift: float | None = None
+    seen: Inside[SeenRange] = field(default_factory=dict)
+    part: Annotated[Part | None, key("in_part")] = None
+    largest_lift: Inside[float | None] = None
+    number: int = 1
 
     @property
     def terms(self) -> tuple[Term, ...]:
         """Terms, with 95 % intervals of their coefficients."""
         return self.candidate.terms
 
+    @computed_field(alias="seen")  # type: ignore[prop-decorator]
     @property
     def seen_of_terms(self) -> dict[str, tuple[float, float]]:
         """Range of every variable of its laws in which they were seen, by name."""
         variables = {one for term in self.terms for one in term.law.variables}
         return {one.word: self.seen[one] for one in sorted(variables & set(self.seen))}
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def sentence(self) -> str:
+        """The proposal in words, such as `as if the nozzle lost 15.1 % of its flow`."""
+        parts = [as_if(term, self.largest_lift) for term in self.terms]
+        effects = (
+            f"{one.id} ({', '.join(size_words(one.parameters, '95 %: '))})" for one in self.stated_effects
+        )
+        return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *effects])
+
+    @computed_field(alias="terms")  # type: ignore[prop-decorator]
+    @property
+    def stated_terms(self) -> tuple[ProposedTerm, ...]:
+        """Its terms for programs."""
+        return tuple(
+            ProposedTerm(
+                equation=term.equation,
+                law=str(term.law),
+                sentence=as_if(term, self.largest_lift),
+                coefficient=dict(zip(("value", "low", "high", "unit"), _stated(term), strict=True)),
+                hardly_told_from=term.equation.alike,
+                depends_on=tuple(sorted(variable.word for variable in term.law.variables)),
+            )
+            for term in self.terms
+        )
+
+    @computed_field(alias="effects")  # type: ignore[prop-decorator]
+    @property
+    def stated_effects(self) -> tuple[ProposedEffect, ...]:
+        """The effects of the vocabulary beside them."""
+        return tuple(ProposedEffect(id=name, parameters=of) for name, of in self.candidate.parameters.items())
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def sound(self) -> bool:
+        """Whether its laws are bounded where they were seen."""
+        return self.unsound is None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def moves(self) -> Consequence:
+        """What it does to the model as given."""
+        return self.candidate.moves
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -227,6 +279,7 @@ class Proposal:
             return TOO_FREE
         return self.unsound
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def may_enter(self) -> bool:
         """Whether a model may be given it."""
@@ -235,6 +288,21 @@ class Proposal:
     def model(self, nominal: EffectiveModel) -> EffectiveModel:
         """The model with it."""
         return self.candidate.model(nominal)
+
+
+@dataclass(frozen=True)
+class LargestMisfit:
+    """Phase and signal in which the model as given fails most; equation, variables and text of what explains most.
+
+    proposals: laws that would explain the recordings, the best first.
+    """
+
+    equation: Equation
+    phase: PhaseName
+    signal: Signal
+    depends_on: tuple[str, ...]
+    term: str
+    proposals: tuple[Proposal, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,8 +374,8 @@ class Discovery:
     that explain the recordings as well; ranking: leaders, best first, with the nominal model; samples: independent
     innovations all this rests on; before, after: cells of the nominal model and of the best; confidence: that the
     verdict is right; explained: share of the disagreement: of what -2 log L has above that of an adequate model;
-    smallest_visible: of every effect that has a size; proposals: of `unknown`, terms that explain it, the best first;
-    accepted: number of the proposal that the amended model has, 0 for none.
+    smallest_visible: of every effect that has a size; accepted: number of the proposal that the amended model has, 0
+    for none.
     """
 
     verdict: Verdict
@@ -319,7 +387,7 @@ class Discovery:
     rivals: tuple[tuple[str, ...], ...]
     ranking: tuple[Candidate, ...]
     detection: Detection
-    unexplained: LargestMisfit | None
+    unexplained: Annotated[LargestMisfit | None, key("unknown")]
     decide_by: tuple[Decisive, ...]
     explained: Inside[float]
     samples: Inside[float]
@@ -327,8 +395,12 @@ class Discovery:
     after: Inside[tuple[Cell, ...]]
     noise: Inside[NoiseLevels]
     smallest_visible: tuple[SmallestVisible, ...] = ()
-    proposals: Inside[tuple[Proposal, ...]] = ()
     accepted: Annotated[int, key("accepted_proposal")] = 0
+
+    @property
+    def proposals(self) -> tuple[Proposal, ...]:
+        """Laws that would explain the recordings, the best first."""
+        return () if self.unexplained is None else self.unexplained.proposals
 
     @property
     def proposal(self) -> Proposal | None:

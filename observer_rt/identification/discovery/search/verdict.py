@@ -279,7 +279,6 @@ class _Verdict:
                 )
             ),
             smallest_visible=tuple(map(self._smallest_visible, self._fitter.signatures.values())),
-            proposals=self._proposals,
         )
 
     def _smallest_visible(self, signature: Signature) -> SmallestVisible:
@@ -371,4 +370,5 @@ class _Verdict:
             worst_cell.signal,
             tuple(sorted(variables)),
             " + ".join(leading.ids),
+            self._proposals,
         )

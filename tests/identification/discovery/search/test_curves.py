@@ -15,18 +15,16 @@ from observer_rt.identification.discovery.search.curves import (
     made_to_measure,
     waves,
 )
-from observer_rt.identification.discovery.search.proposals import law_curve
 from observer_rt.identification.discovery.search.scores import Scores, scored, weights_of
 from observer_rt.identification.likelihood.bounded_fit import Residuals
 from observer_rt.model.effect import Effect
 from observer_rt.model.term_effect import TermLaw, form_freed, form_settled, term_of
 from observer_rt.model.terms.parser import parse
-from observer_rt.model.terms.term import Term, TermEquation
+from observer_rt.model.terms.term import TermEquation
 from tests.model.terms.laws import moments
 
 COUNT, SIGMA = 4000, 0.1
 VALUES = moments(1, COUNT) | {"closing": np.tile([0.0, 1.0], COUNT // 2)}
-REACH = (0.04, 4.0)
 
 
 def measured(law: str) -> NDArray[np.float64]:
@@ -90,24 +88,6 @@ def test_a_wave_is_turned_to_its_phase() -> None:
     frequency, phase = best.numbers
     assert frequency.value == 1200.0
     assert phase.value == pytest.approx(1.0, abs=0.05)
-
-
-def test_a_curve_about_a_law_says_where_the_law_is_wrong() -> None:
-    y = measured("0.3 * min(needle_lift/max_lift, 0.6)")
-    term = Term(TermEquation.SEAT_FLOW, parse("c * (needle_lift/max_lift)"), 0.3, (0.29, 0.31))
-    left = y - term.law.at(VALUES, 0.3)
-    curve = law_curve(term, scoring(left), float(np.mean((left / SIGMA) ** 2)), REACH)
-    assert curve is not None
-    np.testing.assert_allclose(curve.law[0], 0.3 * curve.x)
-    off = np.abs(curve.points - 0.3 * curve.at) > 1.5 * curve.half
-    assert not off[curve.at < 0.5].any()
-    assert off[curve.at > 0.8].all()
-
-
-@pytest.mark.parametrize("law", ["c * lagged(open, 1)", "c * line_flow * time", "c * sin(time)", "c * 1"])
-def test_what_has_not_one_variable_is_not_drawn(law: str) -> None:
-    term = Term(TermEquation.SEAT_FLOW, parse(law), 0.3)
-    assert law_curve(term, scoring(np.zeros(COUNT)), 1.0, REACH) is None
 
 
 def test_numbers_within_a_law_are_freed_and_settled() -> None:

@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from observer_rt.foundation.units import MICROMETRE, MILLIMETRE
-from observer_rt.identification.discovery.numbers import shown, sign, significant
-from observer_rt.identification.discovery.words.law_reading import (
+from observer_rt.identification.discovery.law_reading import (
     GATES,
     SINCE,
     StraightLaw,
@@ -17,6 +16,7 @@ from observer_rt.identification.discovery.words.law_reading import (
     with_largest_lift,
     with_unit,
 )
+from observer_rt.identification.discovery.numbers import shown, sign, significant
 from observer_rt.model.terms.law import ONE, ZERO, Call, Lag, Law, LawTable, Number, Operation, Resonance
 from observer_rt.model.terms.term import Term, TermEquation, Variable
 

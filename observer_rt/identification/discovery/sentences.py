@@ -1,13 +1,11 @@
 """Results of a search in words, for screen, page and document."""
 
-from collections.abc import Mapping
-
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
+from observer_rt.identification.discovery.law_words import as_if
 from observer_rt.identification.discovery.numbers import sign
-from observer_rt.identification.discovery.search.candidates import Candidate, Size
+from observer_rt.identification.discovery.search.candidates import Candidate, size_words
 from observer_rt.identification.discovery.search.results import Discovery, Proposal, SmallestVisible, Verdict
-from observer_rt.identification.discovery.words.law_words import as_if
 
 PHASE_WORDS = {
     Phase.STANDSTILL: "while the needle is shut",
@@ -31,7 +29,7 @@ def _verdict_words(discovery: Discovery) -> str:
     if discovery.verdict is Verdict.UNKNOWN:
         return f"something is missing that no known effect explains{where_words(discovery)}"
     names = [" and ".join(ids) for ids in (discovery.named.ids, *discovery.rivals) if ids]
-    names += [proposal_words(one) for one in discovery.proposals]
+    names += [one.sentence for one in discovery.proposals]
     if discovery.verdict is Verdict.AMBIGUOUS and len(names) == 1:
         return f"{names[0]}, which may be one of the two"
     return ", or ".join(names)
@@ -42,23 +40,9 @@ def where_words(discovery: Discovery) -> str:
     unexplained = discovery.unexplained
     if unexplained is None:
         return ""
-    shows = f"; it shows most {PHASE_WORDS[unexplained.phase]}"
-    if discovery.proposals:
-        return ", or ".join(
-            (
-                f"{shows}, {proposal_words(discovery.proposals[0])}",
-                *map(proposal_words, discovery.proposals[1:]),
-            )
-        )
-    return f"{shows}, as if the {unexplained.equation.value.replace('_', ' ')} equation were wrong"
-
-
-def proposal_words(proposal: Proposal) -> str:
-    """Describes a proposal in a sentence."""
-    parts = [as_if(term, proposal.largest_lift) for term in proposal.terms]
-    sizes = proposal.candidate.parameters
-    effects = [f"{name} ({', '.join(size_words(sizes[name], '95 %: '))})" for name in proposal.effects]
-    return " with ".join([*([f"as if {' and '.join(parts)}"] if parts else []), *effects])
+    nearest = f"as if the {unexplained.equation.value.replace('_', ' ')} equation were wrong"
+    laws = ", or ".join(one.sentence for one in discovery.proposals)
+    return f"; it shows most {PHASE_WORDS[unexplained.phase]}, {laws or nearest}"
 
 
 def standing_words(proposal: Proposal) -> str:
@@ -96,7 +80,7 @@ def candidate_words(candidate: Candidate) -> str:
 def choices(discovery: Discovery) -> str:
     """Names the options that choose among tied candidates."""
     options = [f"--choose {'+'.join(ids)}" for ids in (discovery.named.ids, *discovery.rivals) if ids]
-    options += [f"--accept-term {n}" for n, one in enumerate(discovery.proposals, 1) if one.may_enter]
+    options += [f"--accept-term {one.number}" for one in discovery.proposals if one.may_enter]
     return f"give the command again with {' or '.join(options)}, and --force"
 
 
@@ -105,8 +89,3 @@ def best_words(discovery: Discovery) -> str:
     if not discovery.best.ids:
         return "no known effect brings the model nearer"
     return f"nearest, and not enough: {' with '.join(discovery.best.ids)}"
-
-
-def size_words(sizes: Mapping[str, Size], level: str) -> list[str]:
-    """Such as `v_H = 0.301 (0.295 to 0.307)`. level: before the interval."""
-    return [f"{name} = {one.value_text} ({level}{one.interval_text})" for name, one in sizes.items()]

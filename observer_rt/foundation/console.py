@@ -1,23 +1,18 @@
 """Screen and signals: results on stdout, progress and messages on stderr; suffixes of files."""
 
 import contextlib
-import io
 import os
-import re
 import signal
-import sys
 import threading
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal, TextIO, cast
+from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from observer_rt.foundation.errors import UserError
-
-_TRAILING = re.compile(r" +$", re.MULTILINE)
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -30,9 +25,7 @@ def say(console: Console, text: str) -> None:
 def results() -> Console:
     """Console for tables on stdout: as wide as they are when stdout is a file or a pipe."""
     console = Console()
-    return (
-        console if console.is_terminal else Console(width=160, file=cast(TextIO, _TrimmedLines(sys.stdout)))
-    )
+    return console if console.is_terminal else Console(width=160)
 
 
 def plain_table(
@@ -53,23 +46,6 @@ def plain_table(
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
     return table
-
-
-class _TrimmedLines(io.TextIOBase):
-    """Lines without the blanks that fill up the last column of a table."""
-
-    def __init__(self, out: TextIO) -> None:
-        self._out = out
-
-    @property
-    def encoding(self) -> str:  # type: ignore[override]  # of its base it can be written
-        return self._out.encoding
-
-    def write(self, text: str) -> int:
-        return self._out.write(_TRAILING.sub("", text))
-
-    def flush(self) -> None:
-        self._out.flush()
 
 
 def check_suffix(location: str, path: Path, suffixes: Collection[str]) -> None:

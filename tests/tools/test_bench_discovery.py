@@ -15,9 +15,8 @@ from tools.benchmarks.discovery import nominal, real_line
 from tools.benchmarks.discovery.answers import Answer, Grade, calibration_error, draw_calibration
 from tools.benchmarks.discovery.cases import HiddenCase, Query, nominal_cases, real_case
 from tools.benchmarks.discovery.discrepancies import Discrepancy
-from tools.benchmarks.discovery.real_line import is_larger
 from tools.benchmarks.discovery.rigs import GIVEN, Rig
-from tools.benchmarks.discovery.scoring import gaps, held_intervals
+from tools.benchmarks.discovery.scoring import gaps
 from tools.benchmarks.discovery.vocabulary import EFFECTS, HIDDEN, Parts
 
 SEEN = {"gain": 500.0, "mass_mg": 1.0, "pressure_mpa": 0.0, "beyond": True}
@@ -159,24 +158,6 @@ def test_the_true_effect_in_force_closes_the_gap(
     assert max(before for before, _, _ in noted_gaps[0]) > 0.3
 
 
-def test_a_wrong_effect_leaves_the_gap(monkeypatch: pytest.MonkeyPatch) -> None:
-    worn = nominal_cases(["orifice_area"], 1, [False], 1)[0]
-    answering(monkeypatch, nominal, nominal_cases(["line_pressure_sensor_lag"], 3, [False], 1)[2].parts)
-    row = nominal.score_nominal(worn, NOMINAL_INJECTOR)
-    assert (row["grade"], row["held"]) == (Grade.WRONG, [])
-    assert row["mass_left"] == pytest.approx(1.0, abs=0.01)
-
-
-def test_an_exact_equivalent_counts_with_its_own_size() -> None:
-    stiffer = 1.0 / (1.0 - 0.05) - 1.0
-    named = Answer("named", tuple(findings_of((("bulk_modulus", (stiffer,)),))), (), "", 1.0)
-    assert held_intervals((("line_volume", (-0.05,)),), named) == [True]
-    assert held_intervals((("line_volume", (0.05,)),), named) == [False]
-
-
-SMALLEST = ({"id": "seat_area", "parameter": "v_S", "value": 0.02, "unit": "-"},)
-
-
 @pytest.mark.parametrize(
     ("names", "said", "grade"),
     [
@@ -205,37 +186,6 @@ SMALLEST = ({"id": "seat_area", "parameter": "v_S", "value": 0.02, "unit": "-"},
 )
 def test_answers_of_tier_b_are_graded(names: list[str], said: Answer, grade: Grade) -> None:
     assert real_line.facts_of(real_case(names, RIG, 0), said)["grade"] is grade
-
-
-def test_three_times_the_smallest_visible_must_be_named() -> None:
-    for size, counted in ((0.059, False), (-0.059, False), (-0.061, True)):
-        case = HiddenCase("0", Query.SINGLE, (("seat_area", (size,)),), False, RIG, 1)
-        assert real_line.facts_of(case, answer("none", smallest=SMALLEST))["counted"] is counted
-
-
-def test_a_wrong_name_is_an_error_when_it_is_sure() -> None:
-    case = real_case(["seat_area"], RIG, 0)
-    for said, wrong in (
-        (answer("named", "seat_area"), False),
-        (answer("named", "line_friction", confidence=0.9), True),
-        (answer("named", "line_friction", confidence=0.89), False),
-        (answer("ambiguous", "line_friction"), False),
-    ):
-        assert real_line.facts_of(case, said)["wrong_and_sure"] is wrong
-
-
-@pytest.mark.parametrize(
-    ("gap", "larger"),
-    [
-        ((0.1, 0.1029, 0.0), False),
-        ((0.1, 0.1031, 0.0), True),
-        ((1.0, 1.019, 0.0), False),
-        ((1.0, 1.021, 0.0), True),
-        ((0.03, 0.06, 0.06), False),  # no better could be done
-    ],
-)
-def test_a_gap_may_grow_within_tolerances(gap: tuple[float, float, float], larger: bool) -> None:
-    assert is_larger(gap, tolerance=0.003) is larger
 
 
 def test_a_case_on_a_real_line_is_scored_with_the_model_of_its_rig(monkeypatch: pytest.MonkeyPatch) -> None:

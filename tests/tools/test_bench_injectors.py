@@ -5,10 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
-from tools.benchmarks.speed.injectors import in_windows, lost, measure_injectors, sent_frames
+from tools.benchmarks.speed.injectors import in_windows, lost, sent_frames
 from tools.benchmarks.speed.pace import Pacer, Passage
 from tools.benchmarks.speed.traffic import RATES, RAW_FRAME, SAMPLES, Ids, Traffic, index_of
 
@@ -53,12 +52,3 @@ def test_what_injectors_lost_is_counted_window_by_window(traffic: Traffic) -> No
     assert lost(passages(np.delete(indices, 1)), is_sent) == RATES
     assert lost(passages(np.delete(indices, 3)), is_sent) == 90 - 84
     assert lost(passages(np.delete(indices, range(4, 12))), is_sent) == 90
-
-
-@pytest.mark.slow
-def test_two_injectors_are_sent_to(folder: Path, traffic: Traffic, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tools.benchmarks.speed.injectors.NUMBERS", (2,))
-    (row,) = measure_injectors(folder, traffic, 1.0)
-    assert row["lost_samples"] == 0
-    assert 2 * 70 <= row["injections"] <= 2 * 76  # in 3 s
-    assert 0 < row["cpu_share"] < 2

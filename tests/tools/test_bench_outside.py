@@ -7,13 +7,11 @@ from typing import Any
 import pytest
 
 from observer_rt.config.bench import NOMINAL_INJECTOR
-from observer_rt.identification.discovery.search.search import representatives
-from observer_rt.model.effects import VOCABULARY
 from tools.benchmarks.campaign import Row, frame_of, judged
 from tools.benchmarks.discovery.cases import HiddenCase, Query, outside_cases
 from tools.benchmarks.discovery.discrepancies import Discrepancy
 from tools.benchmarks.discovery.outside import bars, facts_of, score_outside
-from tools.benchmarks.discovery.outside_answers import OutsideAnswer, ProposedTerms, vocabulary_without
+from tools.benchmarks.discovery.outside_answers import OutsideAnswer, ProposedTerms
 from tools.benchmarks.discovery.scoring import Misfit
 
 GOOD = ProposedTerms(("line_pressure",), "a leak", (), True, Misfit(0.1, 0.2))
@@ -99,48 +97,6 @@ def test_gaps_are_halved_or_not_and_only_where_they_matter(
     assert not refused["accepted_worse"]
 
 
-@pytest.mark.parametrize(
-    ("row", "wrong"),
-    [
-        (named("seat_area"), False),
-        (named("lift_gain"), False),  # a near tie
-        (named("guide_leakage", asked=Query.OUTSIDE, name="root_leakage"), True),
-        (named("guide_leakage", asked=Query.OUTSIDE, name="root_leakage", confidence=0.89), False),
-        (named("seat_area", asked=Query.HEALTHY), True),
-        (named("line_friction", verdict="ambiguous"), False),
-    ],
-)
-def test_names_are_wrong_when_sure_of_what_is_not_there(row: Row, wrong: bool) -> None:
-    assert row["wrong_and_sure"] is wrong
-
-
-@pytest.mark.parametrize(
-    ("row", "good"),
-    [
-        (facts(SEAT, asked=Query.LEFT_OUT, name="seat_area"), True),
-        (facts(GOOD, asked=Query.LEFT_OUT, name="seat_area"), False),
-        (facts(replace(SEAT, misfit=Misfit(0.6, 0.1)), asked=Query.LEFT_OUT, name="seat_area"), False),
-        (named("lift_gain", asked=Query.LEFT_OUT), True),
-        (named("guide_leakage", asked=Query.LEFT_OUT), False),
-        (facts(asked=Query.LEFT_OUT, name="seat_area"), False),
-    ],
-)
-def test_what_has_lost_its_name_is_found_by_a_term_or_a_near_tie(row: Row, good: bool) -> None:
-    assert row["as_good"] is good
-
-
-@pytest.mark.parametrize(
-    ("explanation", "right"),
-    [
-        ((("guide_leakage",), ("line_pressure",)), True),  # a name beside a law stands for its equation
-        ((("guide_leakage",), ()), False),
-        ((("seat_area",), ("line_pressure",)), False),
-    ],
-)
-def test_an_explanation_is_right_by_its_name_or_its_equations(explanation: Any, right: bool) -> None:
-    assert facts(GOOD, stated=((0.9, *explanation),))["confidences"] == [0.9 if right else -0.9]
-
-
 def test_every_figure_has_a_bar_that_can_be_missed() -> None:
     good = [
         facts(GOOD),
@@ -166,14 +122,6 @@ def test_every_figure_has_a_bar_that_can_be_missed() -> None:
     verdict = judged(frame_of([*good, *bad]), bars("A"))
     assert not verdict["met"].any()
     assert [bool(row["marks"]) for row in (*good, *bad)] == [False] * len(good) + [True] * len(bad)
-
-
-def test_a_vocabulary_without_a_name_has_it_again_afterwards() -> None:
-    names = tuple(VOCABULARY)
-    with vocabulary_without(("seat_area", "line_volume")):
-        assert set(names) - set(VOCABULARY) == {"seat_area", "line_volume"}
-        assert "seat_area" not in {effect.id for effect in representatives()}
-    assert tuple(VOCABULARY) == names
 
 
 def test_a_law_without_a_name_is_recorded_asked_about_and_judged() -> None:

@@ -1,7 +1,6 @@
 """The benchmark's peer: a joint filter equal to filterpy's."""
 
 import numpy as np
-import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
@@ -15,7 +14,6 @@ from tools.benchmarks.joint_ukf import (
     set_at_rest,
     start_of,
     stream_of,
-    ukf_rate,
     unscented,
 )
 
@@ -56,12 +54,3 @@ def test_joint_ukf_is_filterpys() -> None:
     assert unscented(stream, model, start, UNSCENTED_SHAPE, states)
     assert np.ptp(states[:, 3]) > 0.1
     np.testing.assert_allclose(states, np.array(expected), rtol=0.0, atol=1e-9)
-
-
-def test_the_filter_finds_nozzle_wear() -> None:
-    outcome = recorded(Faults(orifice_area=0.3), 4)
-    last = slice(*outcome.openings[-1])
-    true, estimated = (
-        float(np.sum(rate[last])) for rate in (outcome.truth.injection_rate, ukf_rate(outcome.measured))
-    )
-    assert estimated == pytest.approx(true, rel=0.02)

@@ -38,25 +38,6 @@ def test_it_starts_a_command_with_options_that_there_are() -> None:
     assert {each.partition("=")[0] for each in arguments if each.startswith("--")} <= options
 
 
-def test_it_waits_for_ready_watches_and_restarts_but_not_for_a_wrong_bench_file() -> None:
-    service = unit()["Service"]
-    assert service["Type"] == "notify"
-    assert service["WatchdogSec"] == "10s"
-    assert service["Restart"] == "always"
-    assert service["RestartPreventExitStatus"] == "2"
-
-
-def test_its_sandbox_lets_can_through() -> None:
-    service = unit()["Service"]
-    assert "AF_CAN" in service["RestrictAddressFamilies"]
-
-
-def test_it_asks_for_what_the_loop_wants() -> None:
-    service = unit()["Service"]
-    assert (service["LimitRTPRIO"], service["LimitMEMLOCK"]) == ("99", "infinity")
-    assert service["AmbientCapabilities"] == "CAP_NET_ADMIN"  # receive buffers; a raw CAN socket needs none
-
-
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")
 @pytest.mark.parametrize("name", ["observer-rt.service", "observer-rt@.service"])
 def test_systemd_finds_nothing_wrong_with_it(tmp_path: Path, name: str) -> None:

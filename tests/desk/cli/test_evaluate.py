@@ -1,6 +1,7 @@
 """`observer-rt evaluate`: results on the screen, as JSON, trace, figure and learned state; mistakes it names."""
 
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text
+from observer_rt.daemon.persistence.keeper import sole_writer
 from observer_rt.files.formats import read_recording, write_recording
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines, frames_of
@@ -155,6 +157,14 @@ def test_learned_state_is_saved_and_makes_the_second_injection_valid(
     injections = json.loads(outcome.out)["recordings"][0]["injections"]
     assert [i["valid"] for i in injections] == [False, True, True, True]
     assert injections[0]["mass_mg"] == pytest.approx(injections[0]["measured_mass_mg"], rel=0.02)
+
+
+def test_the_state_of_a_daemon_is_refused(command: Command, worn: Path, tmp_path: Path) -> None:
+    state = tmp_path / "learned.json"
+    with sole_writer(state):
+        assert f"in use by process {os.getpid()}" in command.refused("evaluate", worn, "--save-state", state)
+    command.done("evaluate", worn, "--save-state", state)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["learned.json"]
 
 
 def test_chain_is_one_history_and_apart_are_several(command: Command, worn: Path) -> None:

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import re
 import signal
 import socket
 import subprocess
@@ -15,6 +14,7 @@ import pytest
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text, load_bench, load_injector
 from observer_rt.daemon import bus_connection
+from observer_rt.daemon.persistence.journal import reading_journal
 from observer_rt.daemon.persistence.state_file import learned_beside, load_knowledge, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.formats import read_recording
@@ -22,10 +22,10 @@ from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.foundation.errors import RunError
 from observer_rt.model.accuracy import Accuracy
 from tests.daemon.end_to_end import SUMMARY, ResultFrames, decoded
-from tests.daemon.participants import BLOCK_ID, ScriptedLink, give_link, until
+from tests.daemon.participants import BLOCK_ID, ScriptedLink, until
 from tests.desk.cli.bench_engineer import run_and_stop
 from tests.desk.cli.conftest import Command, module
-from tests.desk.cli.injector_files import FITTED, injector
+from tests.desk.cli.injector_files import injector
 from tests.device import frames_of
 from tests.links import FakeLink
 
@@ -48,58 +48,52 @@ def valid_injections(results: ResultFrames) -> list[float]:
     return [decoded(SUMMARY, payload)["Valid"] for payload in results.summaries]
 
 
-def test_signal_is_a_clean_stop(command: Command, bench: Path, worn: Path) -> None:
-    before = signal.getsignal(signal.SIGTERM)
-    outcome, results = run_and_stop(command, bench, worn)
+EARLIER = "2026-03-01T12:00:00.000+01:00 INFO stop: an earlier run"
+
+
+def test_a_signal_ends_a_run_whose_results_are_told_and_kept(
+    command: Command, bench: Path, worn: Path, tmp_path: Path
+) -> None:
+    """With the learned state the first valid injection is the second, without it the third.
+
+    Without a terminal the view gives way to lines.
+    """
+    state, log, before = tmp_path / "learned.json", tmp_path / "run.log", signal.getsignal(signal.SIGTERM)
+    bench.write_text(bench.read_text().replace('# journal = "injections.sqlite"', 'journal = "mine.sqlite"'))
+    log.write_text(f"{EARLIER}\n")
+    outcome, results = run_and_stop(command, bench, worn, "--view", "--json", "--log", log, "--state", state)
     assert outcome.code == 0
-    assert outcome.out == ""
-    assert "ready" in outcome.err
-    assert "time stamps: arrival" in outcome.err
-    assert "injection 4 at index" in outcome.err
-    assert "stopped after" in outcome.err
-    samples = read_recording(worn).samples
-    assert results.last_status()["SamplesProcessed"] == samples  # also those the look-ahead held
+    for words in (
+        *("no terminal for the view", f"no learned state at {state}", "ready", "time stamps: arrival"),
+        *("stopped after", f"learned state saved in {state}", "4 injections in the journal"),
+    ):
+        assert words in outcome.err
     assert signal.getsignal(signal.SIGTERM) == before
-
-
-def test_state_is_saved_and_restored(command: Command, bench: Path, worn: Path, tmp_path: Path) -> None:
-    """With it the first valid injection is the second, without it the third."""
-    state = tmp_path / "learned.json"
-    first, results = run_and_stop(command, bench, worn, "--state", state)
-    assert f"no learned state at {state}" in first.err
-    assert f"learned state saved in {state}" in first.err
+    assert results.last_status()["SamplesProcessed"] == read_recording(worn).samples
     assert valid_injections(results) == [0, 0, 1, 1]
-    second, results = run_and_stop(command, bench, worn, "--state", state)
+
+    records = [json.loads(line) for line in outcome.out.splitlines()]
+    assert [(each["number"], each["valid"]) for each in records] == [(1, 0), (2, 0), (3, 1), (4, 1)]
+    assert all(record["end_index"] > record["start_index"] > 0 for record in records)
+    lines = log.read_text().splitlines()
+    assert lines[0] == EARLIER
+    assert lines[1:] == outcome.err.splitlines()
+    assert sum("not valid: TOO_FEW_EVENTS: too few injections were judged yet" in line for line in lines) == 2
+    with reading_journal(tmp_path / "mine.sqlite") as journal:
+        rows = list(journal.injections())
+    assert [row["reasons"] for row in rows] == ["TOO_FEW_EVENTS", "TOO_FEW_EVENTS", "", ""]
+    for row in rows:
+        record = f"INFO injection: injection {row['number']} at index {row['start_index']}: {row['mass_mg']:.2f} mg"
+        assert sum(record in line for line in lines) == 1
+
+    second, results = run_and_stop(command, bench, worn, "--state", state, number=signal.SIGINT)
+    assert second.code == 0
     assert "learned state restored" in second.err
     assert "learned from 4 events" in second.err
     assert valid_injections(results) == [0, 1, 1, 1]
     restored = load_knowledge(state, load_injector()).knowledge
     assert restored is not None
     assert restored.state.events == 8
-
-
-@pytest.mark.slow
-def test_an_inadequate_fit_is_told_at_the_start_and_nothing_is_valid(
-    command: Command, bench: Path, worn: Path, tmp_path: Path
-) -> None:
-    injector(tmp_path / "injector.toml", end=FITTED.format(adequate="false", rate=50e3))
-    bench.write_text(bench.read_text().replace("# file = ", "file = ", 1))
-    outcome, results = run_and_stop(command, bench, worn)
-    (text,) = (line for line in outcome.err.splitlines() if "inadequate by its own fit" in line)
-    assert " WARNING start: injector.toml was found inadequate" in text
-    assert "remedy: see what `observer-rt fit` says to try" in text
-    assert valid_injections(results) == [0, 0, 0, 0]
-    bench.write_text(bench.read_text().replace("on_inadequate_model = false", "on_inadequate_model = true"))
-    outcome, results = run_and_stop(command, bench, worn)
-    assert "learned with all the same" in outcome.err
-    assert valid_injections(results) == [0, 0, 1, 1]
-
-
-def test_without_a_terminal_the_view_gives_way_to_lines(command: Command, bench: Path, worn: Path) -> None:
-    outcome, _ = run_and_stop(command, bench, worn, "--view", number=signal.SIGINT)
-    assert outcome.code == 0
-    assert "no terminal for the view" in outcome.err
-    assert len(re.findall(r"INFO injection: injection \d at index", outcome.err)) == 4
 
 
 def test_signal_while_starting_is_not_lost(bench: Path, tmp_path: Path) -> None:
@@ -120,9 +114,13 @@ def said_in(capture: Path, text: str) -> bool:
 
 
 def test_hang_up_takes_over_a_bench_file_that_was_changed(
-    command: Command, bench: Path, worn: Path, tmp_path: Path
+    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What was learned goes on, though no file keeps it; a file with a mistake leaves the one before in force."""
+    """What was learned goes on, though no file keeps it; a file with a mistake leaves the one before in force.
+
+    The service manager hears of the start, the watchdog from the loop, and of the end, not of the change. As its unit
+    starts it, for a bench with one injector: with an empty name.
+    """
     log = tmp_path / "run.log"
     text = bench.read_text()
 
@@ -138,11 +136,23 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
         until(lambda: log.read_text().count("start: ready") == 2)
         return True
 
-    outcome, _ = run_and_stop(command, bench, worn, "--log", log, meanwhile=hang_up)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "600000")
+        outcome, _ = run_and_stop(command, bench, worn, "--injector=", "--log", log, meanwhile=hang_up)
+        manager.setblocking(False)
+        notifications = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                notifications.append(manager.recv(1000).decode())
     assert outcome.code == 0
     assert "sampling.bridge_ms: 50 is not allowed; remedy: write a number from 0 to 5 ms" in outcome.err
     assert "is taken over: sampling.bridge_ms 0.5 -> 0.75" in outcome.err
     assert outcome.err.count("stop: stopped after") == 2
+    assert (notifications[0], notifications[-1]) == ("READY=1", "STOPPING=1")
+    assert notifications.count("STOPPING=1") == 1
+    assert "WATCHDOG=1" in notifications
 
 
 def test_an_amended_model_begins_with_what_was_learned_for_it_and_undo_with_what_was_before(
@@ -216,21 +226,13 @@ def test_examples_can_be_used_as_they_are(command: Command, tmp_path: Path, opti
         assert injector == load_injector().model_copy(update={"accuracy": Accuracy()})
 
 
-def test_what_check_only_warns_of_starts(
-    command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bench.write_text(bench.read_text().replace("needle_lift_um = 0.4", "needle_lift_um = 10"))
-    give_link(monkeypatch, ScriptedLink((), RunError("that was it")))
-    outcome = command("run", "--bench", bench)
-    assert (outcome.code, "INFO start: ready" in outcome.err) == (1, True)
-
-
 def test_an_interface_that_is_not_there_is_waited_for(
     command: Command, bench: Path, worn: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """At the start as later: a missing link is reported once, and the service begins as soon as it is there."""
     link = ScriptedLink(frames_of(bench, worn), RunError("that was it"))
     tries: list[str] = []
+    monkeypatch.setattr(bus_connection, "REOPEN", 0.02)
 
     def opened(_interface: str, channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
         tries.append(channel)
@@ -247,9 +249,10 @@ def test_an_interface_that_is_not_there_is_waited_for(
     assert "injection 4 at index" in outcome.err
 
 
-def test_another_sender_is_told_before_anything_is_sent(
+def test_another_sender_is_told_before_anything_is_sent_and_what_check_warns_of_starts(
     command: Command, bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    bench.write_text(bench.read_text().replace("needle_lift_um = 0.4", "needle_lift_um = 10"))
     other = TimedFrame(0.0, 0x202, False, True, bytes(64))
 
     def opened(_interface: str, _channel: str, _fd: bool, wanted: list[tuple[int, bool]], _: bool) -> Link:
@@ -260,54 +263,3 @@ def test_another_sender_is_told_before_anything_is_sent(
     outcome = command("run", "--bench", bench)
     assert "WARNING sender: another node sends ObserverStatus 0x202 already; remedy: stop" in outcome.err
     assert outcome.err.index("sender:") < outcome.err.index("ready")
-
-
-EARLIER = "2026-03-01T12:00:00.000+01:00 INFO stop: an earlier run"
-
-
-def test_injections_as_lines_of_json_and_a_log(
-    command: Command, bench: Path, worn: Path, tmp_path: Path
-) -> None:
-    log = tmp_path / "run.log"
-    log.write_text(f"{EARLIER}\n")
-    outcome, _ = run_and_stop(command, bench, worn, "--json", "--log", log)
-    records = [json.loads(line) for line in outcome.out.splitlines()]
-    assert [record["number"] for record in records] == [1, 2, 3, 4]
-    assert [record["valid"] for record in records] == [False, False, True, True]
-    assert all(record["end_index"] > record["start_index"] > 0 for record in records)
-    lines = log.read_text().splitlines()
-    assert lines[0] == EARLIER
-    assert sum(" INFO injection: " in line for line in lines) == 4
-    assert "not valid: TOO_FEW_EVENTS: too few injections were judged yet" in log.read_text()
-    assert lines[1:] == outcome.err.splitlines()
-
-
-def test_the_service_manager_hears_of_it(
-    command: Command, bench: Path, worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """READY once it is compiled, the watchdog from the loop, STOPPING at the end, not when the bench file changes.
-
-    As the unit starts it, for a bench with one injector: with an empty name.
-    """
-    log = tmp_path / "run.log"
-
-    def hang_up() -> bool:
-        bench.write_text(bench.read_text().replace("bridge_ms = 0.5", "bridge_ms = 0.75"))
-        os.kill(os.getpid(), signal.SIGHUP)
-        until(lambda: log.read_text().count("start: ready") == 2)
-        return True
-
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(tmp_path / "notify"))
-        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "600000")
-        run_and_stop(command, bench, worn, "--injector=", "--log", log, meanwhile=hang_up)
-        manager.setblocking(False)
-        notifications = []
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                notifications.append(manager.recv(1000).decode())
-    assert notifications[0] == "READY=1"
-    assert notifications[-1] == "STOPPING=1"
-    assert notifications.count("STOPPING=1") == 1
-    assert "WATCHDOG=1" in notifications

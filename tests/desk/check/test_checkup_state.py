@@ -8,7 +8,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, load_bench, load_injector
 from observer_rt.daemon.persistence.state_file import model_hash, save_knowledge
 from observer_rt.desk.check.checkup import checkup
 from observer_rt.desk.check.findings import Finding, Level
-from observer_rt.engine.learning.knowledge import no_knowledge
+from observer_rt.engine.learning.knowledge import Knowledge, no_knowledge
 from observer_rt.engine.service.injector import configured_noise
 from observer_rt.model.parameters import LineOutflow
 from tests.daemon.samples import PRESSURE_SCALE, some_knowledge
@@ -25,24 +25,22 @@ def test_without_a_state_nothing_is_said_of_it() -> None:
     assert not [f for f in checkup(load_bench()) if f.topic == "learned state"]
 
 
-def test_a_state_that_fits(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("knowledge", "level", "said"),
+    [
+        (None, Level.OK, "begins with the prior"),
+        (some_knowledge(phi_version=7, events=20), Level.OK, "correction 7, learned from 20 events"),
+        (no_knowledge(configured_noise(load_bench().injector), PRESSURE_SCALE), Level.WARNING, "no sooner"),
+    ],
+    ids=["not there yet", "fits", "learned from nothing"],
+)
+def test_a_state_of_this_model(tmp_path: Path, knowledge: Knowledge | None, level: Level, said: str) -> None:
     path = tmp_path / "state.json"
-    save_knowledge(path, some_knowledge(phi_version=7, events=20), MODEL)
+    if knowledge is not None:
+        save_knowledge(path, knowledge, MODEL)
     finding = of_state(path)
-    assert finding.level is Level.OK
-    assert "correction 7, learned from 20 events" in finding.text
-
-
-def test_a_state_that_is_not_there_yet(tmp_path: Path) -> None:
-    finding = of_state(tmp_path / "state.json")
-    assert finding.level is Level.OK
-    assert "begins with the prior" in finding.text
-
-
-def test_a_state_learned_from_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "state.json"
-    save_knowledge(path, no_knowledge(configured_noise(load_bench().injector), PRESSURE_SCALE), MODEL)
-    assert of_state(path).level is Level.WARNING
+    assert finding.level is level
+    assert said in finding.text
 
 
 def test_a_state_of_another_model(tmp_path: Path) -> None:

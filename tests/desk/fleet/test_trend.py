@@ -88,7 +88,7 @@ def test_a_known_line_is_found_and_a_bad_recording_counts_less(rate: float) -> N
 def test_intervals_hold_the_truth_as_often_as_they_say_when_values_scatter_beyond_theirs() -> None:
     random = np.random.default_rng(5)
     holds, dates = [], []
-    for _ in range(1500):
+    for _ in range(600):
         rate, sigma = random.uniform(0.001, 0.003), random.uniform(0.002, 0.01, DAYS.size)
         value = rate * DAYS + random.normal(0.0, np.hypot(sigma, 0.015))
         result = WearLine.of(DAYS, value, 1.96 * sigma)

@@ -12,8 +12,7 @@ from observer_rt.foundation.options import Argument, Injector, Option
 
 SIGNALS = ", ".join(formats.suffixes_of(formats.SIGNALS))
 LOGS = ", ".join(formats.suffixes_of(formats.LOGS))
-RECORDED = ", ".join(formats.RECORDED)
-CLASSIC_ONLY = ", ".join(formats.suffixes_of(each for each in formats.LOGS if not each.keeps_fd))
+RECORDED = ", ".join(formats.LOGS_WRITTEN)
 
 Recording = Annotated[Path, Argument(f"Recording ({SIGNALS}) or CAN log ({LOGS}).", "RECORDING")]
 Recordings = Annotated[

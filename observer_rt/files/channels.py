@@ -1,6 +1,6 @@
 """Channels of a CAN log as buses of the bench, and the input frames that the observer would have received."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from observer_rt.bus.links.link import BusFrame
@@ -15,33 +15,16 @@ OPTION = "--from-channel"
 
 def chosen_channels(
     path: Path, links: Sequence[NamedLink], needed: Collection[int], texts: Sequence[str]
-) -> dict[int, str | None]:
+) -> Mapping[int, str | None]:
     """The channel of each bus, None: any of the log, for a bench with one bus. Buses that are not needed may lack.
 
-    texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`. Raises `UserError` where they do not suffice.
+    texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`; other channels are found by reading the log. One with
+    names: by the channels of the bench file. One with numbers: by those our own recorder would give these channels,
+    else, where there are as many as buses, in order. Raises `UserError` for a needed bus that none of this finds.
     """
     said = of_links(OPTION, texts, links, "can3")
     if len(links) == 1:
         return {0: said.get(0)}
-    matches = matched_channels(
-        path, links, needed, said, lambda bus: f"{OPTION} {links[bus].name}{'=' if bus else ''}CHANNEL"
-    )
-    return {**matches}
-
-
-def matched_channels(
-    path: Path,
-    links: Sequence[NamedLink],
-    needed: Collection[int],
-    said: Mapping[int, str],
-    option: Callable[[int], str],
-) -> dict[int, str]:
-    """The channel of each bus, for several buses; those stated are taken, the others found by reading the log.
-
-    A log with names: by the channels of the bench file. One with numbers: by those our own recorder would give these
-    channels, else, where there are as many as buses, in order. option: how a user states one for a bus.
-    Raises `UserError` for a needed bus that none of this finds.
-    """
     open_buses = [bus for bus in range(len(links)) if bus not in said]
     wanted = [bus for bus in open_buses if bus in needed]
     if not wanted:
@@ -64,7 +47,7 @@ def matched_channels(
         str(path),
         f"which of its channels is which bus is not clear: it has {', '.join(present) or 'no other'}, wanted are "
         f"{names}",
-        f"say it: {' '.join(option(bus) for bus in wanted)}",
+        "say it: " + " ".join(f"{OPTION} {links[bus].name}{'=' if bus else ''}CHANNEL" for bus in wanted),
     )
 
 

@@ -9,12 +9,10 @@ from typing import TypeVar
 
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.injector import Meaning, RecordingConfig
-from observer_rt.files.canlog.asc import ASC
 from observer_rt.files.canlog.blf import BLF
-from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogRecorder, LogWriter
+from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogWriter
 from observer_rt.files.canlog.candump import CANDUMP
-from observer_rt.files.canlog.python_can import CSV_LOG
-from observer_rt.files.canlog.trc import TRC
+from observer_rt.files.canlog.python_can import ASC, CSV_LOG, TRC
 from observer_rt.files.mdf4.can_log import MDF4_LOG
 from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
@@ -71,8 +69,6 @@ def suffixes_of(kinds: Iterable[Format]) -> tuple[str, ...]:
 SUFFIXES = suffixes_of((*SIGNALS, *LOGS))
 SIGNALS_WRITTEN = suffixes_of(each for each in SIGNALS if each.is_written)
 LOGS_WRITTEN = suffixes_of(each for each in LOGS if each.writer is not None)
-RECORDED = suffixes_of(each for each in LOGS if each.recorder is not None)
-"""Formats of logs into which frames can go as they come in."""
 
 
 def is_log(path: Path) -> bool:
@@ -88,11 +84,6 @@ def is_log(path: Path) -> bool:
         return log.recognises(path)
 
 
-def log_format(path: Path) -> LogFormat:
-    """The format in which a log of this suffix is written. Raises `UserError` for an unknown one."""
-    return _of(path, LOGS)
-
-
 def open_log(path: Path) -> LogReader:
     """The reader of a log; nothing is read before it is iterated. Raises `UserError` for an unknown suffix."""
     return _of(path, LOGS).reader(path)
@@ -105,11 +96,9 @@ def open_writer(path: Path, start_ns: int) -> LogWriter:
     return writer(path, start_ns)
 
 
-def open_recorder(path: Path, start_ns: int) -> LogRecorder:
-    """Open a log for frames as they come in; raises like `open_writer`."""
-    recorder = _of(path, [each for each in LOGS if each.recorder is not None]).recorder
-    assert recorder is not None
-    return recorder(path, start_ns)
+def stamp_step(path: Path) -> int:
+    """Whole number of ns to which a log of this suffix is stamped. Raises `UserError` for an unknown one."""
+    return _of(path, LOGS).stamp_step
 
 
 def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalStream:

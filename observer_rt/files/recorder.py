@@ -9,8 +9,8 @@ from typing import Any
 
 from observer_rt.bus.links.link import Frame, Link
 from observer_rt.bus.links.receiver import EnduringReading
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogRecorder
-from observer_rt.files.formats import RECORDED, open_recorder
+from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame, LogWriter
+from observer_rt.files.formats import LOGS_WRITTEN, open_writer
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors
 from observer_rt.foundation.outputs import begin_stream, check_output
@@ -61,11 +61,11 @@ class RecordStatistics:
 
 def check_recording_path(path: Path, force: bool) -> None:
     """Raise `UserError` for a format that is not safe while recording, and for a log that is there without force."""
-    if path.suffix.lower() not in RECORDED:
+    if path.suffix.lower() not in LOGS_WRITTEN:
         raise UserError(
             f"--out {path}",
             f"'{path.suffix}' cannot be recorded into safely",
-            f"record into {' or '.join(RECORDED)}, then convert",
+            f"record into {' or '.join(LOGS_WRITTEN)}, then convert",
         )
     check_output("--out", path, force)
 
@@ -136,7 +136,7 @@ class _Log:
         self.paths: list[Path] = []
         """The file, once it is begun."""
         self._path, self._force = path, force
-        self._writer: LogRecorder | None = None
+        self._writer: LogWriter | None = None
         self.lost = 0
         """Number of lost frames that are noted before the next one."""
 
@@ -144,7 +144,7 @@ class _Log:
         """Append a frame of a channel."""
         if self._writer is None:
             begin_stream(self._path, self._force)
-            self._writer = open_recorder(self._path, frame.stamp_ns)
+            self._writer = open_writer(self._path, frame.stamp_ns)
             self.paths.append(self._path)
         self._say_lost(self._writer)
         self._writer.write(LogFrame(frame, channel))
@@ -160,7 +160,7 @@ class _Log:
             self._writer.close()
             self._writer = None
 
-    def _say_lost(self, writer: LogRecorder) -> None:
+    def _say_lost(self, writer: LogWriter) -> None:
         if self.lost:
             writer.write_lost(self.lost)
             self.lost = 0

@@ -38,7 +38,6 @@ def log(folder: Path, suffix: str, *channels: str) -> Path:
         (".log", ("can1", "can0", "can7"), {0: "can0", 1: "can1"}),
         (".log", ("can2", "can1", "can0"), {0: "can0", 1: "can1", 2: "can2"}),
         (".blf", ("can2", "can0", "can1"), {0: "1", 1: "2", 2: "3"}),
-        (".asc", ("can1", "can0"), {0: "1", 1: "2"}),
         (".blf", ("5", "9"), {0: "5", 1: "9"}),
         (".blf", ("9", "5", "7"), {0: "5", 1: "7", 2: "9"}),
     ],

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.files.formats import RECORDED, open_log
+from observer_rt.files.formats import LOGS_WRITTEN, open_log
 from observer_rt.files.recorder import RecordLimits, RecordStatistics, check_recording_path, record
 from observer_rt.foundation.errors import RunError, UserError
 from tests.files.canlog.log_cases import START
 from tests.links import FakeLink
 
-SUFFIXES = sorted(RECORDED)
+SUFFIXES = sorted(LOGS_WRITTEN)
 
 
 class Source(FakeLink):

@@ -62,7 +62,7 @@ def write_whole(path: Path) -> None:
         return
     with formats.open_writer(path, START) as writer:
         for number in range(FRAMES):
-            is_fd = formats.log_format(path).keeps_fd and chance.random() < 0.5
+            is_fd = chance.random() < 0.5
             is_extended = chance.random() < 0.5
             payload = chance.randbytes(chance.choice(FD_LENGTHS if is_fd else FD_LENGTHS[:9]))
             identifier = chance.randrange(0x2000_0000 if is_extended else 0x800)

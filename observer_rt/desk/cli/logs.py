@@ -12,7 +12,7 @@ from observer_rt.config.bench import EXAMPLE_BENCH, Bench, load_bench
 from observer_rt.config.bench_file import of_links, refuse_shared_channels
 from observer_rt.desk import options as shared
 from observer_rt.desk.cli.command import decoder_of, messages
-from observer_rt.desk.recording_options import CLASSIC_ONLY, RECORDED, Recording
+from observer_rt.desk.recording_options import RECORDED, Recording
 from observer_rt.foundation.console import say, stop_on_signals
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.options import Argument, Injector, Option
@@ -46,13 +46,8 @@ class ReplayOptions:
     channel: Channel = ()
     interface: Interface = ()
     speed: Annotated[float, Option("1 = real time; 0 = as fast as the bus takes.", minimum=0.0)] = 1.0
-    loop: Annotated[int, Option("Number of repetitions; 0 = until stopped.", minimum=0)] = 1
-    start: Annotated[float | None, Option("Begin at this time of the recording [s].")] = None
-    stop: Annotated[float | None, Option("End at this time of the recording [s].")] = None
     windowed: Annotated[bool, Option("Send only about 6 ms around each injection.")] = False
-    map_channel: Annotated[
-        tuple[str, ...], Option("Send the frames of a log's channel to one bus only.", "FROM=TO")
-    ] = ()
+    from_channel: shared.FromChannel = ()
     force: Annotated[bool, Option("Send even if another node sends the same identifiers.")] = False
     injector: Injector = None
     json: shared.Json = False
@@ -62,29 +57,29 @@ def replay(options: ReplayOptions) -> None:
     """Send a recording onto its buses as the measuring devices would, on an absolute time grid."""
     from observer_rt.bus.links.opening import open_link
     from observer_rt.files.formats import is_log
-    from observer_rt.files.replay import log_frames, player
+    from observer_rt.files.replay import player
 
-    recording, loop, extent = options.recording, options.loop, (options.start, options.stop)
+    recording = options.recording
     bench = load_bench(options.bench).of(options.injector)
     chosen = _with_links(bench, options)
-    channels = log_frames.channel_map(options.map_channel)
     if is_log(recording):
         if options.windowed:
             raise UserError("--windowed", "a log is sent as it was recorded", "leave out --windowed")
-        source = player.log_source(chosen, recording, channels, *extent, loop, messages)
+        source = player.log_source(chosen, recording, options.from_channel, messages)
     else:
-        source = player.recording_source(chosen, recording, options.windowed, *extent, loop, messages)
-        if channels:
-            raise UserError("--map-channel", f"{recording} is no CAN log: it has no channels", "leave it out")
-    total = source.extent.duration * loop if loop else None
+        if options.from_channel:
+            raise UserError(
+                "--from-channel", f"{recording} is no CAN log: it has no channels", "leave it out"
+            )
+        source = player.recording_source(chosen, recording, options.windowed, messages)
     with stop_on_signals() as stopped, ExitStack() as stack:
         if not options.force:
-            player.refuse_traffic(source.buses, source.identifiers, stopped)
+            player.refuse_traffic(source.buses, source.sent, stopped)
         links = {
             number: stack.enter_context(open_link(config.interface, config.channel, config.fd, []))
             for number, config in source.buses.items()
         }
-        progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", total))
+        progress = stack.enter_context(progress_bar(messages, f"replaying {recording.name}", source.duration))
         first = min(links.items())[1]
         speed, tell = options.speed or math.inf, partial(say, messages)
         statistics = player.play(source.frames, first, speed, progress, stopped, links, tell)
@@ -142,7 +137,7 @@ class ConvertOptions:
     recording: Recording
     target: Annotated[
         Path,
-        Argument(f"File to write, in the format of its suffix; no CAN FD in {CLASSIC_ONLY}.", "OUT"),
+        Argument("File to write, in the format of its suffix.", "OUT"),
     ]
     bench: shared.Decoder = None
     from_channel: shared.FromChannel = ()

@@ -14,9 +14,9 @@ from observer_rt.files.formats import (
     LOGS_WRITTEN,
     SIGNALS_WRITTEN,
     is_log,
-    log_format,
     open_log,
     open_writer,
+    stamp_step,
 )
 from observer_rt.files.replay.framing import bench_for
 from observer_rt.files.replay.recording_frames import Device
@@ -41,20 +41,19 @@ def convert(
 ) -> str:
     """Convert a file, the formats by suffix; returns one line on what was written.
 
-    A log becomes a recording by a bench file; where OUT may hold either it gets signals with one, else frames.
+    A log becomes a recording by a bench file.
     Raises `UserError` for what does not fit together and for what the target cannot hold; the target is then
     as it was before.
     """
     holds_frames = is_log(source)
     suffix = target.suffix.lower()
     takes_signals = suffix in SIGNALS_WRITTEN
-    takes_frames = suffix in LOGS_WRITTEN
     if target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
     check_output("OUT", target, force, suffixes=tuple(dict.fromkeys((*SIGNALS_WRITTEN, *LOGS_WRITTEN))))
     if not holds_frames and not takes_signals:
         return _encoded(source, target, bench, console)
-    if holds_frames and (not takes_signals or (bench is None and takes_frames)):
+    if holds_frames and not takes_signals:
         return _frames(source, target, from_channels, console)
     if holds_frames and bench is None:
         raise UserError("--bench", "is missing: it says which signals the frames carry", "name a bench file")
@@ -135,7 +134,7 @@ def _encoded(source: Path, target: Path, bench: Bench | None, console: Console) 
 
 def _frames(source: Path, target: Path, channels: Sequence[str], console: Console) -> str:
     log = open_log(source)
-    step = log_format(target).stamp_step
+    step = stamp_step(target)
     count = rounded = 0
     entries = (entry for entry in log if not channels or entry.channel in channels)
     first = list(islice(entries, FIRST_FRAMES))

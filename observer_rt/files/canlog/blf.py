@@ -23,11 +23,10 @@ from observer_rt.files.canlog.can_log import (
     LogFormat,
     LogFrame,
     LogReader,
-    LogRecorder,
+    LogWriter,
     lost_note,
 )
-from observer_rt.files.canlog.python_can import MICROSECOND, MILLISECOND, PythonCanWriter
-from observer_rt.files.canlog.text_log import likeness
+from observer_rt.files.canlog.text_log import other_kind
 from observer_rt.foundation.errors import UserError
 
 LOST = struct.Struct("<LLqL")  # queue, -, time, number of events
@@ -38,6 +37,7 @@ SENT, REQUESTED, DIRECTION = 1, 2, 0xF
 FD_64_REMOTE, FD_64_SHIFT = 0x10, 12  # among the flags of CAN_FD_MESSAGE_64, those of CAN FD begin there
 MOST_UNPACKED = 1 << 28  # bytes of a container, which has some 100 KB
 READABLE = "give a complete BLF file"
+MICROSECOND, MILLISECOND = 1000, 1_000_000  # ns
 OLDEST_START = 631_152_000 * NANOSECONDS  # 1990: an earlier time is no date in BLF, and is counted from 0
 FASTEST_PACKING = 1  # of zlib: a fifth larger than its default, three times faster
 _MARK = b"LOBJ"
@@ -73,13 +73,10 @@ class BlfLog(LogReader):
     def _begin(self, file: BinaryIO) -> tuple[int, int]:
         """Read the heading: start [ns since 1970], number of objects, 0 where it was not completed."""
         data = file.read(layout.FILE_HEADER_STRUCT.size)
-        if data and not b"LOGG".startswith(data[:4]):
-            looks, rename = likeness(self.path)
-            raise UserError(str(self.path), f"is no BLF file{looks}", rename or READABLE)
-        if len(data) < layout.FILE_HEADER_STRUCT.size:
-            raise UserError(str(self.path), "ends within its header", READABLE)
-        fields = layout.FILE_HEADER_STRUCT.unpack(data)
-        if fields[1] > self._size:
+        if not data.startswith(b"LOGG"):
+            raise UserError(str(self.path), "is no BLF file", other_kind(self.path) or READABLE)
+        fields = layout.FILE_HEADER_STRUCT.unpack(data.ljust(layout.FILE_HEADER_STRUCT.size, b"\0"))
+        if max(fields[1], layout.FILE_HEADER_STRUCT.size) > self._size:
             raise UserError(str(self.path), "ends within its header", READABLE)
         file.seek(fields[1])
         if fields[10] > self._size:
@@ -89,10 +86,9 @@ class BlfLog(LogReader):
             moment = datetime(year, month, day, hour, minute, second, millisecond * 1000, UTC)
         except ValueError:
             if any(fields[14:22]):
-                date = f"{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}"
-                self.remarks.append(f"its start, {date}, is no date: times count from 1970")
+                self.remarks.append("its start is no date: times count from 1970")
             return 0, fields[12]
-        return int(moment.timestamp()) * NANOSECONDS + millisecond * 1_000_000, fields[12]
+        return int(moment.timestamp()) * NANOSECONDS + millisecond * MILLISECOND, fields[12]
 
     def _parts(self, file: BinaryIO) -> Iterator[bytes]:
         """The objects, unpacked, in pieces that end anywhere."""
@@ -235,16 +231,32 @@ class _FlushedBlf(can.BLFWriter):
         os.fsync(self.file.fileno())
 
 
-class BlfWriter(PythonCanWriter, LogRecorder):
-    """Writer of Vector's binary logs."""
-
-    start_step = MILLISECOND
+class BlfWriter(LogWriter):
+    """Writer by python-can: stamps are float seconds there, off by less than 1 us. Channels count from 1."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
         """See `LogWriter`."""
-        super().__init__(path, start_ns if start_ns >= OLDEST_START else 0)
-        self._writer: _FlushedBlf = _FlushedBlf(path, compression_level=FASTEST_PACKING)
+        super().__init__(path, start_ns // MILLISECOND * MILLISECOND if start_ns >= OLDEST_START else 0)
+        self._writer = _FlushedBlf(path, compression_level=FASTEST_PACKING)
         self._writer.start_timestamp = self._writer.stop_timestamp = self._start / NANOSECONDS
+
+    def write(self, entry: LogFrame) -> None:
+        frame = entry.frame
+        if frame.stamp_ns < self._start:
+            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
+        self._writer.on_message_received(
+            can.Message(
+                timestamp=frame.stamp_ns / NANOSECONDS,
+                arbitration_id=frame.frame_id,
+                is_extended_id=frame.is_extended,
+                data=frame.payload,
+                is_fd=frame.is_fd,
+                bitrate_switch=frame.bit_rate_switch,
+                error_state_indicator=frame.error_state_indicator,
+                is_rx=not entry.is_sent,
+                channel=self._numbers.of(entry.channel) - 1,
+            )
+        )
 
     def write_lost(self, frames: int) -> None:
         self._writer.log_event(lost_note(frames))
@@ -252,5 +264,9 @@ class BlfWriter(PythonCanWriter, LogRecorder):
     def flush(self) -> None:
         self._writer.flush()
 
+    def close(self) -> None:
+        if not self._writer.file.closed:
+            self._writer.stop()
 
-BLF = LogFormat(".blf", BlfLog, BlfWriter, BlfWriter, stamp_step=MICROSECOND)
+
+BLF = LogFormat(".blf", BlfLog, BlfWriter, stamp_step=MICROSECOND)

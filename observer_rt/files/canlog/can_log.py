@@ -18,9 +18,8 @@ REORDERED = 1_000_000  # ns by which drivers are seen to hand over frames in the
 PAUSE = NANOSECONDS  # between two parts of a log whose clock was set back
 FRAMES_TO_JUDGE_STAMPS = 100
 LATEST_STAMP = (1 << 63) - 1  # ns since 1970, in 2262
-LOST_NOTE = "frames lost before this"
 _LENGTHS = {True: frozenset(FD_LENGTHS), False: frozenset(range(CLASSIC_LENGTH + 1))}  # by whether FD
-_LOST = re.compile(rf"(\d+) {LOST_NOTE}")
+_LOST = re.compile(r"(\d+) frames lost before this")
 
 
 class LogFrame(NamedTuple):
@@ -35,7 +34,7 @@ class LogFrame(NamedTuple):
 
 def lost_note(frames: int) -> str:
     """Note that a recorder writes into a log where frames were lost."""
-    return f"{frames} {LOST_NOTE}"
+    return f"{frames} frames lost before this"
 
 
 class LogReader(ABC):
@@ -90,51 +89,30 @@ class LogReader(ABC):
 
     def notes(self) -> list[str]:
         """Notes on what the last reading left out or found odd, one sentence each."""
-        counted = [
-            f"{count} {one if count == 1 else several}"
-            for count, one, several in (
-                (self.error_frames, "error frame", "error frames"),
-                (self.remote_frames, "remote frame", "remote frames"),
-                (self.other_entries, "entry that is no frame", "entries that are no frames"),
-            )
-            if count
-        ]
+        counts = {
+            "error frames": self.error_frames,
+            "remote frames": self.remote_frames,
+            "entries that are no frames": self.other_entries,
+        }
+        counted = [f"{count} {kind}" for kind, count in counts.items() if count]
         notes = [f"left out: {', '.join(counted)}"] if counted else []
         if self.lost_frames:
             notes.append(f"{self.lost_frames} frames were lost while it was recorded")
         if self._reordered:
-            notes.append(
-                f"{self._reordered} frames stand up to {REORDERED // 1000} us before an earlier one; "
-                "the order of the file is kept"
-            )
+            notes.append(f"{self._reordered} frames stand up to {REORDERED // 1000} us before an earlier one")
         if self._steps_back:
-            more = f", and {len(self._steps_back) - 1} times more" if len(self._steps_back) > 1 else ""
-            notes.append(f"{self._steps_back[0]}{more}: split there, the next part follows after 1 s")
+            times = f"{self._steps_back[0]} (in all {len(self._steps_back)} times)"
+            notes.append(f"{times}: split there, the next part follows after 1 s")
         return [f"{self.path}: {note}" for note in (*notes, *self.remarks)]
 
-    def location(self, number: int) -> str:
-        """A place in the file, for a message."""
-        return f"{self.path}, {self.unit} {number}"
-
-    def refuse(self, number: int, problem: str, remedy: str = "") -> NoReturn:
-        """Raise `UserError` for a place in the file; without a remedy, with the usual one."""
-        usual = (
-            "delete it, or record the log again"
-            if self.unit == "line"
-            else "record it again, or take another copy"
-        )
-        raise UserError(self.location(number), problem, remedy or usual)
-
-    def remark(self, text: str) -> None:
-        """Note something of the whole log, once."""
-        if text not in self.remarks:
-            self.remarks.append(text)
+    def refuse(self, number: int, problem: str, remedy: str = "record it again") -> NoReturn:
+        """Raise `UserError` for a place in the file."""
+        raise UserError(f"{self.path}, {self.unit} {number}", problem, remedy)
 
     def note_text(self, text: str) -> None:
         """Take a comment of the log: it may report lost frames."""
         lost = _LOST.search(text)
-        if lost:
-            self.lost_frames += int(lost[1])
+        self.lost_frames += int(lost[1]) if lost else 0
 
     def _checked(self, entries: Iterable[tuple[int, LogFrame]]) -> Iterator[LogFrame]:
         """The frames, each refused at its place unless a bus can carry it; time goes on in all of them."""
@@ -167,23 +145,28 @@ class LogReader(ABC):
 
 
 class LogWriter(ABC):
-    """A log being written; a context manager that completes it.
+    """A log being written, maybe while frames come in; a context manager that completes it.
 
-    Raises `UserError` for a frame the format cannot hold, `OSError` when writing fails.
+    What was flushed can be read whatever happens afterwards. Raises `OSError` when writing fails.
     """
 
-    start_step: ClassVar[int] = 1
-    """ns to which the format says when it begins."""
-
     def __init__(self, path: Path, start_ns: int) -> None:
-        """start_ns: no frame is older; formats that count time from a start begin there, or shortly before."""
+        """start_ns: no frame is older; a format that counts time from a start begins there, or shortly before."""
         self.path = path
-        self._start = start_ns // self.start_step * self.start_step
+        self._start = start_ns
         self._numbers = ChannelNumbers()
 
     @abstractmethod
     def write(self, entry: LogFrame) -> None:
-        """Append a frame."""
+        """Append a frame. Raises `UserError` for one that the format cannot hold."""
+
+    @abstractmethod
+    def write_lost(self, frames: int) -> None:
+        """Note in the log that frames were lost before the next one."""
+
+    @abstractmethod
+    def flush(self) -> None:
+        """Hand everything written so far to the disk."""
 
     @abstractmethod
     def close(self) -> None:
@@ -194,18 +177,6 @@ class LogWriter(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-class LogRecorder(LogWriter):
-    """A log written while frames come in: what was flushed can be read whatever happens afterwards."""
-
-    @abstractmethod
-    def write_lost(self, frames: int) -> None:
-        """Note in the log that frames were lost before the next one."""
-
-    @abstractmethod
-    def flush(self) -> None:
-        """Hand everything written so far to the disk."""
 
 
 class ChannelNumbers:
@@ -237,18 +208,12 @@ def text_nanoseconds(text: str) -> int:
 class LogFormat:
     """A kind of file that holds CAN frames, by its suffix, in lower case with its dot.
 
-    Callables take the path, those that write the time of the start [ns].
+    writer: takes path and time of the start [ns]; None where the format is only read. stamp_step: ns to which it
+    writes stamps. recognises: whether a file is a log, where recordings have the same suffix; None: any is.
     """
 
     suffix: str
     reader: Callable[[Path], LogReader]
     writer: Callable[[Path, int], LogWriter] | None = None
-    """Writer of a log; None where the format is only read."""
-    recorder: Callable[[Path, int], LogRecorder] | None = None
-    """Recorder of a log; None where what was written so far could not be read after a loss of power."""
-    keeps_fd: bool = True
-    """Whether CAN FD frames can be written."""
     stamp_step: int = 1
-    """ns to which stamps are written."""
     recognises: Callable[[Path], bool] | None = None
-    """Whether a file is a log, where recordings have the same suffix; None: any is."""

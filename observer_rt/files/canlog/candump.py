@@ -15,28 +15,23 @@ from observer_rt.files.canlog.can_log import (
     NANOSECONDS,
     LogFormat,
     LogFrame,
-    LogRecorder,
+    LogWriter,
     lost_note,
     text_nanoseconds,
 )
-from observer_rt.files.canlog.text_log import EARLIEST_DATE, Rising, TextLogReader
+from observer_rt.files.canlog.text_log import EARLIEST_DATE, TextLogReader
 
-TWO_DIGITS = 2  # of a length, which only CAN FD frames have
 EXTENDED_DIGITS = 8  # of an identifier
-
+_LINE = re.compile(
+    r"\((?P<stamp>\d+(?:\.\d{1,9})?)\)\s+(?P<channel>[^\s\ufffd]+)\s+(?P<id>[0-7][0-9A-F]{2}|[0-3][0-9A-F]{7})"
+    r"#(?:#(?P<flags>[0-9A-F])|(?P<remote>R)?)(?P<data>[0-9A-F]*)(?:_[0-9A-F])?(?:\s+(?P<direction>[RT]))?",
+    re.IGNORECASE,
+)
 _SCREEN_LINE = re.compile(
     r"(?:\((?P<stamp>\d+\.\d{6,9}|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6,9})\)\s+)?(?P<channel>[^\s\ufffd]+)\s+"
     r"(?:(?P<direction>TX|RX) (?P<switch>[B-]) (?P<state>[E-])\s+)?"
     r"(?P<id>[0-9A-F]{3}|[0-9A-F]{8})\s+\[(?P<length>\d{1,2})\]"
     r"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2})*)(?:\s+(?:'.*'|ERRORFRAME))?)"
-)
-_LINE = re.compile(
-    r"\((?P<seconds>\d+)(?:\.(?P<fraction>\d{1,9}))?\)"
-    r"\s+(?P<channel>[^\s\ufffd]+)"
-    r"\s+(?P<id>[0-7][0-9A-Fa-f]{2}|[0-3][0-9A-Fa-f]{7})"
-    r"(?:##(?P<flags>[0-9A-Fa-f])(?P<fd_data>[0-9A-Fa-f]*)"
-    r"|#(?:(?P<remote>[Rr])[0-9A-Fa-f]?|(?P<data>[0-9A-Fa-f]*))(?:_[0-9A-Fa-f])?)"
-    r"(?:\s+(?P<direction>[RT]))?"
 )
 _XL_FRAME = re.compile(r"[0-9A-F]#[0-9A-F]{2}:[0-9A-F]{2}:[0-9A-F]{8}#|\[\d{4}\] \(")
 _ERROR_TEXT = re.compile(r"[a-z][a-z-]*(\{.*\})?,?")  # below an error frame
@@ -51,10 +46,8 @@ class CandumpLog(TextLogReader):
     """
 
     kind = "a candump log"
-    remedy = "a line reads (seconds.microseconds) channel id#data or id##flags data in one word"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        self._rising = Rising()
         explains_error = False
         for number, text in self._lines():
             if explains_error and _ERROR_TEXT.fullmatch(text):
@@ -76,69 +69,52 @@ class CandumpLog(TextLogReader):
         match = _LINE.fullmatch(text)
         if match is None:
             return self._screen(_COLOUR.sub("", text).strip(), number)
-        names = ("seconds", "fraction", "flags", "fd_data", "data")
-        seconds, fraction, fd_flags, fd_data, data = match.group(*names)
-        stamp = int(seconds) * NANOSECONDS + int((fraction or "").ljust(9, "0"))
-        flags = int(fd_flags, 16) if fd_flags else 0
-        payload = bytes.fromhex(fd_data or data or "")
-        switch, state = flags & BIT_RATE_SWITCH != 0, flags & ERROR_STATE != 0
-        return self._frame(match, stamp, payload, fd_flags is not None, switch, state)
+        flags = int(match["flags"] or "0", 16)
+        is_fd, switch, state = match["flags"] is not None, flags & BIT_RATE_SWITCH, flags & ERROR_STATE
+        return self._frame(match, text_nanoseconds(match["stamp"]), is_fd, bool(switch), bool(state))
 
     def _screen(self, text: str, number: int) -> LogFrame | None:
         """A frame as it is printed on the screen."""
+        if _XL_FRAME.search(text):
+            self.other_entries += 1
+            return None
         match = _SCREEN_LINE.fullmatch(text)
         if match is None:
-            if _XL_FRAME.search(text):
-                self.other_entries += 1
-                return None
             raise ValueError
-        payload = bytes.fromhex(match["data"] or "")
-        if len(payload) != int(match["length"]) and not match["remote"]:
-            self.refuse(number, f"{len(payload)} bytes follow the length {match['length']}")
-        if match["stamp"] is None:
-            problem = "this is candump's screen output without times, not a log"
-            self.refuse(number, problem, "record with candump -l, or print with candump -ta")
         stamp = _screen_stamp(match["stamp"])
         if stamp < EARLIEST_DATE:
-            self._judge_times(stamp, number)
-        is_fd = len(match["length"]) == TWO_DIGITS
-        return self._frame(match, stamp, payload, is_fd, match["switch"] == "B", match["state"] == "E")
+            problem = "this is candump's screen output without absolute times, not a log"
+            self.refuse(number, problem, "record with candump -l, or print with candump -ta")
+        if not match["remote"] and len(match["data"].split()) != int(match["length"]):
+            raise ValueError
+        is_fd = len(match["length"]) > 1
+        return self._frame(match, stamp, is_fd, match["switch"] == "B", match["state"] == "E")
 
     def _frame(
-        self, match: re.Match[str], stamp: int, payload: bytes, is_fd: bool, switch: bool, state: bool
+        self, match: re.Match[str], stamp: int, is_fd: bool, switch: bool, state: bool
     ) -> LogFrame | None:
         """Frame of a line of either kind, None of an error or remote frame, which is counted."""
-        digits, remote, channel, direction = match.group("id", "remote", "channel", "direction")
-        identifier, is_extended = int(digits, 16), len(digits) == EXTENDED_DIGITS
+        identifier, is_extended = int(match["id"], 16), len(match["id"]) == EXTENDED_DIGITS
         if is_extended and identifier & ERROR_FLAG:
             self.error_frames += 1
             return None
-        if remote:
+        if match["remote"]:
             self.remote_frames += 1
             return None
-        frame = Frame(identifier, payload, stamp, is_extended, is_fd, switch, state)
-        return LogFrame(frame, channel, direction in ("T", "TX"))
-
-    def _judge_times(self, time: int, number: int) -> None:
-        self._rising.add(time)
-        if self._rising.is_from_line_to_line:
-            self.refuse(
-                number,
-                "its times are from line to line (candump -td), of all interfaces together",
-                "record with candump -l, or print with candump -ta",
-            )
-        self.remark("its times are taken to count from its start (candump -tz)")
+        frame = Frame(identifier, bytes.fromhex(match["data"]), stamp, is_extended, is_fd, switch, state)
+        return LogFrame(frame, match["channel"], (match["direction"] or "").startswith("T"))
 
 
-def _screen_stamp(text: str) -> int:
-    if "-" not in text:
-        return text_nanoseconds(text)
+def _screen_stamp(text: str | None) -> int:
+    """Nanoseconds since 1970, 0 without a stamp."""
+    if text is None or "-" not in text:
+        return text_nanoseconds(text or "0.0")
     date, _, fraction = text.partition(".")
     moment = datetime.strptime(date, "%Y-%m-%d %H:%M:%S")  # local time, as it is printed
     return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{fraction}")
 
 
-class CandumpWriter(LogRecorder):
+class CandumpWriter(LogWriter):
     """Writer; stamps have six digits where those are enough, else nine."""
 
     def __init__(self, path: Path, start_ns: int) -> None:
@@ -172,4 +148,4 @@ class CandumpWriter(LogRecorder):
         self._file.close()
 
 
-CANDUMP = LogFormat(".log", CandumpLog, CandumpWriter, CandumpWriter)
+CANDUMP = LogFormat(".log", CandumpLog, CandumpWriter)

@@ -1,5 +1,10 @@
-"""Logs that python-can writes, and those of text that it reads, line by line: nothing it passes over is lost."""
+"""Logs of text that python-can reads, one line at a time: what it passes over is counted, or refused.
 
+It passes over every line it does not know. So a format says what python-can is to see of a line, and which lines may
+give no frame.
+"""
+
+import re
 from abc import abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,14 +13,26 @@ from typing import ClassVar
 import can
 from can.io.generic import TextIOMessageReader
 
-from observer_rt.bus.can_frame import CLASSIC_LENGTH
+from observer_rt.bus.can_frame import CLASSIC_LENGTH, length_of
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogWriter
-from observer_rt.files.canlog.text_log import EARLIEST_DATE, TextLogReader, head_of, likeness
-from observer_rt.foundation.errors import UserError
+from observer_rt.files.canlog.can_log import LogFormat, LogFrame, text_nanoseconds
+from observer_rt.files.canlog.text_log import EARLIEST_DATE, FROM_START, TextLogReader, other_kind
 
-MICROSECOND, MILLISECOND = 1000, 1_000_000  # ns
+MICROSECOND = 1000  # ns
 _CSV_HEADING = "timestamp,arbitration_id,extended,remote,error,dlc,data"
+_TRC_PLACES: dict[str, tuple[int | None, int]] = {  # of the kind and of the data, in a line
+    "1.0": (None, 4),
+    "1.1": (2, 5),
+    "1.3": (3, 7),
+    "2.0": (None, 0),
+    "2.1": (None, 0),
+}
+_TRC_FRAMES = ("DT", "FD", "FB", "FE", "BI", "RR", "Rx", "Tx")
+_TRC_EXPORT = "export it from PEAK's tools as version 2.1"
+_ASC_TIME = re.compile(r"-?\d+(?:[.,]\d+)?")
+_ASC_REMOTE, _ASC_FD = 0x10, 0x1000  # flags of CAN FD lines
+_ASC_AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
+_BYTE = re.compile(r"[0-9A-Fa-f]{1,2}|\d{3}")
 
 
 class PythonCanLog(TextLogReader):
@@ -43,7 +60,6 @@ class PythonCanLog(TextLogReader):
                 self.refuse_line(self._number, self._text)
             if entry is not None:
                 yield self._number, entry
-        self._end()
 
     def _handed(self) -> Iterator[str]:
         """The lines for python-can, each once it is known what became of the one before."""
@@ -57,9 +73,6 @@ class PythonCanLog(TextLogReader):
                 if self._is_open:
                     self._pass_over(text.split())
 
-    def _end(self) -> None:
-        """Note what shows only when all is read."""
-
     def _is_remote(self, message: can.Message) -> bool:
         return message.is_remote_frame
 
@@ -67,85 +80,226 @@ class PythonCanLog(TextLogReader):
     def _prepared(self, text: str) -> tuple[list[str], str]:
         """What python-can is to read of a line: of the heading, and what may hold a frame. Raises `ValueError`."""
 
-    @abstractmethod
     def _pass_over(self, words: list[str]) -> None:
         """Count a line that gave no frame. Raises `ValueError` unless such a line never holds one."""
+        raise ValueError
 
     @abstractmethod
     def _frame(self, message: can.Message) -> LogFrame | None:
         """The data frame of the last line; None: none that was on a bus. Raises `ValueError` where malformed."""
 
 
-def log_frame(message: can.Message, stamp: int, is_fd: bool, channel: object) -> LogFrame:
-    frame = Frame(
-        message.arbitration_id,
-        bytes(message.data),
-        stamp,
-        message.is_extended_id,
-        is_fd,
-        message.bitrate_switch,
-        message.error_state_indicator,
+def _log_frame(message: can.Message, stamp: int, is_fd: bool, channel: object) -> LogFrame:
+    flags = message.is_extended_id, is_fd, message.bitrate_switch, message.error_state_indicator
+    return LogFrame(
+        Frame(message.arbitration_id, bytes(message.data), stamp, *flags), str(channel), not message.is_rx
     )
-    return LogFrame(frame, str(channel), not message.is_rx)
 
 
-class PythonCanWriter(LogWriter):
-    """Writer by one of python-can's: stamps are float seconds there, off by less than 1 us. Channels count from 1."""
+def _nanoseconds(seconds: float) -> int:
+    """Seconds since 1970, of which a float knows no more than the microsecond."""
+    return round(seconds * 1e6) * MICROSECOND
 
-    _writer: can.BLFWriter | can.ASCWriter | can.TRCWriter
 
-    def write(self, entry: LogFrame) -> None:
-        frame = entry.frame
-        if frame.stamp_ns < self._start:
-            raise UserError(str(self.path), "a frame is older than the first ones", "split the log there")
-        self._writer.on_message_received(
-            can.Message(
-                timestamp=frame.stamp_ns / NANOSECONDS,
-                arbitration_id=frame.frame_id,
-                is_extended_id=frame.is_extended,
-                data=frame.payload,
-                is_fd=frame.is_fd,
-                bitrate_switch=frame.bit_rate_switch,
-                error_state_indicator=frame.error_state_indicator,
-                is_rx=not entry.is_sent,
-                channel=self._numbers.of(entry.channel) - 1,
-            )
+class AscLog(PythonCanLog):
+    """Reader of the text of Vector's tools, by its own times: python-can heeds neither a sign nor `relative`.
+
+    Dates are local time; where one is not understood, times count from the start of the log, and `notes` reports it.
+    """
+
+    kind = "an ASC log"
+    reader = can.ASCReader
+
+    def _reset(self) -> None:
+        super()._reset()
+        self._base = "hex"
+        self._is_relative = self._is_dated = self._has_end = self._is_begun = False
+        self._time = self._start = 0
+
+    def _entries(self) -> Iterator[tuple[int, LogFrame]]:
+        yield from super()._entries()
+        if not self._has_end:
+            self.remarks.append("it has no End TriggerBlock: it may have been cut")
+
+    def _prepared(self, text: str) -> tuple[list[str], str]:
+        words = text.split()
+        if self._number == 1 and words[0].lower() not in ("date", "base", "//"):
+            raise ValueError
+        if _ASC_TIME.fullmatch(words[0]) is None:
+            self._take_heading(text, text.lower().split())
+            return [], ""
+        time = text_nanoseconds(words[0])
+        self._time = self._time + time if self._is_relative else time
+        if words[3:4] == ["TxRq"]:  # asked for, and not yet on the bus
+            self.other_entries += 1
+            return [], ""
+        if self._base == "dec" and words[1].upper() == "CANFD":
+            problem = "its CAN FD frames are hexadecimal, the others decimal"
+            self.refuse(self._number, problem, "export it with base hex")
+        # python-can swallows the line after the heading
+        heading = [] if self._is_begun else [f"base {self._base}", "no internal events logged"]
+        self._is_begun = True
+        return heading, " ".join(("0.0", *words[1:]))
+
+    def _take_heading(self, text: str, words: list[str]) -> None:
+        if text.startswith(("//", ";")):
+            return
+        if not {"rx", "tx"}.isdisjoint(words) or not text[0].isalpha():
+            raise ValueError  # what is left of a frame
+        if words[0] in ("base", "timestamps"):
+            self._is_relative = "relative" in words
+            self._base = words[1] if words[0] == "base" else self._base
+        elif words[0] == "date" or (words[0] == "begin" and words[2:] and not self._is_dated):
+            self._take_date(text.split()[1 + (words[0] == "begin") :])
+        elif words[0] == "end":
+            self._has_end = True
+        elif words[0] != "begin":
+            self.other_entries += "internal" not in words[:2]
+        self._is_dated |= words[0] == "begin"  # of two dates the one of the first block belongs to time 0
+
+    def _take_date(self, words: list[str]) -> None:
+        """Take a date, as local time; its weekday is passed over."""
+        try:
+            self._start = _nanoseconds(can.ASCReader._datetime_to_timestamp(" ".join(words[1:])))
+        except (ValueError, OverflowError):
+            if not self._start:
+                date = " ".join(words)
+                self.remarks.append(f"line {self._number}: date '{date}' not understood, times count from 0")
+
+    def _pass_over(self, words: list[str]) -> None:
+        if words[1].upper() == "CANFD" or (words[1].isdigit() and len(words) < 5 and _is_number(words[2])):
+            raise ValueError  # what is left of a frame
+        self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
+
+    def _is_remote(self, message: can.Message) -> bool:
+        """python-can takes an empty frame of CAN FD for a remote one; so does this."""
+        return message.is_remote_frame or (
+            message.is_fd and self._fd_flags(len(message.data)) & (_ASC_REMOTE | _ASC_FD) == _ASC_REMOTE
         )
 
-    def close(self) -> None:
-        if not self._writer.file.closed:
-            self._writer.stop()
+    def _fd_flags(self, size: int) -> int:
+        """Flags of a CAN FD line, on which there may be classic frames, too."""
+        after = self._text.split()[self._fd_place + 4 + size :]
+        return int(after[2], 16) if len(after) >= _ASC_AFTER_DATA else _ASC_FD
+
+    @property
+    def _fd_place(self) -> int:
+        """Place of the bit rate switch in a CAN FD line: a name may stand after the identifier."""
+        return 5 if self._text.split()[5] in ("0", "1") else 6
+
+    def _frame(self, message: can.Message) -> LogFrame | None:
+        words, size, is_fd = self._text.split(), len(message.data), False
+        if message.is_fd:
+            at = self._fd_place
+            first = at + 4
+            is_fd = bool(self._fd_flags(size) & _ASC_FD) or size > CLASSIC_LENGTH
+            is_whole = size == int(words[at + 3]) and (not is_fd or size == length_of(int(words[at + 2], 16)))
+        else:
+            first = 6
+            more = _BYTE.fullmatch("".join(words[first + size : first + size + 1]))
+            is_whole = words[4].lower() == "d" and size == min(message.dlc, CLASSIC_LENGTH) and not more
+        comment = " ".join(words[first + size :]).lower().partition("//")[0]
+        if not is_whole or not {"rx", "tx"}.isdisjoint(
+            comment.split()
+        ):  # the end of a line, and more, is missing
+            raise ValueError
+        if self._base == "hex" and any(len(word) != 2 for word in words[first : first + size]):
+            raise ValueError
+        return _log_frame(message, self._start + self._time, is_fd, words[1 + message.is_fd])
+
+
+def _is_number(word: str) -> bool:
+    return re.fullmatch(r"[0-9A-Fa-f]+[xX]?", word) is not None
+
+
+class TrcLog(PythonCanLog):
+    """Reader of PEAK's text. The start time is taken as UTC."""
+
+    kind = "a TRC log"
+    reader = can.TRCReader
+
+    def _reset(self) -> None:
+        super()._reset()
+        self._version = ""
+        self._kind_place: int | None = None
+        self._data_place = 0
+
+    def _prepared(self, text: str) -> tuple[list[str], str]:
+        key, _, value = text.partition("=")
+        if not text.startswith(";"):
+            if not self._version:
+                self.refuse_line(self._number, "no version")
+            if "ERROR" in text.split():
+                self.error_frames += 1
+                return [], ""
+            return [], text
+        if key == ";$STARTTIME":
+            value = value.strip(" ;")  # PCAN-Explorer 5 ends it with a semicolon
+            if not float(value):
+                self.remark(FROM_START)
+                return [], ""
+            text = f"{key}={value}"
+        elif key == ";$FILEVERSION" or (self._number == 1 and "#" in key):
+            self._version = value.strip() or "1.0"  # which has a rule in place of its version
+            if self._version not in _TRC_PLACES:
+                self.refuse(self._number, f"version '{self._version}' is not read", _TRC_EXPORT)
+            self._kind_place, self._data_place = _TRC_PLACES[self._version]
+        elif key == ";$COLUMNS":
+            columns = value.split(",")
+            if not set("OTIdD") <= set(columns):
+                self.refuse(self._number, f"columns {value} do not suffice", _TRC_EXPORT)
+            self._kind_place, self._data_place = columns.index("T"), len(columns) - 1
+        return [text], ""
+
+    def _pass_over(self, words: list[str]) -> None:
+        kind = "ST" if self._kind_place is None else words[self._kind_place]
+        if kind in _TRC_FRAMES or (self._kind_place is None and words[2] != "FFFFFFFF"):
+            raise ValueError
+        self.error_frames += kind in ("ER", "Error")
+        self.other_entries += kind not in ("ER", "Error")
+
+    def _frame(self, message: can.Message) -> LogFrame | None:
+        size = len(message.data)
+        if size != (length_of(message.dlc) if message.is_fd else min(message.dlc, CLASSIC_LENGTH)):
+            if message.is_fd or size != message.dlc:
+                raise ValueError
+            self.other_entries += 1  # of a transport protocol
+            return None
+        if len(self._text.split()) != self._data_place + size:
+            raise ValueError
+        return _log_frame(message, _nanoseconds(message.timestamp), message.is_fd, message.channel)
 
 
 class CsvLog(PythonCanLog):
     """Reader of python-can's own text, which has no channels."""
 
-    kind = "a CSV log"
+    kind = "a CSV log of python-can"
     reader = can.CSVReader
 
     def _prepared(self, text: str) -> tuple[list[str], str]:
         if self._number > 1:
             return [], text
         if text != _CSV_HEADING:
-            self.refuse_content(1, "no log of python-can", "give a log as .log, .blf, .asc or .trc")
+            raise ValueError
         return [text], ""
-
-    def _pass_over(self, words: list[str]) -> None:
-        raise ValueError
 
     def _frame(self, message: can.Message) -> LogFrame | None:
         if len(message.data) != message.dlc:
             raise ValueError
-        stamp = round(message.timestamp * NANOSECONDS)
+        stamp = _nanoseconds(message.timestamp)
         if stamp < EARLIEST_DATE:
-            self.remark("its times are taken to count from its start")
-        return log_frame(message, stamp, message.dlc > CLASSIC_LENGTH, 1)
+            self.remark(FROM_START)
+        return _log_frame(message, stamp, message.dlc > CLASSIC_LENGTH, 1)
 
 
 def is_csv_log(path: Path) -> bool:
     """Whether a file is python-can's, or another log of frames, which its reader refuses by name."""
-    head = head_of(path) if path.is_file() else b""
-    return head.startswith(_CSV_HEADING.encode()) or bool(likeness(path)[0] if head else "")
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(_CSV_HEADING)) == _CSV_HEADING.encode() or bool(other_kind(path))
 
 
+ASC = LogFormat(".asc", AscLog)
+TRC = LogFormat(".trc", TrcLog)
 CSV_LOG = LogFormat(".csv", CsvLog, recognises=is_csv_log)

@@ -1,4 +1,4 @@
-"""CAN frames in MDF4 files: read by a process apart (`bus_frames`), written by ASAM's rules for bus logging."""
+"""CAN frames in MDF4 files: read by a process apart (`bus_frames`)."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from observer_rt.bus.can_frame import FD_LENGTHS, length_code
+from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
-from observer_rt.files.canlog.can_log import NANOSECONDS, LogFormat, LogFrame, LogReader, LogWriter
+from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader
 from observer_rt.files.mdf4.reader_process import crash_told, mdf4_apart
 from observer_rt.foundation.sandbox import WorkerError, checked
 
@@ -33,20 +33,6 @@ RECORD = np.dtype(
     ]
 )
 """A frame as it comes from the process apart."""
-_WRITTEN = np.dtype(
-    [
-        (f"{DATA}.BusChannel", "<u1"),
-        (f"{DATA}.ID", "<u4"),
-        (f"{DATA}.IDE", "<u1"),
-        (f"{DATA}.DLC", "<u1"),
-        (f"{DATA}.DataLength", "<u1"),
-        (f"{DATA}.DataBytes", f"({MAX_LENGTH},)u1"),
-        (f"{DATA}.Dir", "<u1"),
-        (f"{DATA}.EDL", "<u1"),
-        (f"{DATA}.BRS", "<u1"),
-        (f"{DATA}.ESI", "<u1"),
-    ]
-)
 _FLAG = TypeAdapter(bool)
 _TOTALS = TypeAdapter(tuple[int, int, int, int, list[str]])
 
@@ -93,57 +79,4 @@ def _records_of(part: Any) -> NDArray[np.void]:
     return part
 
 
-class Mdf4LogWriter(LogWriter):
-    """Writer; channels are numbered from 1. All frames are held in memory, the file is written at the end."""
-
-    start_step = NANOSECONDS // 1000
-
-    def __init__(self, path: Path, start_ns: int) -> None:
-        """See `LogWriter`."""
-        super().__init__(path, start_ns)
-        self._stamps: list[int] = []
-        self._records: list[tuple[int, int, bool, int, int, bytes, bool, bool, bool, bool]] = []
-
-    def write(self, entry: LogFrame) -> None:
-        frame = entry.frame
-        length = len(frame.payload)
-        self._stamps.append(frame.stamp_ns - self._start)
-        self._records.append(
-            (
-                self._numbers.of(entry.channel),
-                frame.frame_id,
-                frame.is_extended,
-                length_code(length),
-                length,
-                frame.payload.ljust(MAX_LENGTH, b"\0"),
-                entry.is_sent,
-                frame.is_fd,
-                frame.bit_rate_switch,
-                frame.error_state_indicator,
-            )
-        )
-
-    def close(self) -> None:
-        from asammdf import MDF, Signal  # slow to import
-        from asammdf.blocks.v4_blocks import SourceInformation
-        from asammdf.blocks.v4_constants import BUS_TYPE_CAN, SOURCE_BUS
-
-        from observer_rt.files.mdf4.opening import add_history
-
-        flat = np.dtype(
-            [(name, "S64" if _WRITTEN[name].shape else _WRITTEN[name]) for name in _WRITTEN.fields or ()]
-        )
-        signal = Signal(
-            samples=np.array(self._records, flat).view(_WRITTEN),
-            timestamps=np.array(self._stamps, np.float64) / NANOSECONDS,
-            name=DATA,
-            source=SourceInformation(source_type=SOURCE_BUS, bus_type=BUS_TYPE_CAN),
-        )
-        with MDF(version="4.10") as file, self.path.open("wb+") as handle:
-            add_history(file)
-            file.header.abs_time = self._start
-            file.append(signal)
-            file.save(handle, add_history_block=False)
-
-
-MDF4_LOG = LogFormat(".mf4", Mdf4Log, Mdf4LogWriter, recognises=is_bus_log)
+MDF4_LOG = LogFormat(".mf4", Mdf4Log, recognises=is_bus_log)

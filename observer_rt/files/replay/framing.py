@@ -72,8 +72,6 @@ class TimedFrame(NamedTuple):
     is_extended: bool
     is_fd: bool
     payload: bytes
-    channel: str = ""
-    """Channel of the log it comes from; none for a frame made from a recording."""
     bit_rate_switch: bool = True
     """Flag of a CAN FD frame, as the next one is."""
     error_state_indicator: bool = False

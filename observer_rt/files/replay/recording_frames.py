@@ -1,9 +1,6 @@
-"""Recordings as the frames that are replayed: whole or windowed, once or again, sample index and time going on."""
+"""Recordings as frames: of a replay, whole or windowed, and of a device that sends one stretch after another."""
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +14,6 @@ from observer_rt.files.replay.framing import (
     TimedFrame,
     all_samples,
     block_samples,
-    grid_samples,
     windows_of,
 )
 from observer_rt.files.signals.recording import Chunk
@@ -25,103 +21,33 @@ from observer_rt.files.signals.stream import SignalStream, cut, followed
 from observer_rt.foundation.errors import RunError, UserError
 
 ENCODED_AT_ONCE = 1000  # samples, so that encoding delays no frame by much
-SAMPLE_TOLERANCE = 1e-6  # of a sample: a time the user gives names the sample printed with it
-
 NANOSECONDS = 1e9  # in a second
 PAUSE = 1.0  # s, between two recordings, and between two stretches of one
 
 
-@dataclass(frozen=True)
-class Extent:
-    """Extent of one pass of a replay: its length [s] in the recording's own time, and its frames."""
+def recording_frames(stream: SignalStream, bus: BusMap, windowed: bool) -> Iterator[TimedFrame]:
+    """Frames that a measuring device would send, on a time that begins at 0; read from the file as they are sent.
 
-    duration: float
-    frames: int
-
-
-class RecordingPart:
-    """The selected samples of a recording on a time that begins at 0, read from its file as they are sent."""
-
-    def __init__(
-        self,
-        stream: SignalStream,
-        bus: BusMap,
-        windowed: bool = False,
-        start: float | None = None,
-        stop: float | None = None,
-    ) -> None:
-        """windowed: only round injections, for which the recording is read once. start, stop: [start, stop) in the
-        recording's own time [s].
-
-        Raises `UserError` when nothing is selected.
-        """
-        self._stream, self._bus = stream, bus
-        self._first, self._last = _between(stream, start, stop)
-        self._block = block_samples(bus)
-        self._spans = [Span(0, self.samples)]
-        if windowed:
-            self._spans = _of_whole_frames(windows_of(self._chunks()), self._block, self.samples)
-        if not self._spans:
-            raise UserError(
-                "--windowed",
-                f"no injection in the part selected of {_described(stream)}",
-                "send it continuous, or select a part with injections by --start and --stop",
-            )
-
-    @property
-    def samples(self) -> int:
-        """Number of samples of the part."""
-        return self._last - self._first
-
-    @property
-    def extent(self) -> Extent:
-        """Extent of one loop."""
-        frames = sum(
-            -(-(span.end - span.start) // grid_samples(self._bus, number))
-            * int(self._bus.inputs.messages[number]["kind_count"])
-            for span in self._spans
-            for number in range(len(self._bus.input_layouts))
+    windowed: only round injections, for which the recording is read beforehand. Raises `UserError` without any.
+    """
+    block = block_samples(bus)
+    spans = [Span(0, stream.grid_samples)]
+    if windowed:
+        spans = _of_whole_frames(windows_of(stream.on_one_grid()), block, stream.grid_samples)
+    if not spans:
+        raise UserError(
+            "--windowed", f"no injection in {stream.path or 'the recording'}", "send it continuous"
         )
-        return Extent(self.samples / self._stream.sample_rate, frames)
+    return _frames_of(stream, bus, _in_pieces(spans, block))
 
-    def frames(self, loop: int = 1) -> Iterator[TimedFrame]:
-        """Frames a measuring device would send; time, sample index and counters go on over loops.
 
-        loop: how often, 0 for ever. Between two loops the last samples are left out if they do not fill a frame.
-        """
-        framer = Framer(self._bus)
-        # A frame that is not full at the end of a loop would claim the first indices of the next.
-        kept = self.samples - self.samples % self._block
-        if loop == 1 or kept < 2:
-            kept = self.samples
-        repeated = [Span(span.start, min(span.end, kept)) for span in self._spans if span.start < kept]
-        for number in count():
-            offset = number * kept / self._stream.sample_rate
-            if number == loop - 1:
-                yield from self._once(framer, self._spans, self.samples, offset)
-                return
-            yield from self._once(framer, repeated, kept, offset)
-
-    def _once(
-        self, framer: Framer, spans: Sequence[Span], samples: int, offset: float
-    ) -> Iterator[TimedFrame]:
-        """Frames of the spans among the first samples, `offset` [s] later."""
-        begin, interval = framer.next_index, 1.0 / self._stream.sample_rate
-        for piece in pieces(self._chunks(), _in_pieces(spans, self._block)):
-            framer.skip(begin + piece.first - framer.next_index)
-            for frame in framer.frames(piece, all_samples(piece)):
-                due = piece.first + round(frame.time * self._stream.sample_rate)
-                yield frame._replace(time=due * interval + offset)
-        framer.skip(begin + samples - framer.next_index)
-
-    def _chunks(self) -> Iterator[Chunk]:
-        """The samples of the part, the first of them number 0."""
-        for chunk in self._stream.on_one_grid():
-            start, end = max(0, self._first - chunk.first), min(chunk.samples, self._last - chunk.first)
-            if start < end:
-                yield replace(cut(chunk, start, end), first=chunk.first + start - self._first)
-            if chunk.first + chunk.samples >= self._last:
-                return
+def _frames_of(stream: SignalStream, bus: BusMap, spans: Iterable[Span]) -> Iterator[TimedFrame]:
+    framer, rate = Framer(bus), stream.sample_rate
+    interval = 1.0 / rate
+    for piece in pieces(stream.on_one_grid(), spans):
+        framer.skip(piece.first - framer.next_index)
+        for frame in framer.frames(piece, all_samples(piece)):
+            yield frame._replace(time=(piece.first + round(frame.time * rate)) * interval)
 
 
 def pieces(chunks: Iterable[Chunk], spans: Iterable[Span]) -> Iterator[Chunk]:
@@ -144,14 +70,6 @@ def pieces(chunks: Iterable[Chunk], spans: Iterable[Span]) -> Iterator[Chunk]:
         yield cut(held, span.start - held.first, span.end - held.first)
 
 
-def refuse_unordered(start: float | None, stop: float | None) -> None:
-    """Raise `UserError` unless the times [s] of --start and --stop are in order; None: not given."""
-    first = -math.inf if start is None else start
-    last = math.inf if stop is None else stop
-    if not first < last:
-        raise UserError("--start, --stop", f"{first:g} s is not before {last:g} s", "start before you stop")
-
-
 def _of_whole_frames(spans: Sequence[Span], block: int, samples: int) -> list[Span]:
     """The spans lengthened to whole frames, those that then touch joined: every index is sent once."""
     result: list[Span] = []
@@ -169,32 +87,6 @@ def _in_pieces(spans: Iterable[Span], block: int) -> Iterator[Span]:
         for span in spans
         for start in range(span.start, span.end, piece)
     )
-
-
-def _between(stream: SignalStream, start: float | None, stop: float | None) -> tuple[int, int]:
-    """First sample selected, and that after the last one."""
-    refuse_unordered(start, stop)
-    samples = stream.grid_samples
-
-    def sample_at(moment: float) -> int:
-        position = (moment - stream.stretches[0].start) * stream.sample_rate
-        return math.ceil(min(max(position, 0.0), float(samples)) - SAMPLE_TOLERANCE)
-
-    first = 0 if start is None else sample_at(start)
-    last = samples if stop is None else sample_at(stop)
-    if last - first < 2:
-        raise UserError(
-            "--start, --stop",
-            f"select {last - first} samples of {_described(stream)}",
-            "choose times within the recording",
-        )
-    return first, last
-
-
-def _described(stream: SignalStream) -> str:
-    begin = stream.stretches[0].start
-    end = begin + (stream.grid_samples - 1) / stream.sample_rate
-    return f"{stream.path or 'the recording'}, which runs from {begin:.6g} to {end:.6g} s"
 
 
 class Device:

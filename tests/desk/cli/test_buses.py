@@ -95,9 +95,9 @@ def test_replay_sends_every_message_on_its_bus(
     assert [len(each) for each in sent] == [sum(f.bus == bus for f in frames) for bus in range(4)]
     log = tmp_path / "bus.log"
     log_of(bench, log)
-    assert f"--map-channel CHANNEL={channels[0]}" in command.refused("replay", log, *arguments)
-    routes = ("can0=" + channels[0], "can1=lift", "can2=line")
-    command.done("replay", log, *arguments, *(word for to in routes for word in ("--map-channel", to)))
+    assert "--from-channel lift=CHANNEL" in command.refused("replay", log, *arguments)
+    routes = ("can0", "lift=can1", "line=can2")
+    command.done("replay", log, *arguments, *(word for each in routes for word in ("--from-channel", each)))
     assert [received(bus) for bus in ears] == sent
 
 

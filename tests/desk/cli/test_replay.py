@@ -35,35 +35,29 @@ def indices(messages: list[can.Message]) -> list[int]:
     return [int(BLOCK.decode(bytes(m.data), scaling=False)["SampleIndex"]) for m in messages]
 
 
-def test_part_in_loops_and_json(command: Command, bus: can.BusABC, worn: Path) -> None:
-    part = ("--start", "0.1", "--stop", "0.11", "--loop", "2", "--json")
-    outcome = command.done("replay", worn, *ON_BUS, "--speed", "1", *part)
+def test_what_is_sent_in_json(command: Command, bus: can.BusABC, worn: Path) -> None:
+    outcome = command.done("replay", worn, *ON_BUS, "--speed", "10", "--windowed", "--json")
     content = json.loads(outcome.out)
     messages = received(bus)
-    assert content["frames"] == len(messages) == pytest.approx(2 * 500 / 9, abs=2)
-    assert 0.018 <= content["duration_s"] <= 0.2
-    assert content["lateness_median_s"] >= 0.0
-    starts = indices(messages)
-    assert all(later - earlier == 9 for earlier, later in pairwise(starts))
+    assert content["frames"] == len(messages) > 0
+    assert content["lateness_max_s"] >= 0.0
+    steps = {later - earlier for earlier, later in pairwise(indices(messages))}
+    assert min(steps) == 9 < max(steps)
 
 
-def test_channels_of_a_log_go_onto_their_own_bus(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
+def test_a_channel_of_a_log_is_chosen(command: Command, bus: can.BusABC, tmp_path: Path) -> None:
     log = tmp_path / "bus.log"
     log.write_text("(100.0) can0 100#00\n(100.1) can1 101#01\n(100.2) can2 102#02\n(100.3) can1 101#03\n")
-    maps = ("--map-channel", "can0=elsewhere", "--map-channel", f"can1={CHANNEL}")
-    with can.Bus(interface="virtual", channel="elsewhere") as other:
-        command.done("replay", log, *ON_BUS, "--speed", "0", *maps)
-        assert [bytes(m.data) for m in received(other)] == [b"\x00"]
+    command.done("replay", log, *ON_BUS, "--speed", "0", "--from-channel", "can1")
     assert [bytes(m.data) for m in received(bus)] == [b"\x01", b"\x03"]
     outcome = command("replay", log, *ON_BUS, "--speed", "0")
     assert "frames of can0, can1, can2 all go onto one bus" in outcome.err
+    assert len(received(bus)) == 4
 
 
 def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
     command: Command, bus: can.BusABC, worn: Path
 ) -> None:
-    part = ("--start", "0.1", "--stop", "0.11", "--speed", "0")
-
     def while_sending(identifier: int, *arguments: str) -> Outcome:
         over = threading.Event()
 
@@ -74,7 +68,7 @@ def test_a_bus_where_others_send_the_same_is_refused_unless_forced(
         sender = threading.Thread(target=send)
         sender.start()
         try:
-            return command("replay", worn, *ON_BUS, *part, *arguments)
+            return command("replay", worn, *ON_BUS, "--speed", "0", *arguments)
         finally:
             over.set()
             sender.join()

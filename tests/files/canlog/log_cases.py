@@ -4,32 +4,33 @@ import random
 from collections.abc import Iterable
 from pathlib import Path
 
+import can
 from hypothesis import strategies as st
 
 from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import LogFrame
-from observer_rt.files.formats import LOGS, LOGS_WRITTEN, open_writer
+from observer_rt.files.formats import LOGS_WRITTEN, open_writer
 from observer_rt.files.replay.framing import TimedFrame
 
 START = 1_700_000_000_123_456_789  # ns since 1970
-FORMATS = {each.suffix: each for each in LOGS if each.suffix in LOGS_WRITTEN}
+FORMATS = {".log": True, ".blf": True, ".asc": True, ".trc": False, ".mf4": True}  # whether they hold CAN FD
 
 
 @st.composite
 def log_frames(draw: st.DrawFn, suffix: str, start: int = START) -> list[LogFrame]:
-    """Frames in order of time that a format can hold, on the channels 1 and 2."""
+    """Frames in order of time that a format can hold, to the microsecond, on the channels 1 and 2."""
     frames = []
     stamp = start
     for step in draw(st.lists(st.integers(0, 10**10), max_size=30)):
         stamp += step
-        is_fd = FORMATS[suffix].keeps_fd and draw(st.booleans())
+        is_fd = FORMATS[suffix] and draw(st.booleans())
         is_extended = draw(st.booleans())
         length = draw(st.sampled_from(FD_LENGTHS) if is_fd else st.integers(0, 8))
         frame = Frame(
             draw(st.integers(0, 0x1FFFFFFF if is_extended else 0x7FF)),
             draw(st.binary(min_size=length, max_size=length)),
-            stamp // FORMATS[suffix].stamp_step * FORMATS[suffix].stamp_step,
+            stamp // 1000 * 1000,
             is_extended,
             is_fd,
             is_fd and draw(st.booleans()),
@@ -46,7 +47,7 @@ def mixture(suffix: str, count: int) -> list[LogFrame]:
     stamp = START // 1000 * 1000
     for _ in range(count):
         stamp += 1000 * chance.randrange(1000)
-        is_fd = FORMATS[suffix].keeps_fd and chance.random() < 0.5
+        is_fd = FORMATS[suffix] and chance.random() < 0.5
         is_extended = chance.random() < 0.5
         length = chance.choice([12, 24, 64] if is_fd else [1, 7, 8])
         frame = Frame(
@@ -63,10 +64,31 @@ def mixture(suffix: str, count: int) -> list[LogFrame]:
 
 
 def write_log(path: Path, frames: list[LogFrame]) -> None:
-    """Write frames in the format of the path's suffix."""
+    """Write frames in the format of the path's suffix, by python-can where it is only read here."""
+    if path.suffix not in LOGS_WRITTEN:
+        with can.Logger(path) as logger:
+            for frame in frames:
+                logger(message_of(frame))
+        return
     with open_writer(path, frames[0].frame.stamp_ns if frames else START) as writer:
         for frame in frames:
             writer.write(frame)
+
+
+def message_of(entry: LogFrame) -> can.Message:
+    """A frame as python-can holds it."""
+    identifier, payload, stamp, is_extended, is_fd, switch, state = entry.frame
+    return can.Message(
+        timestamp=stamp / 1e9,
+        arbitration_id=identifier,
+        is_extended_id=is_extended,
+        data=payload,
+        is_fd=is_fd,
+        bitrate_switch=switch,
+        error_state_indicator=state,
+        is_rx=not entry.is_sent,
+        channel=int(entry.channel) - 1,
+    )
 
 
 def sent_log(frames: Iterable[TimedFrame], start: int = START, channel: str = "1") -> list[LogFrame]:

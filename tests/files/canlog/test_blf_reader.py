@@ -95,7 +95,7 @@ def test_a_start_that_is_no_date_is_told(tmp_path: Path) -> None:
     for date, notes in (
         (
             (2017, 13, 6, 30, 15, 6, 13, 0),
-            [f"{entries.path}: its start, 2017-13-30 15:06:13, is no date: times count from 1970"],
+            [f"{entries.path}: its start is no date: times count from 1970"],
         ),
         ((0,) * 8, []),
     ):

@@ -46,10 +46,10 @@ def test_times_from_a_start(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("1e999,0x1,0,0,0,1,YQ==", "line 2: not a line of a CSV log"),
+        ("1e999,0x1,0,0,0,1,YQ==", "line 2: not a line of a CSV log of python-can"),
         ("1e18,0x1,0,0,0,1,YQ==", "line 2: its time is before 1970, or after 2262"),
-        ("1.5,0x1,0,0,0,2,YQ==", "line 2: not a line of a CSV log"),
-        ("1.5,0x1,0,0,0,1", "line 2: not a line of a CSV log"),
+        ("1.5,0x1,0,0,0,2,YQ==", "line 2: not a line of a CSV log of python-can"),
+        ("1.5,0x1,0,0,0,1", "line 2: not a line of a CSV log of python-can"),
         ("1.5,0x823,0,0,0,1,YQ==", "line 2: 823 is no standard identifier"),
     ],
 )

@@ -12,7 +12,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from observer_rt.files.formats import (
-    LOGS_WRITTEN,
     SIGNALS_WRITTEN,
     open_log,
     open_recording,
@@ -20,7 +19,7 @@ from observer_rt.files.formats import (
 )
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
-from tests.files.canlog.log_cases import mixture, write_log
+from tests.files.canlog.log_cases import FORMATS, mixture, write_log
 from tests.files.signals.foreign import COLUMNS, PLACES, bench
 
 FRAMES = 12
@@ -78,7 +77,7 @@ def often(suffix: str) -> settings:
     )
 
 
-@pytest.mark.parametrize("suffix", sorted(LOGS_WRITTEN))
+@pytest.mark.parametrize("suffix", sorted(FORMATS))
 def test_a_damaged_log(tmp_path: Path, suffix: str) -> None:
     complete = undamaged(suffix, tmp_path)
 

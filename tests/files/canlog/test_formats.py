@@ -11,9 +11,18 @@ from hypothesis import strategies as st
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog import text_log
 from observer_rt.files.canlog.can_log import NANOSECONDS, LogFrame
-from observer_rt.files.formats import is_log, open_log
+from observer_rt.files.formats import LOGS_WRITTEN, is_log, open_log
 from observer_rt.foundation.errors import UserError
-from tests.files.canlog.log_cases import FORMATS, START, as_read, log_frames, mixture, moved, write_log
+from tests.files.canlog.log_cases import (
+    FORMATS,
+    START,
+    as_read,
+    log_frames,
+    message_of,
+    mixture,
+    moved,
+    write_log,
+)
 
 SUFFIXES = sorted(FORMATS)
 STARTS = (START, START, 1_000_000, 999_999_999, 631_152_000_000_000_000)  # about the least of formats
@@ -21,11 +30,11 @@ STREAMED = [suffix for suffix in SUFFIXES if suffix != ".mf4"]  # readable up to
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", LOGS_WRITTEN)
 def test_whatever_is_written_is_read(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
 
-    @settings(reuse_folder, max_examples=10 if suffix == ".mf4" else 50)
+    @settings(reuse_folder, max_examples=50)
     @given(st.sampled_from(STARTS).flatmap(lambda start: log_frames(suffix, start)))
     def check(frames: list[LogFrame]) -> None:
         stamps = {round(entry.frame.stamp_ns, -4) for entry in frames}
@@ -39,29 +48,30 @@ def test_whatever_is_written_is_read(tmp_path: Path, suffix: str) -> None:
     check()
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_python_can_reads_what_is_written_and_what_it_writes_is_read(tmp_path: Path, suffix: str) -> None:
-    ours, theirs = tmp_path / f"ours{suffix}", tmp_path / f"theirs{suffix}"
-    frames = mixture(suffix, 200)
-    write_log(ours, frames)
-    with can.LogReader(ours) as reader:
+@pytest.mark.parametrize("suffix", LOGS_WRITTEN)
+def test_python_can_reads_what_is_written(tmp_path: Path, suffix: str) -> None:
+    path, frames = tmp_path / f"ours{suffix}", mixture(suffix, 200)
+    write_log(path, frames)
+    with can.LogReader(path) as reader:
         messages = list(reader)
-    for message, (frame, _, sent) in zip(messages, frames, strict=True):
-        assert (message.arbitration_id, bytes(message.data)) == (frame.frame_id, frame.payload)
-        flags = (message.is_extended_id, message.is_fd, message.bitrate_switch, message.error_state_indicator)
-        assert (*flags, not message.is_rx) == (*frame[3:], sent)
-    since_start = [(frame.frame.stamp_ns - frames[0].frame.stamp_ns) / 1e9 for frame in frames]
-    assert [m.timestamp - messages[0].timestamp for m in messages] == pytest.approx(since_start, abs=2e-6)
-    with can.Logger(theirs) as logger:
-        for message, (frame, channel, _) in zip(messages, frames, strict=True):
-            message.timestamp, message.channel = frame.stamp_ns / 1e9, int(channel) - 1
-            logger(message)
-    entries = list(open_log(theirs))
+    for message, frame in zip(messages, frames, strict=True):
+        assert message.equals(message_of(frame), timestamp_delta=2e-6, check_channel=False)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_python_can_writes_is_read(tmp_path: Path, suffix: str) -> None:
+    path, frames = tmp_path / f"theirs{suffix}", mixture(suffix, 200)
+    with can.Logger(path) as logger:
+        for frame in frames:
+            logger(message_of(frame))
+    entries = list(open_log(path))
     assert [(*f.frame[:2], *f.frame[3:], f.is_sent) for f in entries] == [
         (*f.frame[:2], *f.frame[3:], f.is_sent) for f in frames
     ]
-    read = [(entry.frame.stamp_ns - entries[0].frame.stamp_ns) / 1e9 for entry in entries]
-    assert read == pytest.approx(since_start, abs=2e-6)
+    theirs, ours = (
+        [(each.frame.stamp_ns - log[0].frame.stamp_ns) / 1e9 for each in log] for log in (entries, frames)
+    )
+    assert theirs == pytest.approx(ours, abs=2e-6)
 
 
 @pytest.mark.parametrize("suffix", STREAMED)
@@ -116,21 +126,21 @@ def test_a_log_under_the_wrong_name_is_recognised(tmp_path: Path, suffix: str, c
     written, path = tmp_path / f"bus{content}", tmp_path / f"named{suffix}"
     write_log(written, mixture(content, 5))
     path.write_bytes(written.read_bytes())
-    with pytest.raises(UserError, match=rf"it looks like .*log.*\n.*name it so: named\{content}"):
+    with pytest.raises(UserError, match=rf"name it so: named\{content}"):
         list(open_log(path))
 
 
 def test_a_log_of_another_program_is_named(tmp_path: Path) -> None:
     path = tmp_path / "bus.asc"
-    for begin, name, remedy in (
-        ("Time Stamp,ID,Extended,Dir,Bus,LEN,D1", "a log of SavvyCAN", r"save it as Candump/Kayak: bus\.log"),
-        ("***BUSMASTER Ver 3.2.2***", "a log of BUSMASTER", r"convert it to bus\.asc"),
-        ('"TimestampEpoch";"BusChannel"', r"a \.csv of CSS Electronics", r"give the \.mf4"),
-        ("\n\r\r\n", "a capture", "in SavvyCAN"),
-        ("@ TEXT @ 2 @ 64 @ 0 @ 55 @", "a log of CarBus Analyzer", "export it as"),
+    for begin, remedy in (
+        ("Time Stamp,ID,Extended,Dir,Bus,LEN,D1", "a log of SavvyCAN: save it there as Candump/Kayak"),
+        ("***BUSMASTER Ver 3.2.2***", r"a log of BUSMASTER: convert it to \.asc"),
+        ('"TimestampEpoch";"BusChannel"', r"a \.csv of CSS Electronics: give the \.mf4"),
+        ("\n\r\r\n", "a capture: open it in SavvyCAN"),
+        ("@ TEXT @ 2 @ 64 @ 0 @ 55 @", "a log of CarBus Analyzer: export it as"),
     ):
         path.write_bytes(f"{begin}\n1,123,false,Rx,0,1,00\n".encode() * 100)
-        with pytest.raises(UserError, match=rf"it looks like {name}\n.*{remedy}"):
+        with pytest.raises(UserError, match=remedy):
             list(open_log(path))
 
 
@@ -150,11 +160,6 @@ def test_time_that_steps_back_begins_a_part_and_a_swap_is_told(tmp_path: Path, s
     assert result[-2] - max(result[:3]) == pytest.approx(1_000_000_000, abs=1000)
     assert result[-1] - result[-2] == pytest.approx(5_000_000, abs=1000)
     assert sum("steps back by 0.00" in note and "split there" in note for note in log.notes()) == 1
-
-
-def test_a_classic_format_says_that_it_holds_no_fd(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="holds classic frames only; 123 is a CAN FD frame"):
-        write_log(tmp_path / "bus.trc", [LogFrame(Frame(0x123, b"\0" * 12, START, False, True, True), "1")])
 
 
 def test_kinds_of_files(tmp_path: Path) -> None:
@@ -195,7 +200,7 @@ def test_a_packed_log_is_refused_with_its_remedy(tmp_path: Path, suffix: str) ->
         path.write_bytes(gzip.compress(b"(1.5) can0 123#00\n") + b"\n")
     with pytest.raises(UserError, match=rf"unknown kind of file '\.gz'(?s:.*)gunzip bus{suffix}\.gz"):
         is_log(named)
-    with pytest.raises(UserError, match=r"a file packed by gzip(?s:.*)unpack it by gunzip"):
+    with pytest.raises(UserError, match="unpack it by gunzip"):
         list(open_log(hidden))
 
 
@@ -210,5 +215,5 @@ def test_a_line_without_end_is_no_memory_without_end(tmp_path: Path, monkeypatch
     monkeypatch.setattr(text_log, "LONGEST_LINE", 1000)
     path = tmp_path / "bus.log"
     path.write_bytes(b"(1.5) can0 123#00\n" + b"0" * 10_000_000 + b"\n")
-    with pytest.raises(UserError, match="line 2: it has more than 1000 characters"):
+    with pytest.raises(UserError, match=r"line 2: .*more than 1000 characters"):
         list(open_log(path))

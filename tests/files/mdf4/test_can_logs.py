@@ -191,9 +191,20 @@ def test_lengths_in_data_that_stand_apart_are_followed(tmp_path: Path) -> None:
         position += 4 + length
 
 
+def asammdf_log(path: Path, is_invalid: list[bool]) -> None:
+    """Frames of eight bytes by asammdf, their identifiers counting up."""
+    count = len(is_invalid)
+    frames = np.zeros(count, [(f"CAN_DataFrame.{name}", kind) for name, kind in BYTES.items()])
+    frames["CAN_DataFrame.ID"], frames["CAN_DataFrame.DataLength"] = range(count), 8
+    bits = np.array(is_invalid) if any(is_invalid) else None
+    with MDF(version="4.10") as file:
+        file.append(Signal(frames, np.arange(count) / 100, name="CAN_DataFrame", invalidation_bits=bits))
+        file.save(path)
+
+
 def test_frames_that_the_heading_does_not_count_are_told(tmp_path: Path) -> None:
     path = tmp_path / "bus.mf4"
-    write_log(path, mixture(".mf4", 12))
+    asammdf_log(path, [False] * 12)
     data = bytearray(path.read_bytes())
     count = data.index(b"##CG") + 24 + 6 * 8 + 8
     assert data[count] == 12
@@ -237,12 +248,7 @@ def test_a_start_in_local_time_is_read_by_the_zone_of_this_computer() -> None:
 
 def test_frames_marked_as_invalid_are_left_out(tmp_path: Path) -> None:
     path = tmp_path / "invalid.mf4"
-    frames = np.zeros(20, [(f"CAN_DataFrame.{name}", kind) for name, kind in BYTES.items()])
-    frames["CAN_DataFrame.ID"], frames["CAN_DataFrame.DataLength"] = range(20), 8
-    is_invalid = np.isin(range(20), (5, 6, 7))
-    with MDF(version="4.10") as file:
-        file.append(Signal(frames, np.arange(20) / 100, name="CAN_DataFrame", invalidation_bits=is_invalid))
-        file.save(path)
+    asammdf_log(path, [n in (5, 6, 7) for n in range(20)])
     log = open_log(path)
     assert [entry.frame.frame_id for entry in log] == [n for n in range(20) if not 5 <= n <= 7]
     assert log.other_entries == 3

@@ -25,8 +25,7 @@ class Meaning(StrEnum):
 class ColumnConfig(Section):
     """A column of a CSV or Parquet file, or a channel of an MDF4 file: `(value * factor + offset)` is in `unit`."""
 
-    column: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)]
-    """A number: its place, from 1, in a CSV file that names none."""
+    column: Annotated[str, Field(min_length=1)]  # its name
     unit: str | None = None  # None: as the file says
     factor: float = 1.0
     offset: float = 0.0
@@ -39,11 +38,6 @@ class ColumnConfig(Section):
                 "'factor' is 0, which leaves nothing of the values; state another, or leave it out"
             )
         return self
-
-    @property
-    def name(self) -> str:
-        """Name of the column; `column 3` where the file has no names."""
-        return self.column if isinstance(self.column, str) else f"column {self.column}"
 
 
 class TimeConfig(ColumnConfig):
@@ -70,10 +64,9 @@ class RecordingConfig(Section):
     energizing: ColumnConfig | None = None
     time: TimeConfig | None = None  # MDF4 files bring their own; others need it, or `rate_hz`
     rate_hz: Annotated[float, Field(ge=1e3, le=1e6)] | None = None
-    """Rate at which rows follow each other, trusted where stamps are rounded or missing; also that of the grid."""
-    separator: OneCharacter | None = None  # of CSV, as are the next two; None: as the file looks
+    """Rate at which rows follow each other where no column is the time; also that of the grid."""
+    separator: OneCharacter | None = None  # of CSV, as the next one; None: as the file looks
     decimal: OneCharacter | None = None
-    comment: OneCharacter = "#"
     meaning: Meaning | None = None  # of their samples; None: as [sampling] says
     bridge_ms: Annotated[float, Field(ge=0.0, le=100.0)] = 0.05  # gaps up to this become a straight line
 
@@ -90,21 +83,6 @@ class RecordingConfig(Section):
         if self.separator is not None and self.separator == self.decimal:
             raise ValueError(f"'separator' and 'decimal' are both {self.decimal!r}; change one of them")
         return self
-
-    @model_validator(mode="after")
-    def _names_or_places(self) -> Self:
-        columns = [column for _, column in self.signals] + ([self.time] if self.time else [])
-        if len({type(column.column) for column in columns}) > 1:
-            raise ValueError(
-                "some columns are named, others given by their places; name all, or give places only in a CSV "
-                "file without names"
-            )
-        return self
-
-    @property
-    def by_place(self) -> bool:
-        """Whether columns are given by their places, not by names."""
-        return isinstance(self.rail_pressure.column, int)
 
     @property
     def signals(self) -> Iterator[tuple[str, ColumnConfig]]:

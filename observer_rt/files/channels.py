@@ -19,8 +19,8 @@ def chosen_channels(
     """The channel of each bus, None: any of the log, for a bench with one bus. Buses that are not needed may lack.
 
     texts: `CHANNEL` or `LINK=CHANNEL`, of `--from-channel`; other channels are found by reading the log. One with
-    names: by the channels of the bench file. One with numbers: by those our own recorder would give these channels,
-    else, where there are as many as buses, in order. Raises `UserError` for a needed bus that none of this finds.
+    names: by the channels of the bench file. One with numbers: by those our own recorder would give these channels.
+    Raises `UserError` for a needed bus that none of this finds.
     """
     said = of_links(OPTION, texts, links, "can3")
     if len(links) == 1:
@@ -38,10 +38,6 @@ def chosen_channels(
         matches = {bus: name_of[bus] for bus in open_buses if name_of[bus] in present}
         if matches.keys() >= set(wanted):
             return {**said, **matches}
-    in_order = sorted(filter(str.isdigit, present), key=int)
-    for buses in (open_buses, wanted):
-        if len(buses) == len(present) == len(in_order):
-            return {**said, **dict(zip(buses, in_order, strict=True))}
     names = ", ".join(links[bus].label for bus in wanted)
     raise UserError(
         str(path),

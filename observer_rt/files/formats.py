@@ -14,11 +14,11 @@ from observer_rt.files.canlog.can_log import LogFormat, LogReader, LogWriter
 from observer_rt.files.canlog.candump import CANDUMP
 from observer_rt.files.canlog.python_can import ASC, CSV_LOG, TRC
 from observer_rt.files.mdf4.can_log import MDF4_LOG
+from observer_rt.files.signals.arrow_table import ParquetTable
 from observer_rt.files.signals.csv_table import CsvTable
 from observer_rt.files.signals.mapped_signals import MappedSignals
 from observer_rt.files.signals.mdf4_table import Mdf4Table
 from observer_rt.files.signals.naming import in_words, layout_of
-from observer_rt.files.signals.parquet_table import ParquetTable
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.files.signals.stream import SignalStream
 from observer_rt.files.signals.table import SignalFormat
@@ -119,7 +119,8 @@ def open_recording(path: Path, injector: BenchInjector | None = None) -> SignalS
     with file_errors(path):
         stream: SignalStream
         if kind.is_own(path, mapping):
-            stream = EvenSignals(kind.table(path, kind.mapping, is_own=True))
+            table = kind.table(path, kind.mapping, is_own=True)
+            stream = EvenSignals(table) if len(table.rasters) == 1 else MappedSignals(table, 0.0)
         else:
             rate = injector.config.sampling.rate_hz if injector is not None and mapping is not None else 0.0
             layout = mapping or layout_of(str(path), kind.table.headings(path), kind.table.brings_time)

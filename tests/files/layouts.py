@@ -42,7 +42,7 @@ def text(
     time: float = 1e6,
 ) -> str:
     """CSV. above: lines above the names; under: cells of a line below these."""
-    table = np.array(list(columns(recording, names or range(4), time).values())).T  # type: ignore[arg-type]
+    table = np.array(list(columns(recording, names, time).values())).T
     rows = [separator.join(format(value, form).replace(".", decimal) for value in row) for row in table]
     head = [separator.join(line) for line in (names, under) if line]
     return "\n".join([*above, *head, *rows, ""])

@@ -1,4 +1,4 @@
-"""Which channel of a log is which bus: by name, by number, in order, or as said; else a clear question."""
+"""Which channel of a log is which bus: by name, by number, or as said; else a clear question."""
 
 from pathlib import Path
 
@@ -38,8 +38,6 @@ def log(folder: Path, suffix: str, *channels: str) -> Path:
         (".log", ("can1", "can0", "can7"), {0: "can0", 1: "can1"}),
         (".log", ("can2", "can1", "can0"), {0: "can0", 1: "can1", 2: "can2"}),
         (".blf", ("can2", "can0", "can1"), {0: "1", 1: "2", 2: "3"}),
-        (".blf", ("5", "9"), {0: "5", 1: "9"}),
-        (".blf", ("9", "5", "7"), {0: "5", 1: "7", 2: "9"}),
     ],
 )
 def test_channels_are_matched(
@@ -63,7 +61,7 @@ def test_a_bench_with_one_bus_takes_any_channel(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("suffix", "channels"),
-    [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5", "7", "9"))],
+    [(".log", ("vcan0", "vcan1")), (".log", ("can0",)), (".blf", ("3", "5"))],
 )
 def test_where_it_is_not_clear_the_remedy_says_how(
     tmp_path: Path, suffix: str, channels: tuple[str, ...]

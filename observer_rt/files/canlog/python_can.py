@@ -97,7 +97,7 @@ def _log_frame(message: can.Message, stamp: int, is_fd: bool, channel: object) -
 
 
 def _nanoseconds(seconds: float) -> int:
-    """Seconds since 1970, of which a float knows no more than the microsecond."""
+    """Nanoseconds since 1970, to the microsecond: a float of seconds knows no more."""
     return round(seconds * 1e6) * MICROSECOND
 
 

@@ -2,20 +2,18 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
+from pydantic import AfterValidator, ConfigDict, TypeAdapter
 
 from observer_rt.bus.can_frame import FD_LENGTHS
 from observer_rt.bus.links.link import Frame
 from observer_rt.files.canlog.can_log import LogFormat, LogFrame, LogReader
-from observer_rt.files.mdf4.reader_process import crash_told, mdf4_apart
-from observer_rt.foundation.sandbox import WorkerError, checked
+from observer_rt.files.mdf4.reader_process import mdf4_apart
 
 FRAMES = "observer_rt.files.mdf4.bus_frames"  # what touches the file runs apart
-DATA = "CAN_DataFrame"
 MAX_LENGTH = FD_LENGTHS[-1]
 CHANNEL_NAME = 16  # characters
 RECORD = np.dtype(
@@ -33,14 +31,24 @@ RECORD = np.dtype(
     ]
 )
 """A frame as it comes from the process apart."""
-_FLAG = TypeAdapter(bool)
-_TOTALS = TypeAdapter(tuple[int, int, int, int, list[str]])
+
+
+def _of_frames(part: NDArray[np.void]) -> NDArray[np.void]:
+    if part.dtype != RECORD or part.ndim != 1 or np.any(part["length"] > MAX_LENGTH):
+        raise ValueError("no frames")
+    return part
+
+
+_IS_LOG = TypeAdapter(bool)
+_PART = TypeAdapter(
+    tuple[tuple[int, int, int, int, list[str]], Annotated[np.ndarray, AfterValidator(_of_frames)]],
+    config=ConfigDict(arbitrary_types_allowed=True),
+)
 
 
 def is_bus_log(path: Path) -> bool:
     """Whether an MDF4 file is a log of a bus. Raises `UserError` for a file that is damaged or none of MDF."""
-    with crash_told(path):
-        return checked(_FLAG, next(mdf4_apart(FRAMES, "is_log", path), None))
+    return next(mdf4_apart(FRAMES, "is_log", path, _IS_LOG), False)
 
 
 class Mdf4Log(LogReader):
@@ -49,18 +57,16 @@ class Mdf4Log(LogReader):
     unit = "frame"
 
     def _entries(self) -> Iterator[tuple[int, LogFrame]]:
-        parts = mdf4_apart(FRAMES, "frames", self.path)
-        with crash_told(self.path):
-            totals = checked(_TOTALS, next(parts, None))
-        self._size, self.error_frames, self.remote_frames, self.other_entries, remarks = totals
-        self.remarks += remarks
-        if not self._size:
-            self.remarks.append(
-                "it is a CAN log without a data frame: nothing was recorded, or it is damaged"
+        for (count, errors, remotes, others, remarks), records in mdf4_apart(
+            FRAMES, "frames", self.path, _PART
+        ):
+            self._size, self.error_frames, self.remote_frames, self.other_entries = (
+                count,
+                errors,
+                remotes,
+                others,
             )
-        for part in parts:
-            with crash_told(self.path):
-                records = _records_of(part)
+            self.remarks = remarks
             data = records["data"].tobytes()
             for number, (*fields, channel, is_sent, length) in zip(
                 range(0, len(data), MAX_LENGTH), records[list(RECORD.fields or ())[:-1]].tolist(), strict=True
@@ -68,15 +74,6 @@ class Mdf4Log(LogReader):
                 self._position += 1
                 frame = Frame(fields[0], data[number : number + length], *fields[1:])
                 yield self._position, LogFrame(frame, channel, is_sent)
-
-
-def _records_of(part: Any) -> NDArray[np.void]:
-    """Frames that the process apart sent. Raises `WorkerError` for anything else."""
-    if not (isinstance(part, np.ndarray) and part.dtype == RECORD and part.ndim == 1):
-        raise WorkerError("its reader gave something else than frames")
-    if np.any(part["length"] > MAX_LENGTH):
-        raise WorkerError(f"its reader gave frames of more than {MAX_LENGTH} bytes")
-    return part
 
 
 MDF4_LOG = LogFormat(".mf4", Mdf4Log, recognises=is_bus_log)

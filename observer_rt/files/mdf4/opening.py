@@ -19,10 +19,12 @@ from asammdf import MDF, Signal
 from asammdf.blocks.v4_blocks import FileHistory
 from numpy.typing import NDArray
 
-from observer_rt.files.mdf4.reader_process import READABLE, refuse_other_files
+from observer_rt.files.mdf4.reader_process import READABLE
 from observer_rt.foundation.errors import UserError
 
 logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
+MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
+MAJOR_VERSION = b"4."
 _ANY_SIZE = 1 << 62  # bytes
 NO_DATE = datetime.fromtimestamp(0, UTC)
 
@@ -33,7 +35,12 @@ def opened(path: Path) -> Iterator[MDF]:
 
     One that is not finalised asammdf finalises in a temporary copy.
     """
-    refuse_other_files(path)
+    with path.open("rb") as stored:
+        mark, version = stored.read(len(MAGICS[0])), stored.read(len(MAJOR_VERSION))
+    if mark not in MAGICS:
+        raise UserError(str(path), "not an MDF file", READABLE)
+    if version != MAJOR_VERSION:
+        raise UserError(str(path), f"is of MDF {version.decode('ascii', 'replace')}, not 4", READABLE)
     try:
         with MDF(path) as file:
             yield file

@@ -19,6 +19,7 @@ from observer_rt.foundation.files import encoding_of
 _MARKS = "|nan|-nan|na|n/a|<na>|#n/a|#na|null|none|-|--|---|1.#ind|-1.#ind|1.#qnan|-1.#qnan"
 MISSING = frozenset(_MARKS.split("|"))
 """Marks of a missing value, in small letters."""
+COMMENT = "#"  # what follows it in a line is passed over
 _LIKE_A_NUMBER = re.compile(  # separators of thousands match, too: the reader refuses them by name
     r"\s*[+-]?(?:\d[\d.,'\u2019\u00a0\u202f]*|[.,]\d+)(?:[eE][+-]?\d+)?\s*"
 )
@@ -33,13 +34,12 @@ class Dialect:
     """Dialect of one file.
 
     names, units: of all columns, a unit empty where the file states none; places: numbers of the mapped columns by
-    signal; heading: number of the line of names, 0: none; first_row: lines before the first row; rows: first rows.
+    signal; heading: number of the line of names; first_row: lines before the first row; rows: first rows.
     """
 
     encoding: str
     separator: str
     decimal: str
-    comment: str
     names: tuple[str, ...]
     units: tuple[str, ...]
     places: Mapping[str, int]
@@ -49,9 +49,9 @@ class Dialect:
 
     def as_text(self) -> str:
         """Description of the dialect in a few words."""
-        named = f"names in line {self.heading}" if self.heading else "without names"
         separator = _WORDS.get(self.separator, f"'{self.separator}'")
-        return f"CSV, {named}, separated by {separator}, decimal '{self.decimal}', {self.encoding}"
+        named = f"CSV, names in line {self.heading}"
+        return f"{named}, separated by {separator}, decimal '{self.decimal}', {self.encoding}"
 
     def calendar(self, location: int, config: RecordingConfig | None = None) -> Calendar | None:
         """Calendar of the stamps in a column; None: they are numbers."""
@@ -62,14 +62,14 @@ class Dialect:
     def headings(self) -> list[Heading]:
         """Headings of all columns."""
         return [
-            Heading(name if self.heading else "", unit, None, self.calendar(place) is not None)
+            Heading(name, unit, None, self.calendar(place) is not None)
             for place, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
         ]
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """The first lines cut at one separator. heading: line of names, -1: none; fitting: lines of numbers."""
+    """The first lines cut at one separator. heading: line of the wanted names; fitting: lines of numbers below."""
 
     separator: str
     cells: Sequence[Sequence[str]]
@@ -94,51 +94,43 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
         encoding = encoding_of(binary.read(_HEAD))
     with path.open(encoding=encoding, errors="replace") as file:
         lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
+    remedy = "give a file with the names of its columns in a line above the numbers"
     if not any(line.strip() for line in lines):
-        raise UserError(
-            str(path), "is empty", "give a file with the names of its columns and numbers below them"
-        )
-    wanted = {} if config is None else dict(config.signals)
-    if config is not None and config.time is not None:
-        wanted[TIME] = config.time
-    comment, stated, decimal = "#", None, None
+        raise UserError(str(path), "is empty", remedy)
+    wanted: dict[str, ColumnConfig] = {}
+    stated = decimal = None
     if config is not None:
-        comment, stated, decimal = config.comment, config.separator, config.decimal
-    by_name = config is not None and not config.by_place
-    trials = [_trial(lines, each, comment, wanted, by_name) for each in ([stated] if stated else _WORDS)]
+        wanted |= dict(config.signals) | ({} if config.time is None else {TIME: config.time})
+        stated, decimal = config.separator, config.decimal
+    trials = [_trial(lines, each, wanted) for each in ([stated] if stated else _WORDS)]
     best = max(trials, key=lambda trial: trial.score)
-    first, heading = best.fitting[0] if best.fitting else len(lines), best.heading
+    first = best.fitting[0] if best.fitting else len(lines)
     rows = tuple(best.cells[number] for number in best.fitting)
-    if config is None:
-        heading = _likely_heading(best.above[:first], len(rows[0]) if rows else 0)
-    if not by_name and not rows:
-        listed = ", ".join(str(column.column) for column in wanted.values())
-        raise UserError(
-            str(path),
-            f"none of its first {len(lines)} lines has {f'numbers in columns {listed}' if listed else '3 numbers'}",
-            "say in [recording] of a bench file how it is written: the columns, the first is 1, separator, decimal, "
-            "and [recording.time] format where the time is that of a calendar",
-        )
-    names = [f"column {place + 1}" for place in range(max(map(len, rows), default=0))]
-    units: Sequence[str] = [""] * len(names)
-    if heading >= 0:
-        cells = best.above[heading]
-        bare, behind = zip(*map(name_and_unit, cells), strict=True)
-        names = [name if bare.count(name) == 1 else cell for name, cell in zip(bare, cells, strict=True)]
-        units = _units(behind, best.above[heading + 1 : first])
+    heading = best.heading if wanted else _likely_heading(best.above[:first], len(rows[0]) if rows else 0)
+    if not wanted and (not rows or heading < 0):
+        missing = "names above its numbers" if rows else f"{_FEWEST} numbers in a line"
+        raise UserError(str(path), f"has no {missing} in its first {len(lines)} lines", remedy)
+    bare, behind = zip(*map(name_and_unit, best.above[heading]), strict=True)
+    names = [
+        name if bare.count(name) == 1 else cell for name, cell in zip(bare, best.above[heading], strict=True)
+    ]
     places: dict[str, int] = {}
     for signal, column in wanted.items():
         if (at := _column_number(column, best.above[heading], f"{path}, line {heading + 1}")) is not None:
             places[signal] = at
         elif not (is_own and signal in OPTIONAL):
-            raise _missing(f"{path}, line {heading + 1}", column.name, best.above[heading])
+            raise UserError(
+                f"{path}, line {heading + 1}",
+                f"column '{column.column}' is missing{hint(column.column, best.above[heading])}",
+                "name the columns in [recording] of the bench file as the file, which must have a line of names: it "
+                f"has {', '.join(best.above[heading][:40])}",
+            )
     return Dialect(
         encoding,
         best.separator,
         decimal or _decimal(rows),
-        comment,
         tuple(names),
-        tuple(units),
+        tuple(_units(behind, best.above[heading + 1 : first])),
         places,
         heading + 1,
         first,
@@ -158,40 +150,29 @@ def split_line(line: str, separator: str) -> list[str]:
         return line.split(separator)
 
 
-def _trial(
-    lines: Sequence[str], separator: str, comment: str, wanted: Mapping[str, ColumnConfig], by_name: bool
-) -> _Trial:
-    cells = [split_line(line.split(comment)[0], separator) for line in lines]
-    names = [split_line(line.lstrip("\ufeff").lstrip(comment + " "), separator) for line in lines]
+def _trial(lines: Sequence[str], separator: str, wanted: Mapping[str, ColumnConfig]) -> _Trial:
+    cells = [split_line(line.split(COMMENT)[0], separator) for line in lines]
+    names = [split_line(line.lstrip("\ufeff").lstrip(COMMENT + " "), separator) for line in lines]
     above = [[cell.strip() for cell in row] for row in names]
-    heading = name_count = -1
-    if by_name:
-        counts = [sum(_column_number(column, row) is not None for column in wanted.values()) for row in above]
-        name_count = max(counts)
-        heading = counts.index(name_count)
-    found_at = {name: _column_number(column, above[heading]) for name, column in wanted.items()}
-    places = [place for name, place in found_at.items() if place is not None and (by_name or name != TIME)]
-    fitting = [n for n, row in enumerate(cells) if n > heading and _fits(row, places, by_name)]
-    if separator == " " and by_name:  # between tabs the blank of a date and a time of day separates nothing
-        fitting = [n for n in fitting if len(cells[n]) == len(above[heading])]
+    counts = [sum(_column_number(column, row) is not None for column in wanted.values()) for row in above]
+    name_count = max(counts)
+    heading = counts.index(name_count) if wanted else -1
+    found_at = [_column_number(column, above[heading]) for column in wanted.values()]
+    places = [place for place in found_at if place is not None]
+    fewest = 1 if wanted else _FEWEST
+    fitting = []
+    for number, row in enumerate(cells[heading + 1 :], heading + 1):
+        mapped = [row[place] for place in places if place < len(row)] if places else row
+        # between tabs the blank of a date and a time of day separates nothing
+        is_apart = separator != " " or not wanted or len(row) == len(above[heading])
+        # a cell that is no number is named when the line is read
+        if is_apart and _count(mapped) >= fewest and (wanted or 2 * _count(row) > len(row)):
+            fitting.append(number)
     return _Trial(separator, cells, above, heading, name_count, fitting)
-
-
-def _fits(row: Sequence[str], places: Sequence[int], by_name: bool) -> bool:
-    """Whether a line has numbers in the right columns; a cell that is no number is named when the line is read."""
-    cells = [row[place] for place in places if place < len(row)] if places else row
-    if by_name:
-        return _count(cells) > 0
-    if places:
-        values = [cell for cell in cells if cell.strip().lower() not in MISSING]
-        return len(cells) == len(places) and 0 < _count(values) == len(values)
-    return _count(cells) > max(len(cells) / 2, _FEWEST - 1)
 
 
 def _column_number(column: ColumnConfig, names: Sequence[str], where: str = "") -> int | None:
     """Number of a column, by its name with or without a unit; where: location of the names in error messages."""
-    if isinstance(column.column, int):
-        return column.column - 1
     for cells in (list(names), [name_and_unit(name)[0] for name in names]):
         if where and cells.count(column.column) > 1:
             raise UserError(
@@ -216,15 +197,6 @@ def _units(behind: Sequence[str], below: Sequence[Sequence[str]]) -> list[str]:
     best = max(bare, key=lambda row: sum(map(is_unit, row)), default=[])
     stated = best if any(map(is_unit, best)) else []
     return [(stated[place] if place < len(stated) else "") or unit for place, unit in enumerate(behind)]
-
-
-def _missing(location: str, name: str, names: Sequence[str]) -> UserError:
-    unnamed = ". A file without names: give places, column = 1, 2, ..." if _count(names) == len(names) else ""
-    return UserError(
-        location,
-        f"column '{name}' is missing{hint(name, names)}",
-        f"name the columns in [recording] of the bench file as the file: it has {', '.join(names[:40])}{unnamed}",
-    )
 
 
 def _decimal(rows: Iterable[Sequence[str]]) -> str:

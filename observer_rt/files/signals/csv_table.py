@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from observer_rt.config.injector import RecordingConfig
-from observer_rt.files.signals.csv_dialect import MISSING, dialect_of, split_line
+from observer_rt.files.signals.csv_dialect import COMMENT, MISSING, dialect_of, split_line
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import TIME, FileTable, Heading, TablePart, Values
 from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
@@ -29,7 +29,7 @@ _UNGROUP = "write the file again without separators of thousands"
 
 
 class CsvTable(FileTable):
-    """Columns by their names, in one line of names, or by their places; the lines from the first number on."""
+    """Columns by their names, in one line of names; the lines from the first number on."""
 
     def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
         super().__init__(path, config, is_own)
@@ -118,7 +118,7 @@ class CsvTable(FileTable):
                 return None
         if dialect.separator == " " and any(len(line.split()) != columns for line in lines):
             return None
-        if any(sign in text for sign in (*_UNSEEN, *dialect.comment)) or dialect.separator == dialect.decimal:
+        if any(sign in text for sign in (*_UNSEEN, COMMENT)) or dialect.separator == dialect.decimal:
             return None
         kinds: dict[int, Any] = {
             place: np.float64
@@ -150,8 +150,7 @@ class CsvTable(FileTable):
 
     def _cells(self, lines: Sequence[str]) -> dict[int, list[str]]:
         """Cells of lines by their numbers from 1, without those that hold no row."""
-        comment = self._dialect.comment
-        texts = ((line.split(comment)[0] if comment else line).strip("\r\n") for line in lines)
+        texts = (line.split(COMMENT)[0].strip("\r\n") for line in lines)
         return {
             n: split_line(text, self._dialect.separator) for n, text in enumerate(texts, 1) if text.strip()
         }

@@ -4,7 +4,6 @@ Each time axis is looked through first: its rate, its gaps, where it begins anew
 """
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -15,7 +14,7 @@ from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE, Stretch
 from observer_rt.files.signals.table import TIME, Table, TablePart, Values
 from observer_rt.files.signals.table_signals import TableSignals
-from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, StampPace, rate_of
+from observer_rt.files.signals.time_axis import AxisSurvey, RowRun, rate_of
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MILLISECOND
 
@@ -25,7 +24,6 @@ MOST_RESTARTS = 0.01  # of the rows, where the time may begin anew
 SLOWEST, FASTEST = 10.0, 100.0  # how much slower and faster than the grid a file may be
 SAME_RATE = 0.01  # relative, of a file and the grid
 MOST_DISORDERED = 0.1  # of the rows, that may be left out for their stamps
-_FIRST_OF_BLOCK = re.compile(r"(.*\D)(0+)")  # the name of a block's first sample, as LinePressure_00
 _SHOWN = 5  # places where a file is split
 
 
@@ -60,27 +58,24 @@ class _Rows:
 class MappedSignals(TableSignals):
     """A table by its `[recording]` section, on a grid of `rate` [Hz].
 
-    Stamps that are the grid's but for their jitter are taken for it, rounded ones are replaced by the stated rate,
-    others are resampled by straight lines. Raises `UserError` naming file, column or line for what cannot be read as
-    a recording.
+    Stamps that are the grid's but for their jitter are taken for it, others are resampled by straight lines. Raises
+    `UserError` naming file, column or line for what cannot be read as a recording.
     """
 
     def __init__(self, table: Table, rate: float) -> None:
         """rate: that of the mapping goes before it; 0: that of the first stamps."""
         super().__init__(table)
         self.rate = table.config.rate_hz or rate or self._own_rate()
-        self._rounding: dict[int, float] = {}  # steps of rounded stamps [s], by time axis
         self._axes = [self._axis(raster) for raster in range(len(table.rasters))]
         self._main = min(range(len(self._axes)), key=lambda raster: self._axes[raster].period)
-        self._refuse_blocks()
         self._runs = self._usable_runs()
         self.stretches = tuple(Stretch(run.begin, self._samples(run)) for run in self._runs)
         self.notes = (*self.notes, *self._notes())
-        self.names = {name: column.name for name, column in self._mapped.items() if name != TIME}
+        self.names = {name: column.column for name, column in self._mapped.items() if name != TIME}
         self.details = self._details()
 
     def _own_rate(self) -> float:
-        first = next(super()._parts(0), None)
+        first = next(self._parts(0), None)
         rate = None if first is None else rate_of(first.time)
         if rate is None:
             if first is not None:
@@ -100,13 +95,13 @@ class MappedSignals(TableSignals):
 
     def _details(self) -> tuple[str, ...]:
         table, config = self._table, self._mapped
-        others = [name for name in table.columns if name not in {column.name for column in config.values()}]
+        others = [name for name in table.columns if name not in {column.column for column in config.values()}]
         lines = [f"{self.path}: {table.layout}"]
         for name, column in config.items():
             raster = next((i for i, names in enumerate(table.rasters) if name in names), self._main)
             every = f", every {self._axes[raster].period / MILLISECOND:.6g} ms" if name != TIME else ""
             unit, said = self._unit(name, column)
-            lines.append(f"{name} is '{column.name}' in {unit} ({said}){every}")
+            lines.append(f"{name} is '{column.column}' in {unit} ({said}){every}")
         if others:
             more = f" and {len(others) - 40} more" if len(others) > 40 else ""
             lines.append(f"not used: {', '.join(others[:40])}{more}")
@@ -151,32 +146,30 @@ class MappedSignals(TableSignals):
         rows.drop(max(0, min(passed - kept, count - 1)))
         return signals
 
-    def _parts(self, raster: int) -> Iterator[TablePart]:
-        """Rows of a time axis in SI units, read anew; rounded stamps by the stated rate."""
-        rounding = self._rounding.get(raster)
-        pace = None if rounding is None else StampPace(self.rate, rounding)
-        for part in super()._parts(raster):
-            yield part if pace is None else TablePart(pace.take(part.time), part.signals)
-
     def _axis(self, raster: int) -> AxisSurvey:
-        axis = self._surveyed(self._looked_at(raster), raster)
-        rows, disordered = axis.rows, axis.disordered
-        if disordered <= MOST_DISORDERED * rows and (axis.is_on_grid or self._table.config.rate_hz is None):
-            return axis
-        pace = StampPace(self.rate, axis.period)
-        for part in self._parts(raster):
-            pace.take(part.time)
-        if pace.agrees:
-            self._rounding[raster] = axis.period
-            return self._surveyed(self._parts(raster), raster)
-        if disordered <= MOST_DISORDERED * rows:
-            return axis
-        raise UserError(
-            f"{self.path}, {', '.join(self._table.rasters[raster])}",
-            f"{disordered} of {rows} rows have a time that repeats or steps back: its stamps are rounded, "
-            f"to some {axis.period / MILLISECOND:.3g} ms, and are not those of {self.rate:g} Hz",
-            "state how many rows are a second, [recording] rate_hz = ..., or write the time with more digits",
-        )
+        axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
+        name = ", ".join(self._table.rasters[raster])
+        for part in self._looked_at(raster):
+            axis.take(part.time)
+            if len(axis.runs) > MOST_STRETCHES:
+                raise UserError(
+                    str(self.path),
+                    f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows",
+                    "check column and unit of the time, or raise recording.bridge_ms",
+                )
+        self._refuse_disorder(sum(run.is_restart for run in axis.runs), axis.rows)
+        if not axis.period:
+            problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
+            raise UserError(
+                f"{self.path}, {name}", problem, "check the column of the time; two samples are the least"
+            )
+        if axis.disordered > MOST_DISORDERED * axis.rows:
+            raise UserError(
+                f"{self.path}, {name}",
+                f"its stamps are rounded: in {axis.disordered} of {axis.rows} rows the time repeats or steps back",
+                "leave out [recording.time] and state how many rows are a second, [recording] rate_hz = ...",
+            )
+        return axis
 
     def _looked_at(self, raster: int) -> Iterator[TablePart]:
         """Rows of a time axis, their times and ranges noted or refused."""
@@ -200,40 +193,6 @@ class MappedSignals(TableSignals):
                 f"its rows are not in the order of time: it steps back in {restarts} of {rows}",
                 "sort the rows by their time",
             )
-
-    def _surveyed(self, parts: Iterator[TablePart], raster: int) -> AxisSurvey:
-        axis = AxisSurvey(self.rate, self._table.config.bridge_ms * MILLISECOND)
-        for part in parts:
-            axis.take(part.time)
-            if len(axis.runs) > MOST_STRETCHES:
-                raise UserError(
-                    str(self.path),
-                    f"falls apart: {len(axis.runs)} gaps or steps back of the time in its first {axis.rows} rows",
-                    "check column and unit of the time, or raise recording.bridge_ms",
-                )
-        self._refuse_disorder(sum(run.is_restart for run in axis.runs), axis.rows)
-        if not axis.period:
-            name = ", ".join(self._table.rasters[raster])
-            problem = "the time does not rise" if axis.rows > 1 else f"holds {axis.rows} sample(s)"
-            raise UserError(
-                f"{self.path}, {name}", problem, "check the column of the time; two samples are the least"
-            )
-        return axis
-
-    def _refuse_blocks(self) -> None:
-        """Raise `UserError` where rows hold blocks of samples and only the first is mapped."""
-        rate, columns = 1.0 / self._axes[self._main].period, self._table.columns
-        for name, column in self._mapped.items():
-            if (block := _FIRST_OF_BLOCK.fullmatch(column.name)) is None:
-                continue
-            stem, width = block[1], len(block[2])
-            samples = next(k for k in range(len(columns) + 1) if f"{stem}{k:0{width}}" not in columns)
-            if samples > 1 and abs(samples * rate / self.rate - 1.0) < SAME_RATE:
-                raise UserError(
-                    f"{self.path}, {self._table.label(name)}",
-                    f"a row holds {samples} samples, {column.name} to {stem}{samples - 1:0{width}}, one is mapped",
-                    "give the log itself, which is decoded by the bench file, or write one row a sample",
-                )
 
     def _usable_runs(self) -> list[RowRun]:
         axis = self._axes[self._main]
@@ -278,11 +237,6 @@ class MappedSignals(TableSignals):
             yield f"{self.path}: no column of the time: rows are placed by the rate stated, {self.rate:g} Hz"
         if abs(rate / self.rate - 1.0) > SAME_RATE:
             yield f"{self.path}: recorded at {rate:.6g} Hz, resampled to {self.rate:g} Hz of sampling.rate_hz"
-        elif self._main in self._rounding:
-            yield (
-                f"{self.path}: its stamps are rounded to {self._rounding[self._main] / MILLISECOND:.3g} ms: rows are "
-                f"placed by the rate stated, {self.rate:g} Hz"
-            )
         elif not axis.is_on_grid:
             yield f"{self.path}: its stamps are not on a grid of {self.rate:g} Hz: resampled by straight lines"
         elif axis.off_grid > 1e-3:

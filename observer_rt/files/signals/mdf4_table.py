@@ -8,11 +8,10 @@ import numpy as np
 from pydantic import ConfigDict, TypeAdapter
 
 from observer_rt.config.injector import ColumnConfig, RecordingConfig
-from observer_rt.files.mdf4.reader_process import crash_told, mdf4_apart
+from observer_rt.files.mdf4.reader_process import mdf4_apart
 from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
 from observer_rt.files.signals.table import LARGEST, TIME, FileTable, Heading, TablePart, present
 from observer_rt.foundation.errors import UserError
-from observer_rt.foundation.sandbox import checked
 
 FILE = "observer_rt.files.mdf4.opening"  # what touches the file runs apart
 
@@ -74,12 +73,11 @@ class Mdf4Table(FileTable):
         """Parts of a group."""
         indices = {name: self._channels[name].number for name in self.rasters[raster]}
         row = 0
-        for columns in mdf4_apart(FILE, "parts", self.path, self._groups[raster], indices, SAMPLES_AT_ONCE):
-            with crash_told(self.path):
-                columns = checked(_PART, columns)
+        group = self._groups[raster]
+        for columns in mdf4_apart(FILE, "parts", self.path, _PART, group, indices, SAMPLES_AT_ONCE):
             time = columns.pop(TIME)
             for name, values in columns.items():
-                location = f"{self.path}, channel {self.mapped[name].name}"
+                location = f"{self.path}, channel {self.mapped[name].column}"
                 if not values.size:
                     raise UserError(location, "holds no plain numbers", "map a channel of numbers")
                 beyond = np.flatnonzero(np.abs(values) > LARGEST)
@@ -98,14 +96,14 @@ class Mdf4Table(FileTable):
 
     def _channel(self, column: ColumnConfig, channels: Sequence[Channel]) -> Channel:
         """The channel of a name that is there."""
-        candidates = [each for each in channels if each.name == column.name]
+        candidates = [each for each in channels if each.name == column.column]
         chosen = [each for each in candidates if column.group in (None, each.group)]
         if len(chosen) == 1:
             return chosen[0]
         times = f"appears {len(candidates)} times: it " if len(candidates) > 1 else ""
         other = f", not in {column.group}" if column.group is not None else ""
         raise UserError(
-            f"{self.path}, channel {column.name}",
+            f"{self.path}, channel {column.column}",
             f"{times}is in the groups {', '.join(str(each.group) for each in candidates)}{other}",
             f"say which in [recording] of the bench file, group = {candidates[0].group}, "
             "or keep one channel of this name",
@@ -113,5 +111,4 @@ class Mdf4Table(FileTable):
 
 
 def _channels(path: Path) -> list[Channel]:
-    with crash_told(path):
-        return [checked(_CHANNEL, answer) for answer in mdf4_apart(FILE, "channels", path)]
+    return list(mdf4_apart(FILE, "channels", path, _CHANNEL))

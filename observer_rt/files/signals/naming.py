@@ -56,7 +56,8 @@ def in_words(layout: RecordingConfig) -> str:
     """What headings say, in one line."""
     columns = ([(TIME, layout.time)] if layout.time is not None else []) + list(layout.signals)
     parts = (
-        f"{name} is '{column.name}'{f' in {column.unit}' if column.unit else ''}" for name, column in columns
+        f"{name} is '{column.column}'{f' in {column.unit}' if column.unit else ''}"
+        for name, column in columns
     )
     return f"by its headings {', '.join(parts)}"
 
@@ -125,8 +126,7 @@ def _entries(choice: _Choice) -> Iterator[tuple[str, str | int]]:
 
 def _section(choices: Sequence[_Choice], headings: Sequence[Heading]) -> str:
     """The `[recording]` section, with places to fill in."""
-    names = [choice.name for choice in headings if choice.name]
-    among = f'"..."  # one of {", ".join(names[:_SHOWN])}' if names else f"...  # from 1 to {len(headings)}"
+    among = f'"..."  # one of {", ".join(choice.name for choice in headings[:_SHOWN])}'
     lines = ["[recording]"]
     for choice in choices:
         lines += ["", f"[recording.{choice.signal}]"]

@@ -20,7 +20,7 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Heading:
-    """Heading of a column. name: empty where the file has none; unit: empty where none is stated; group: of MDF4."""
+    """Heading of a column. unit: empty where none is stated; group: of MDF4."""
 
     name: str
     unit: str = ""
@@ -97,7 +97,7 @@ class Table(ABC):
 
     def label(self, name: str) -> str:
         """A mapped column, as a user finds it."""
-        column = self.mapped[name].name
+        column = self.mapped[name].column
         return f"{self.word} {column if column.startswith(name) else f'{column} ({name})'}"
 
 
@@ -121,13 +121,13 @@ def present(
     """The columns wanted that a file has. Raises `UserError` where one is missing that it must have."""
     columns = {}
     for name, column in wanted.items():
-        if column.name in names:
+        if column.column in names:
             columns[name] = column
         elif not (is_own and name in OPTIONAL):
             raise UserError(
                 str(path),
-                f"{word} '{column.name}' is missing{hint(column.name, names)}",
-                f"name the {word}s {', '.join(each.name for each in wanted.values())}, or say in [recording] of a "
+                f"{word} '{column.column}' is missing{hint(column.column, names)}",
+                f"name the {word}s {', '.join(each.column for each in wanted.values())}, or say in [recording] of a "
                 f"bench file which is which: it has {', '.join(list(names)[:40])}",
             )
     return columns
@@ -148,7 +148,7 @@ class SignalFormat:
     def is_own(self, path: Path, other: RecordingConfig | None) -> bool:
         """Whether a file is in our own layout, and not in another one."""
         names = self.table.names(path)
-        needed = [column.name for name, column in self.mapping.signals if name not in OPTIONAL]
-        needed += [self.mapping.time.name] if self.mapping.time is not None else []
-        is_in_another = other is not None and all(column.name in names for _, column in other.signals)
+        needed = [column.column for name, column in self.mapping.signals if name not in OPTIONAL]
+        needed += [self.mapping.time.column] if self.mapping.time is not None else []
+        is_in_another = other is not None and all(column.column in names for _, column in other.signals)
         return all(name in names for name in needed) and not is_in_another

@@ -1,7 +1,6 @@
 """The signals of a table in SI units, on whatever grid; those of even files read in parts."""
 
 from collections.abc import Iterator, Mapping
-from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -111,7 +110,7 @@ class TableSignals(SignalStream):
 
 
 class EvenSignals(TableSignals):
-    """A table in one stretch, its stamps as they are. Raises `UserError` for an uneven time or an infinite value."""
+    """A table of one time axis, in one stretch. Raises `UserError` for an uneven time or an infinite value."""
 
     def __init__(self, table: Table) -> None:
         super().__init__(table)
@@ -138,7 +137,7 @@ class EvenSignals(TableSignals):
     def _filled_parts(self) -> Iterator[TablePart]:
         """Iterate over all parts, joined so that none but the last is a single sample, which has no rate."""
         waiting: TablePart | None = None
-        for part in self._all_columns():
+        for part in self._parts(0):
             if waiting is not None:
                 before = waiting
                 signals = {
@@ -151,22 +150,6 @@ class EvenSignals(TableSignals):
                 yield part
         if waiting is not None:
             yield waiting
-
-    def _all_columns(self) -> Iterator[TablePart]:
-        """The parts of all time axes, which must have the same stamps."""
-        names = self._table.rasters
-        for first, *others in zip_longest(*(self._parts(raster) for raster in range(len(names)))):
-            for other, (name, *_) in zip(others, names[1:], strict=True):
-                if first is None or other is None or not np.array_equal(first.time, other.time):
-                    raise UserError(
-                        f"{self.path}, {self._table.label(name)}",
-                        f"its time stamps differ from those of {names[0][0]}",
-                        "record the channels in one group, resample them on one time grid, or describe them in "
-                        "[recording] of a bench file, which resamples",
-                    )
-            yield TablePart(
-                first.time, {name: each for part in (first, *others) for name, each in part.signals.items()}
-            )
 
     def _refuse_short(self, samples: int) -> None:
         if samples < 2:

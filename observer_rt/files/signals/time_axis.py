@@ -1,4 +1,4 @@
-"""The time of a file: stamps of a calendar as seconds, rounded stamps placed by a stated rate, gaps and restarts."""
+"""The time of a file: stamps of a calendar as seconds, their rate, gaps and restarts, places on a grid."""
 
 import re
 from collections.abc import Iterable
@@ -17,11 +17,8 @@ from observer_rt.foundation.errors import UserError
 ISO_8601 = "ISO8601"  # as pandas calls it
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 NO_MOMENT = np.iinfo(np.int64).min  # as NumPy and pandas have it
-AGREES = 0.01  # relative, of the rate stated and that by the rounded stamps
-GAP = 1.5  # periods and steps of rounding from stamp to stamp, beyond which rows are missing
 _UNSEEN = 0.2  # samples, by which stamps of a grid may lie beside it at the end
-_REPEATED = 0.1  # of the steps, beyond which stamps are rounded
-_BACK, _GAPS = 0.01, 0.1  # of the steps, that may step back, and be gaps
+_BACK, _GAPS = 0.01, 0.1  # of the steps, that may not rise, and be gaps
 SNAPPED = 0.4  # samples off an even grid up to which a stamp is taken for the grid's
 LOST = 1.5  # periods from stamp to stamp, beyond which samples are missing
 
@@ -67,56 +64,19 @@ def seconds_since(origin: int, moments: NDArray[np.int64]) -> NDArray[np.float64
     return np.where(moments == NO_MOMENT, np.nan, (moments - origin) / 1e9)
 
 
-class StampPace:
-    """Takes rounded stamps [s] in order. rate: stated [Hz]; rounding: step from one stamp to another [s]."""
-
-    def __init__(self, rate: float, rounding: float) -> None:
-        self._rate, self._rounding = rate, rounding
-        self._begin = self._stamp = np.nan
-        self._since = 0  # rows since the last gap
-        self._steps, self._runs, self._span = 0, 0, 0.0
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the stamps that were taken have the rate that is stated, but for their rounding."""
-        tolerance = AGREES * self._span + self._rounding * self._runs
-        return self._span > 0.0 and abs(self._steps / self._rate - self._span) <= tolerance
-
-    def take(self, time: Values) -> Values:
-        """Stamps (n,) by the rate; they begin anew where rows are missing or the time steps back."""
-        step = np.diff(time, prepend=self._stamp)
-        together = (step >= 0.0) & (step <= GAP * (self._rounding + 1.0 / self._rate))
-        self._steps += int(np.count_nonzero(together))
-        self._span += float(step[together].sum())
-        row = np.arange(time.size)
-        begins = np.flatnonzero(~together)
-        self._runs += begins.size
-        before = np.searchsorted(begins, row, side="right") - 1  # -1: as the rows before
-        first = np.append(begins, -self._since)[before]
-        begin = np.append(time[begins], self._begin)[before]
-        placed: Values = begin + (row - first) / self._rate
-        self._stamp, self._begin, self._since = float(time[-1]), float(begin[-1]), int(time.size - first[-1])
-        return placed
-
-
 def rate_of(stamps: Values) -> float | None:
     """Rate [Hz] of stamps [s] (n,): the roundest that they allow, or the one of the roundest period.
 
     None where they do not rise nearly everywhere.
     """
-    if stamps.size < 3 or not np.isfinite(stamps).all():
-        return None
     step = np.diff(stamps)
     rising = step[step > 0.0]
-    if rising.size < 2 or np.count_nonzero(step < 0.0) > _BACK * step.size:
+    if not np.isfinite(stamps).all() or rising.size < max(2.0, (1.0 - _BACK) * step.size):
         return None
-    usual = float(np.median(rising))
-    together = step[(step >= 0.0) & (step <= GAP * usual)]
-    if together.size < (1.0 - _GAPS) * step.size or not together.any():
+    together = rising[rising <= LOST * float(np.median(rising))]
+    if together.size < (1.0 - _GAPS) * step.size:
         return None
-    period = float(together.mean())
-    rounding = usual if np.count_nonzero(step == 0.0) > _REPEATED * step.size else 0.0
-    return roundest(1.0 / period, (_UNSEEN + rounding / period) / together.size)
+    return roundest(1.0 / float(together.mean()), _UNSEEN / together.size)
 
 
 @dataclass

@@ -20,7 +20,7 @@ from observer_rt.files.formats import (
 from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.errors import UserError
 from tests.files.canlog.log_cases import FORMATS, mixture, write_log
-from tests.files.signals.foreign import COLUMNS, PLACES, bench
+from tests.files.signals.foreign import bench
 
 FRAMES = 12
 COMMENTS = {
@@ -105,16 +105,16 @@ def _comments(suffix: str, data: bytes) -> set[bytes]:
     return {line for line in data.splitlines() if line.strip()[:1] in marks and line.strip()}
 
 
-@pytest.mark.parametrize("layout", [*sorted(SIGNALS_WRITTEN), "by names", "by places"])
+@pytest.mark.parametrize("layout", [*sorted(SIGNALS_WRITTEN), "foreign"])
 def test_a_damaged_recording(tmp_path: Path, layout: str) -> None:
     is_own = layout in SIGNALS_WRITTEN
     path = tmp_path / f"recording{layout if is_own else '.csv'}"
     values = np.arange(20.0)
     write_recording(path, Recording(values / 1e5, values * 1e5, values * 1e-6, values * 1e5))
     if not is_own:
-        heading = "t;p_Rail;lift;p_Line\nms;bar;um;MPa\n" if layout == "by names" else ""
+        heading = "t;p_Rail;lift;p_Line\nms;bar;um;MPa\n"
         path.write_text(heading + "".join(f"{n / 100};{n};{n};{n / 10}\n" for n in range(20)))
-    injector = None if is_own else bench(tmp_path, text=COLUMNS if layout == "by names" else PLACES).injector
+    injector = None if is_own else bench(tmp_path).injector
     complete = path.read_bytes()
 
     @often(path.suffix)

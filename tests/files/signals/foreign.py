@@ -27,21 +27,6 @@ unit = "um"
 column = "p_Line"
 unit = "MPa"
 """
-PLACES = """
-[recording]
-[recording.time]
-column = 1
-{time}
-[recording.rail_pressure]
-column = 2
-unit = "bar"
-[recording.needle_lift]
-column = 3
-unit = "um"
-[recording.line_pressure]
-column = 4
-unit = "MPa"
-"""
 
 
 def bench(

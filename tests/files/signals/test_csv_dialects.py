@@ -1,4 +1,4 @@
-"""CSV as other tools write it, with a line of names or without, and with a time by the calendar."""
+"""CSV as other tools write it, with a line of names, and with a time by the calendar."""
 
 import codecs
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from observer_rt.files.formats import open_recording
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import COLUMNS, PLACES, RATE, bench, read, signals, write
+from tests.files.signals.foreign import RATE, bench, read, signals, write
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 NAMES = ("t", "p_Rail", "lift", "p_Line")
@@ -68,7 +68,7 @@ def message(path: Path, folder: Path, **bench_options: str) -> str:
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]),
     ending=st.sampled_from(["\n", "\r\n"]),
     order=st.permutations(NAMES),
-    heading=st.sampled_from(["none", "names", "names and units"]),
+    has_units=st.booleans(),
     preamble=st.lists(
         st.sampled_from(["", "# made by a tool", "Prüfstand 7", "date;2024-01-02", "1;2"]), max_size=4
     ),
@@ -84,7 +84,7 @@ def test_every_dialect_gives_the_same_signals(
     encoding: str,
     ending: str,
     order: list[str],
-    heading: str,
+    has_units: bool,
     preamble: list[str],
     is_quoted: bool,
     form: str | None,
@@ -94,16 +94,15 @@ def test_every_dialect_gives_the_same_signals(
     if separator == " " or (separator == "," and not quote):
         decimal = "." if separator == "," else decimal
         form = None if separator == " " or (form or "").endswith(',%f"') else form
-    columns = list(NAMES) if heading == "none" else order
     units = {"t": "ms", "p_Rail": "bar", "lift": "µm", "p_Line": "MPa"}
-    rows = [] if heading == "none" else [[*columns, *further]]
-    if heading == "names and units":
-        rows.append([*(units[name] for name in columns), *further])
+    rows = [[*order, *further]]
+    if has_units:
+        rows.append([*(units[name] for name in order), *further])
     for k in range(30):
-        rows.append([f"{quote}{cell}{quote}" for cell in (*cells(k, columns, decimal, form), *further)])
+        rows.append([f"{quote}{cell}{quote}" for cell in (*cells(k, order, decimal, form), *further)])
     path = write(tmp_path, ending.join([*preamble, *map(separator.join, rows), ""]), encoding)
     time = 'unit = "ms"' if form is None else form
-    recording = read(path, bench(tmp_path, text=PLACES if heading == "none" else COLUMNS, time=time))
+    recording = read(path, bench(tmp_path, time=time))
     result = signals(30)
     assert recording.samples == 30
     assert recording.sample_rate == RATE
@@ -265,18 +264,9 @@ def test_what_is_no_calendar_is_named(tmp_path: Path, time: str, cell: str | Non
     assert refused.value.remedy
 
 
-def test_places_that_are_not_there(tmp_path: Path) -> None:
-    rows = (row.rpartition(";")[0] for row in lines())
-    path = write(tmp_path, "\n".join(["made by a tool", *rows, ""]))
-    with pytest.raises(UserError, match="has numbers in columns 2, 3, 4, 1"):
-        read(path, bench(tmp_path, text=PLACES))
-
-
-def test_names_and_places_are_not_mixed(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="name all, or give places only"):
-        bench(tmp_path, text=PLACES.replace("column = 3", 'column = "lift"'))
-
-
-def test_a_file_without_names_is_told_of_places(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"column = 1, 2, \.\.\."):
-        read(write(tmp_path, "\n".join([*lines(), ""])), bench(tmp_path))
+def test_a_file_without_names_is_told_to_have_some(tmp_path: Path) -> None:
+    path = write(tmp_path, "\n".join([*lines(), ""]))
+    with pytest.raises(UserError, match="which must have a line of names"):
+        read(path, bench(tmp_path))
+    with pytest.raises(UserError, match="has no names above its numbers"):
+        open_recording(path)

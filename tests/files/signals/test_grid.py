@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from observer_rt.config.injector import Meaning
-from observer_rt.files.formats import open_recording
 from observer_rt.files.signals import csv_table, mapped_signals, mdf4_table, stream
 from observer_rt.foundation.errors import UserError
-from tests.files.signals.foreign import COLUMNS, RATE, bench, opened, read, signals, write_rows
+from tests.files.signals.foreign import RATE, bench, opened, read, signals, write_rows
 from tests.files.signals.test_mdf4_channels import write as mdf4
 
 reuse_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -214,14 +213,4 @@ def test_stamps_rounded_to_more_than_a_sample_are_to_blame(tmp_path: Path, digit
     path = write_rows(tmp_path, np.round(np.arange(400) * 2.0**-1 * 10.0**-digits, digits))
     with pytest.raises(UserError, match="its stamps are rounded") as raised:
         opened(path, tmp_path)
-    assert "write the time with more digits" in raised.value.remedy
-
-
-def test_the_first_sample_of_every_block_is_no_recording(tmp_path: Path) -> None:
-    path = tmp_path / "foreign.csv"
-    names = [f"p_Rail_{k:02}" for k in range(9)]
-    rows = [",".join(map(str, [k * 9e3 / RATE, *[1000.0] * 9, 0, 99.0])) for k in range(100)]
-    path.write_text("\n".join([",".join(["t", *names, "lift", "p_Line"]), *rows, ""]))
-    config = bench(tmp_path, text=COLUMNS.replace('"p_Rail"', '"p_Rail_00"')).injector
-    with pytest.raises(UserError, match="a row holds 9 samples, p_Rail_00 to p_Rail_08"):
-        open_recording(path, config)
+    assert "[recording] rate_hz" in raised.value.remedy

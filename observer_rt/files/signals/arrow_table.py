@@ -1,0 +1,144 @@
+"""Columns of Arrow by their names, with units from the metadata: of Parquet files, and of tables in memory."""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer_rt.config.injector import RecordingConfig
+from observer_rt.files.signals.stream import SAMPLES_AT_ONCE
+from observer_rt.files.signals.table import TIME, FileTable, Heading, Table, TablePart, Values, present
+from observer_rt.files.signals.time_axis import NO_MOMENT, seconds_since
+from observer_rt.foundation.errors import UserError
+
+READABLE = "give a complete Parquet file"
+_NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # in a unit of stamps
+
+
+class ArrowTable(Table):
+    """Columns by their names; units from the fields' metadata `unit`. Null is "not available".
+
+    Stamps of a calendar are in seconds from the first.
+    """
+
+    def __init__(self, path: Path, config: RecordingConfig, schema: Any, is_own: bool = False) -> None:
+        super().__init__(path, config, is_own)
+        self.mapped = present(path, self._wanted(), schema.names, is_own)
+        self.columns = {field.name: _unit(field) for field in schema}
+        self.units = {name: unit for name, each in self.mapped.items() if (unit := self.columns[each.column])}
+        self.rasters = (tuple(name for name in self.mapped if name != TIME),)
+        self.layout = f"{len(schema.names)} columns"
+        self._origin = 0
+        if TIME in self.mapped and _is_calendar(schema.field(self.mapped[TIME].column).type):
+            self.units[TIME] = "s"
+            moments = (_moments(batch.column(0)) for batch in self._batches([self.mapped[TIME].column]))
+            stamped = (each[each != NO_MOMENT] for each in moments)
+            self._origin = next((int(each[0]) for each in stamped if each.size), 0)
+            self.origin = self._origin / 1e9
+
+    @abstractmethod
+    def _batches(self, names: Sequence[str]) -> Iterator[Any]:
+        """Record batches of some columns, in that order, read anew."""
+
+    def parts(self, raster: int) -> Iterator[TablePart]:
+        """Batches of rows."""
+        names = list(dict.fromkeys(column.column for column in self.mapped.values()))
+        row = 0
+        for batch in self._batches(names):
+            columns = {name: self._numbers(batch.column(place), name) for place, name in enumerate(names)}
+            yield self._part({name: columns[each.column] for name, each in self.mapped.items()}, row)
+            row += batch.num_rows
+
+    def location(self, row: int, raster: int) -> str:
+        """Place of a row: its number."""
+        return f"{self.path}, row {row}"
+
+    def _numbers(self, column: Any, name: str) -> Values:
+        """An array of Arrow as doubles. Raises `UserError` for other types."""
+        import pyarrow
+
+        if _is_calendar(column.type):
+            return seconds_since(self._origin, _moments(column))
+        if not _is_number(column.type):
+            location = f"{self.path}, column {name}"
+            raise UserError(location, f"holds {column.type}, no numbers", "map a column of numbers")
+        doubles = column.cast(pyarrow.float64(), safe=False)
+        return np.array(doubles.to_numpy(zero_copy_only=False), np.float64)
+
+
+class ParquetTable(ArrowTable, FileTable):
+    """A Parquet file."""
+
+    def __init__(self, path: Path, config: RecordingConfig, is_own: bool = False) -> None:
+        with _opened(path) as file:
+            super().__init__(path, config, file.schema_arrow, is_own)
+
+    @staticmethod
+    def headings(path: Path) -> Sequence[Heading]:
+        """Headings of the columns of numbers and moments."""
+        with _opened(path) as file:
+            return headings_of(file.schema_arrow)
+
+    def _batches(self, names: Sequence[str]) -> Iterator[Any]:
+        with _opened(self.path) as file:
+            # one thread: those of a pool would keep 25 MB, and are no faster for so few rows
+            for batch in file.iter_batches(SAMPLES_AT_ONCE, columns=list(names), use_threads=False):
+                yield batch.select(list(names))
+
+
+def headings_of(schema: Any) -> list[Heading]:
+    """Headings of the columns of numbers and moments of an Arrow schema."""
+    return [
+        Heading(each.name, _unit(each), None, _is_calendar(each.type))
+        for each in schema
+        if _is_calendar(each.type) or _is_number(each.type)
+    ]
+
+
+def _is_calendar(kind: Any) -> bool:
+    return str(kind).startswith(("timestamp", "duration"))
+
+
+def _is_number(kind: Any) -> bool:
+    from pyarrow import types
+
+    checks = types.is_integer, types.is_floating, types.is_decimal, types.is_boolean
+    return any(check(kind) for check in checks)
+
+
+def _moments(column: Any) -> NDArray[np.int64]:
+    """Stamps of a calendar as nanoseconds, `NO_MOMENT` for null."""
+    import pyarrow
+
+    stamps = column.cast(pyarrow.int64())
+    result: NDArray[np.int64] = (
+        stamps.fill_null(0).to_numpy(zero_copy_only=False) * _NANOSECONDS[column.type.unit]
+    )
+    return np.where(stamps.is_valid().to_numpy(zero_copy_only=False), result, NO_MOMENT)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A file to read. Raises `UserError` for a damaged one."""
+    with path.open("rb"):  # whose errors are the usual ones; pyarrow reads its own files faster
+        pass
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        with (
+            pyarrow.OSFile(str(path)) as opened,
+            pyarrow.parquet.ParquetFile(opened, pre_buffer=False, page_checksum_verification=True) as file,
+        ):
+            yield file
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
+        raise UserError(str(path), f"a damaged Parquet file: {error}", READABLE) from None
+
+
+def _unit(field: Any) -> str:
+    metadata: Mapping[bytes, bytes] = field.metadata or {}
+    return metadata.get(b"unit", b"").decode("utf-8", "replace").strip()

@@ -19,7 +19,7 @@ FORMATS = {".log": True, ".blf": True, ".asc": True, ".trc": False, ".mf4": True
 
 @st.composite
 def log_frames(draw: st.DrawFn, suffix: str, start: int = START) -> list[LogFrame]:
-    """Frames in order of time that a format can hold, to the microsecond, on the channels 1 and 2."""
+    """Frames in order of time that a format can hold, on the channels 1 and 2."""
     frames = []
     stamp = start
     for step in draw(st.lists(st.integers(0, 10**10), max_size=30)):
@@ -30,7 +30,7 @@ def log_frames(draw: st.DrawFn, suffix: str, start: int = START) -> list[LogFram
         frame = Frame(
             draw(st.integers(0, 0x1FFFFFFF if is_extended else 0x7FF)),
             draw(st.binary(min_size=length, max_size=length)),
-            stamp // 1000 * 1000,
+            stamp if suffix == ".log" else stamp // 1000 * 1000,
             is_extended,
             is_fd,
             is_fd and draw(st.booleans()),

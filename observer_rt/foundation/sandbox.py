@@ -59,11 +59,9 @@ class _Kind(StrEnum):
     ITEM = "item"
     END = "end"
     USER_ERROR = "user error"
-    SYSTEM_ERROR = "system error"
     FAILURE = "failure"
 
 
-_SYSTEM_ERROR: TypeAdapter[tuple[int, str]] = TypeAdapter(tuple[int, str])
 _USER_ERROR: TypeAdapter[tuple[str, str, str]] = TypeAdapter(tuple[str, str, str])
 
 
@@ -74,7 +72,7 @@ def run_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterat
     them), lists, tuples and dictionaries with keys of text. Tuples, named ones too, come as lists; anything else is
     a `TypeError` of the function. The arguments are the same, but for arrays.
 
-    Raises what it raises if that is a `UserError` or `OSError`, `WorkerError` however else it ends early.
+    Raises what it raises if that is a `UserError`, `WorkerError` however else it ends early.
     """
     with tempfile.TemporaryDirectory(prefix="observer_rt-", ignore_cleanup_errors=True) as scratch:
         request = _Request(module, function, str(path), arguments, str(Path.cwd()), scratch, CPU_SECONDS)
@@ -86,8 +84,6 @@ def run_apart(module: str, function: str, path: Path, *arguments: Any) -> Iterat
                     return
                 if kind is _Kind.USER_ERROR:
                     raise UserError(*checked(_USER_ERROR, content))
-                if kind is _Kind.SYSTEM_ERROR:
-                    raise OSError(*checked(_SYSTEM_ERROR, content))
                 if kind is _Kind.FAILURE:
                     raise WorkerError(str(content))
                 yield content
@@ -209,11 +205,6 @@ def _work(request: _Request, answers: int) -> NoReturn:
                 end: tuple[Any, ...] = (_Kind.END, None)
             except UserError as error:
                 end = (_Kind.USER_ERROR, (error.location, error.problem, error.remedy))
-            except OSError as error:
-                if error.errno is None:
-                    end = (_Kind.FAILURE, f"{type(error).__name__}: {error}")
-                else:
-                    end = (_Kind.SYSTEM_ERROR, (error.errno, error.strerror or ""))
             except Exception as error:  # whatever foreign code raises
                 end = (_Kind.FAILURE, f"{type(error).__name__}: {error}")
             write_message(pipe, end)

@@ -6,7 +6,6 @@
 import os
 import re
 from collections.abc import Iterator
-from datetime import datetime
 from pathlib import Path
 
 from observer_rt.bus.can_frame import BIT_RATE_SWITCH, ERROR_FLAG, ERROR_STATE
@@ -28,7 +27,7 @@ _LINE = re.compile(
     re.IGNORECASE,
 )
 _SCREEN_LINE = re.compile(
-    r"(?:\((?P<stamp>\d+\.\d{6,9}|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6,9})\)\s+)?(?P<channel>[^\s\ufffd]+)\s+"
+    r"(?:\((?P<stamp>\d+\.\d{6,9})\)\s+)?(?P<channel>[^\s\ufffd]+)\s+"
     r"(?:(?P<direction>TX|RX) (?P<switch>[B-]) (?P<state>[E-])\s+)?"
     r"(?P<id>[0-9A-F]{3}|[0-9A-F]{8})\s+\[(?P<length>\d{1,2})\]"
     r"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2})*)(?:\s+(?:'.*'|ERRORFRAME))?)"
@@ -81,9 +80,9 @@ class CandumpLog(TextLogReader):
         match = _SCREEN_LINE.fullmatch(text)
         if match is None:
             raise ValueError
-        stamp = _screen_stamp(match["stamp"])
+        stamp = text_nanoseconds(match["stamp"] or "0.0")
         if stamp < EARLIEST_DATE:
-            problem = "this is candump's screen output without absolute times, not a log"
+            problem = "this is candump's screen output without seconds since 1970, not a log"
             self.refuse(number, problem, "record with candump -l, or print with candump -ta")
         if not match["remote"] and len(match["data"].split()) != int(match["length"]):
             raise ValueError
@@ -103,15 +102,6 @@ class CandumpLog(TextLogReader):
             return None
         frame = Frame(identifier, bytes.fromhex(match["data"]), stamp, is_extended, is_fd, switch, state)
         return LogFrame(frame, match["channel"], (match["direction"] or "").startswith("T"))
-
-
-def _screen_stamp(text: str | None) -> int:
-    """Nanoseconds since 1970, 0 without a stamp."""
-    if text is None or "-" not in text:
-        return text_nanoseconds(text or "0.0")
-    date, _, fraction = text.partition(".")
-    moment = datetime.strptime(date, "%Y-%m-%d %H:%M:%S")  # local time, as it is printed
-    return int(moment.timestamp()) * NANOSECONDS + text_nanoseconds(f"0.{fraction}")
 
 
 class CandumpWriter(LogWriter):

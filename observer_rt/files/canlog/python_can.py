@@ -30,8 +30,8 @@ _TRC_PLACES: dict[str, tuple[int | None, int]] = {  # of the kind and of the dat
 _TRC_FRAMES = ("DT", "FD", "FB", "FE", "BI", "RR", "Rx", "Tx")
 _TRC_EXPORT = "export it from PEAK's tools as version 2.1"
 _ASC_TIME = re.compile(r"-?\d+(?:[.,]\d+)?")
-_ASC_REMOTE, _ASC_FD = 0x10, 0x1000  # flags of CAN FD lines
-_ASC_AFTER_DATA = 4  # words of a CAN FD line from its data to its flags, which comes third
+_ASC_FD = 0x1000  # among the flags of a CAN FD line, third behind its data
+_NUMBER = re.compile(r"[0-9A-Fa-f]+[xX]?")
 _BYTE = re.compile(r"[0-9A-Fa-f]{1,2}|\d{3}")
 
 
@@ -52,7 +52,7 @@ class PythonCanLog(TextLogReader):
                 self._is_open = False
                 if message.is_error_frame:
                     self.error_frames += 1
-                elif self._is_remote(message):
+                elif message.is_remote_frame:
                     self.remote_frames += 1
                 else:
                     entry = self._frame(message)
@@ -72,9 +72,6 @@ class PythonCanLog(TextLogReader):
                 yield line
                 if self._is_open:
                     self._pass_over(text.split())
-
-    def _is_remote(self, message: can.Message) -> bool:
-        return message.is_remote_frame
 
     @abstractmethod
     def _prepared(self, text: str) -> tuple[list[str], str]:
@@ -105,6 +102,7 @@ class AscLog(PythonCanLog):
     """Reader of the text of Vector's tools, by its own times: python-can heeds neither a sign nor `relative`.
 
     Dates are local time; where one is not understood, times count from the start of the log, and `notes` reports it.
+    Empty CAN FD frames count as remote ones, as python-can has them.
     """
 
     kind = "an ASC log"
@@ -167,49 +165,33 @@ class AscLog(PythonCanLog):
                 self.remarks.append(f"line {self._number}: date '{date}' not understood, times count from 0")
 
     def _pass_over(self, words: list[str]) -> None:
-        if words[1].upper() == "CANFD" or (words[1].isdigit() and len(words) < 5 and _is_number(words[2])):
+        if words[1].upper() == "CANFD" or (
+            words[1].isdigit() and len(words) < 5 and _NUMBER.fullmatch(words[2])
+        ):
             raise ValueError  # what is left of a frame
         self.other_entries += " ".join(words[1:]).lower() != "start of measurement"
-
-    def _is_remote(self, message: can.Message) -> bool:
-        """python-can takes an empty frame of CAN FD for a remote one; so does this."""
-        return message.is_remote_frame or (
-            message.is_fd and self._fd_flags(len(message.data)) & (_ASC_REMOTE | _ASC_FD) == _ASC_REMOTE
-        )
-
-    def _fd_flags(self, size: int) -> int:
-        """Flags of a CAN FD line, on which there may be classic frames, too."""
-        after = self._text.split()[self._fd_place + 4 + size :]
-        return int(after[2], 16) if len(after) >= _ASC_AFTER_DATA else _ASC_FD
-
-    @property
-    def _fd_place(self) -> int:
-        """Place of the bit rate switch in a CAN FD line: a name may stand after the identifier."""
-        return 5 if self._text.split()[5] in ("0", "1") else 6
 
     def _frame(self, message: can.Message) -> LogFrame | None:
         words, size, is_fd = self._text.split(), len(message.data), False
         if message.is_fd:
-            at = self._fd_place
-            first = at + 4
-            is_fd = bool(self._fd_flags(size) & _ASC_FD) or size > CLASSIC_LENGTH
-            is_whole = size == int(words[at + 3]) and (not is_fd or size == length_of(int(words[at + 2], 16)))
+            switch = 5 if words[5] in ("0", "1") else 6  # a name may stand after the identifier
+            first = switch + 4
+            flags = words[first + size + 2 : first + size + 3]  # there may be classic frames, too
+            is_fd = not flags or bool(int(flags[0], 16) & _ASC_FD) or size > CLASSIC_LENGTH
+            length, code = int(words[switch + 3]), int(words[switch + 2], 16)
+            is_whole = size == length and (not is_fd or size == length_of(code))
         else:
             first = 6
             more = _BYTE.fullmatch("".join(words[first + size : first + size + 1]))
             is_whole = words[4].lower() == "d" and size == min(message.dlc, CLASSIC_LENGTH) and not more
-        comment = " ".join(words[first + size :]).lower().partition("//")[0]
+        after = " ".join(words[first + size :]).lower().partition("//")[0]
         if not is_whole or not {"rx", "tx"}.isdisjoint(
-            comment.split()
+            after.split()
         ):  # the end of a line, and more, is missing
             raise ValueError
         if self._base == "hex" and any(len(word) != 2 for word in words[first : first + size]):
             raise ValueError
         return _log_frame(message, self._start + self._time, is_fd, words[1 + message.is_fd])
-
-
-def _is_number(word: str) -> bool:
-    return re.fullmatch(r"[0-9A-Fa-f]+[xX]?", word) is not None
 
 
 class TrcLog(PythonCanLog):

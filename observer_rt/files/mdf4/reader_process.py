@@ -20,9 +20,10 @@ def mdf4_apart(module: str, function: str, path: Path, kind: TypeAdapter[T], *ar
     Raises `UserError` naming the file.
     """
     require("asammdf")
-    with file_errors(path):
-        try:
-            for answer in run_apart(module, function, path, *arguments):
-                yield checked(kind, answer)
-        except WorkerError as error:
-            raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
+    with file_errors(path), path.open("rb"):  # whose errors are the usual ones
+        pass
+    try:
+        for answer in run_apart(module, function, path, *arguments):
+            yield checked(kind, answer)
+    except WorkerError as error:
+        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None

@@ -133,7 +133,7 @@ def dialect_of(path: Path, config: RecordingConfig | None, is_own: bool = False)
         tuple(_units(behind, best.above[heading + 1 : first])),
         places,
         heading + 1,
-        first,
+        heading + 1 if is_own else first,  # nothing stands between in our own layout
         rows,
     )
 

@@ -190,12 +190,9 @@ class Result:
         return [report.commanded.command if report.commanded else None for report in self.reports]
 
     @property
-    def energized(self) -> tuple[list[int | None], list[int], list[int]]:
-        """Numbers of the injections' commands, of commands without an injection, of injections without a command."""
-        missing, uncommanded = (
-            [m.number for m in self.notes.mismatches if m.is_missing is so] for so in (True, False)
-        )
-        return self.commands, missing, uncommanded
+    def energized(self) -> tuple[list[int | None], list[int]]:
+        """Numbers of the injections' commands, and of commands without an injection."""
+        return self.commands, [each.command for each in self.notes.missing]
 
     @property
     def rate_frames(self) -> Iterator[tuple[int, dict[str, int], list[int]]]:

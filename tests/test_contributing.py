@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from observer_rt.daemon.persistence.journal import COLUMNS
+from observer_rt.daemon.journal import COLUMNS
 from observer_rt.engine.reports.injection_report import INDICATORS
 
 ROOT = Path(__file__).parents[1]
@@ -25,7 +25,7 @@ ROW = reports.Field("volume_mm3", float, lambda report, _: report.volume / 1e-9,
 reports.FIELDS = (*reports.FIELDS, ROW)
 
 from observer_rt.config.bench import load_injector
-from observer_rt.daemon.persistence.journal import COLUMNS
+from observer_rt.daemon.journal import COLUMNS
 from observer_rt.desk.evaluation.curves import SHOWN
 from observer_rt.desk.fleet.job import SCHEMA
 from observer_rt.model.effects import effective_model

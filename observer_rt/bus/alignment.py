@@ -218,25 +218,16 @@ class MessageTiming:
             return f"{self.name}: too few frames to tell their times"
         drift = f"drift {self.drift * 1e6:+.1f} ppm"
         if abs(self.drift) >= LARGEST_DRIFT:
-            drift = f"sent at {1.0 / (1.0 + self.drift):.3g} times its rate"
-        placed = f"by its clock, its samples are placed to {self.unknown / MICROSECOND:.2g} us"
+            drift = f"sent at {1.0 / (1.0 + self.drift):.3g} times sampling.rate_hz"
+        placed = f"samples are placed by its clock to {self.unknown / MICROSECOND:.2g} us"
         if self.unknown == 0.0:
-            placed = "no effect, samples are counted"
-            if abs(self.drift) >= LARGEST_DRIFT:
-                placed = "right if a recording is replayed at that speed, else correct sampling.rate_hz"
+            placed = "samples are counted"
         elif math.isinf(self.unknown):
-            placed = "its samples cannot be placed: its clock is not known yet"
-        late, jitter = _time_text(self.jitter.greatest), _time_text(self.jitter.sigma)
-        return f"{self.name}: frames came late by up to {late}, their jitter is {jitter}, {drift}; {placed}"
-
-
-def _time_text(seconds: float) -> str:
-    """Text of a time [s], in the unit that suits it."""
-    if seconds >= 1.0:
-        return f"{seconds:.6g} s"
-    if seconds >= 1 * MILLISECOND:
-        return f"{seconds / MILLISECOND:.3g} ms"
-    return f"{seconds / MICROSECOND:.1f} us"
+            placed = "its clock is not known yet"
+        late, jitter = self.jitter.greatest / MILLISECOND, self.jitter.sigma / MICROSECOND
+        return (
+            f"{self.name}: frames came late by up to {late:.3g} ms, jitter {jitter:.1f} us, {drift}; {placed}"
+        )
 
 
 def timing_of(bus: BusMap, keeping: Timekeeping) -> tuple[MessageTiming, ...]:

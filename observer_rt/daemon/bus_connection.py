@@ -4,18 +4,17 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.links.descriptor import IdleLink
 from observer_rt.bus.links.link import BusState, Link, LinkDownError, condition_messages
-from observer_rt.bus.links.opening import Outage, first_heard, open_link
+from observer_rt.bus.links.opening import RECONNECT_PERIOD, IdleLink, first_heard, open_link
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.input_monitoring.arrivals import message_text, twins_of
-from observer_rt.daemon.input_monitoring.input_watch import REMEDY
+from observer_rt.daemon.arrivals import message_text, twins_of
+from observer_rt.daemon.input_watch import OTHER_SENDER
 from observer_rt.engine.reports.news import Listener, Notice
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.words import Topic
@@ -79,7 +78,7 @@ class LinkOpening:
                     for layout in self.bus.sent
                     if (layout.bus, layout.frame_id) == (on, frame.frame_id)
                 )
-                text = f"another node sends {name} already\n  remedy: {REMEDY}"
+                text = f"another node sends {name} already\n  remedy: {OTHER_SENDER}"
                 self.tell(Notice(Topic.SENDER, text))
 
     def _when_there(self, number: int, wanted: list[tuple[int, bool]], computer_time: bool) -> Link:
@@ -112,97 +111,12 @@ def _on(number: int, layouts: Iterable[MessageLayout]) -> list[tuple[int, bool]]
     return [(layout.frame_id, layout.is_extended) for layout in layouts if layout.bus == number]
 
 
-class Outbox:
-    """Sends frames in order as the link has room; keeps `CAPACITY`, gives up the oldest of more."""
-
-    def __init__(self, link: Link) -> None:
-        self.link = link
-        """Link by which frames are sent."""
-        self._waiting: deque[OutputFrame] = deque()
-        self.unsent = 0
-        """Frames given up."""
-
-    def __len__(self) -> int:
-        """Frames that wait for room."""
-        return len(self._waiting)
-
-    def post(self, frames: Iterable[OutputFrame]) -> None:
-        """Send frames, or let them wait. Raises what `Link.try_send` raises; nothing is sent twice then."""
-        self._waiting.extend(frames)
-        self.flush()
-        while len(self._waiting) > CAPACITY:
-            self._waiting.popleft()
-            self.unsent += 1
-
-    def flush(self) -> None:
-        """Sends what waits as far as there is room. Raises as `post` does."""
-        waiting, try_send = self._waiting, self.link.try_send
-        while waiting:
-            frame = waiting[0]
-            if not try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
-                return
-            waiting.popleft()
-
-    def drain(self, patience: float) -> None:
-        """Send all that waits, for at most `patience` [s]; give up the rest. Raises as `post` does."""
-        end = time.monotonic() + patience
-        self.flush()
-        while self._waiting and time.monotonic() < end:
-            time.sleep(RETRY)
-            self.flush()
-        self.discard()
-
-    def discard(self) -> None:
-        """Give up all that waits."""
-        self.unsent += len(self._waiting)
-        self._waiting.clear()
-
-
-class LinkWatch:
-    """Reports what has changed since the last time: the controller's condition, frames lost and results unsent."""
-
-    def __init__(self, channel: str, link: Link, outbox: Outbox) -> None:
-        self._channel, self._link, self._outbox = channel, link, outbox
-        self._condition, self._dropped = link.condition, link.dropped
-        self._next = 0
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """Begins anew once the link is up again: what was not sent meanwhile is not reported."""
-        self._unsent = self._outbox.unsent
-
-    def look(self, now: int) -> list[Notice]:
-        """Notices at a monotonic time [ns]; none within `PERIOD` after the last."""
-        if now < self._next:
-            return []
-        is_well = self._link.condition.state is BusState.ACTIVE
-        notices = [
-            Notice(Topic.LINK, text, is_well)
-            for text in condition_messages(self._channel, self._condition, self._link.condition)
-        ]
-        self._condition = self._link.condition
-        if dropped := self._link.dropped - self._dropped:
-            self._dropped += dropped
-            text = (
-                f"{dropped} frames of {self._channel} were lost before this process could read them\n"
-                "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
-            )
-            notices.append(Notice(Topic.LINK, text))
-        if unsent := self._outbox.unsent - self._unsent:
-            self._unsent += unsent
-            text = (
-                f"{unsent} results were not sent, the transmit queue of {self._channel} is full\n"
-                "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
-                f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
-            )
-            notices.append(Notice(Topic.LINK, text))
-        if notices:
-            self._next = now + round(PERIOD * 1e9)
-        return notices
-
-
 class Port:
-    """A link that is up, or down and being reconnected. Nothing here waits: other buses go on meanwhile."""
+    """A link that is up, or down and being reconnected, and the results that wait for room on it.
+
+    Results are sent in order; of more than `CAPACITY` the oldest are given up. Nothing here waits: other buses go on
+    meanwhile.
+    """
 
     def __init__(
         self, label: str, channel: str, link: Link, has_inputs: bool, tell: Callable[[Notice], None]
@@ -216,29 +130,26 @@ class Port:
         self.has_inputs = has_inputs
         self.outages = 0
         """Number of times the interface went down or away."""
+        self.unsent = 0
+        """Results given up because the link had no room for them, or was down."""
         self.down, self.down_since = "", 0
         """Why it is down, empty: it is not; since when, by the monotonic clock [ns]."""
-        self._outbox = Outbox(link)
-        self._watch = LinkWatch(channel, link, self._outbox)
+        self.is_up = True
+        """Whether the link can be used."""
+        self._channel = channel
         self._tell = tell
-        self._outage: Outage | None = None
+        self._waiting: deque[OutputFrame] = deque()
+        self._attempt: Future[None] | None = None  # to reconnect
+        self._due = 0.0  # of the next one
+        self._condition, self._dropped, self._reported_unsent = link.condition, link.dropped, 0
+        self._next_report = 0
         self._is_reported = False
         self._last_outage = ("", -SILENCE)  # what was the matter, and when
 
     @property
-    def is_up(self) -> bool:
-        """Whether the link can be used."""
-        return self._outage is None
-
-    @property
     def is_waiting(self) -> bool:
         """Whether results wait for room."""
-        return self.is_up and bool(self._outbox)
-
-    @property
-    def unsent(self) -> int:
-        """Results given up because the link had no room for them, or was down."""
-        return self._outbox.unsent
+        return self.is_up and bool(self._waiting)
 
     @property
     def troubles(self) -> int:
@@ -254,49 +165,101 @@ class Port:
     def post(self, frames: Iterable[OutputFrame], by: Link) -> None:
         """Send results as there is room; while the link is down they are given up. Raises as `Link.try_send`.
 
-        by: the link, or what sends for it.
+        by: the link, or what sends for it. Nothing is sent twice, whatever is raised.
         """
-        self._outbox.link = by
-        if self.is_up:
-            self._outbox.post(frames)
-        else:
-            self.count_unsent(len(list(frames)))
+        self._waiting.extend(frames)
+        if not self.is_up:
+            self.discard()
+        self._flush(by)
+        while len(self._waiting) > CAPACITY:
+            self._waiting.popleft()
+            self.unsent += 1
 
     def count_unsent(self, frames: int) -> None:
         """Counts results given up by whoever sends them without this port."""
-        self._outbox.unsent += frames
+        self.unsent += frames
 
-    def drain(self, patience: float) -> None:
+    def drain(self, patience: float, by: Link) -> None:
         """Send what waits, for at most `patience` [s]; give up the rest. Raises as `post`."""
-        if self.is_up:
-            self._outbox.drain(patience)
-        self._outbox.discard()
+        end = time.monotonic() + patience
+        self._flush(by)
+        while self._waiting and time.monotonic() < end:
+            time.sleep(RETRY)
+            self._flush(by)
+        self.discard()
+
+    def discard(self) -> None:
+        """Give up all that waits."""
+        self.unsent += len(self._waiting)
+        self._waiting.clear()
+
+    def _flush(self, by: Link) -> None:
+        """Sends what waits as far as there is room."""
+        waiting = self._waiting
+        while waiting:
+            frame = waiting[0]
+            if not by.try_send(frame.frame_id, frame.payload, frame.is_extended, frame.is_fd):
+                return
+            waiting.popleft()
 
     def tell(self, now: int) -> None:
-        """Reports what has changed, at a monotonic time [ns]."""
-        if self.is_up:
-            for notice in self._watch.look(now):
-                self._tell(notice)
+        """Reports what has changed, at a monotonic time [ns]; nothing within `PERIOD` after the last."""
+        if not self.is_up or now < self._next_report:
+            return
+        is_well = self.link.condition.state is BusState.ACTIVE
+        notices = [
+            Notice(Topic.LINK, text, is_well)
+            for text in condition_messages(self._channel, self._condition, self.link.condition)
+        ]
+        self._condition = self.link.condition
+        if dropped := self.link.dropped - self._dropped:
+            self._dropped += dropped
+            text = (
+                f"{dropped} frames of {self._channel} were lost before this process could read them\n"
+                "  remedy: give it a processor of its own (taskset) and real-time priority (chrt)"
+            )
+            notices.append(Notice(Topic.LINK, text))
+        if unsent := self.unsent - self._reported_unsent:
+            self._reported_unsent += unsent
+            text = (
+                f"{unsent} results were not sent, the transmit queue of {self._channel} is full\n"
+                "  remedy: check that another node acknowledges, the bus load, and the length of the queue "
+                f"(SocketCAN: sudo ip link set {self._channel} txqueuelen 1000)"
+            )
+            notices.append(Notice(Topic.LINK, text))
+        if notices:
+            self._next_report = now + round(PERIOD * 1e9)
+        for notice in notices:
+            self._tell(notice)
 
     def go_down(self, error: LinkDownError) -> None:
         """Takes the failed link for down until `mend`. What waits is given up: it would be too old for anybody."""
-        self._outage = Outage(self.link)
+        self.is_up = False
+        self._due = time.monotonic() + RECONNECT_PERIOD
         self.outages += 1
         self.down, self.down_since = str(error), time.monotonic_ns()
-        self._outbox.discard()
+        self.discard()
         self._is_reported = self._tell_outage(str(error))
 
     def mend(self, executor: Executor) -> bool:
-        """Tries to reconnect, in the executor; returns whether the link is up again."""
+        """Tries to reconnect, in the executor, when that is due; returns whether the link is up again.
+
+        Raises `RunError` for a link that failed for good.
+        """
+        attempt = self._attempt
+        if attempt is None or not attempt.done():
+            if attempt is None and time.monotonic() >= self._due:
+                self._attempt = executor.submit(self.link.reconnect)
+            return False
+        self._attempt, self._due = None, time.monotonic() + RECONNECT_PERIOD
         try:
-            if self._outage is not None and not self._outage.is_over(executor):
-                return False
+            attempt.result()
         except LinkDownError as error:
             self.down = str(error)
             self._is_reported = self._tell_outage(str(error)) or self._is_reported
             return False
-        self._outage, self.down = None, ""
-        self._watch.begin_anew()
+        self.is_up, self.down = True, ""
+        self._reported_unsent = self.unsent  # what was not sent meanwhile is not reported
         if self._is_reported:
             self._tell(Notice(Topic.LINK, f"{self.label} is back", is_over=True))
         return True

@@ -88,7 +88,7 @@ def connected(kept: Path) -> socket.socket | None:
             daemon.connect(address)
             return daemon
     except (FileNotFoundError, ConnectionRefusedError):
-        from observer_rt.daemon.persistence.keeper import is_written  # rarely needed, and much
+        from observer_rt.daemon.keeper import is_written  # rarely needed, and much
 
         if not is_written(kept):
             return None

@@ -11,26 +11,21 @@ from observer_rt.bus.links.opening import BusDownError
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import Bench
 from observer_rt.config.signals import Role
+from observer_rt.daemon.arrivals import SECOND
 from observer_rt.daemon.bus_connection import RETRY, Port, buses_of
-from observer_rt.daemon.input_monitoring.arrivals import SECOND
-from observer_rt.daemon.input_monitoring.input_watch import PERIOD as LOOK_PERIOD
-from observer_rt.daemon.input_monitoring.input_watch import (
-    InputWatch,
-    LearningWatch,
-    RestartWatch,
-    StateWatch,
-)
-from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.daemon.pump.memory import Latency
-from observer_rt.daemon.pump.pump import FramePump
+from observer_rt.daemon.input_watch import PERIOD as LOOK_PERIOD
+from observer_rt.daemon.input_watch import InputWatch, StateWatch
+from observer_rt.daemon.pump import FramePump
+from observer_rt.daemon.pump_memory import Latency
 from observer_rt.daemon.rights import take_time, touch
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener, Notice, fan_out
 from observer_rt.engine.service.core import Core, status_parts
 from observer_rt.engine.service.messages import FrameWriter, OutputFrame
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, contested, state_of_service
-from observer_rt.engine.words import Topic
+from observer_rt.engine.words import REASONS, Topic
 
 RECEIVE_TIMEOUT = 0.02  # s, after which the loop looks at its clock and its stop signal
 INPUT_TIMEOUT = 0.5  # s without an input frame: waiting for data
@@ -80,8 +75,7 @@ class Daemon:
         self.arrivals = self._watch.arrivals
         """Arrivals of all input messages, by the monotonic clock, and of others under our identifiers."""
         self._state_watch = StateWatch(self.arrivals)
-        self._restart_watch = RestartWatch(self.arrivals)
-        self._learning_watch = LearningWatch()
+        self._restarts = 0  # of measuring devices
         self._status_writer = FrameWriter(bus.results_of(per_injection=False))
         self._status_period = round(bench.injector.config.outputs.status_period_ms * 1e6)
         self._hashes = (int(model_hash(bench.injector.parameters)[:8], 16), database_hash(bench.databases))
@@ -157,10 +151,10 @@ class Daemon:
         if not self._down:
             for notice in self._watch.look(now):
                 self._tell(notice)
-        for notice in self._restart_watch.look(self.core.progress, self.core.counters.restarts):
-            self._tell(notice)
-        for notice in self._learning_watch.look(now, self.core.learning_from):
-            self._tell(notice)
+        before, self._restarts = self._restarts, self.core.counters.restarts
+        if self._restarts > before:
+            words = REASONS[Reason.DEVICE_RESTARTED]
+            self._tell(Notice(Topic.INPUT, f"{words.what}\n  remedy: {words.remedy}"))
         for notice in self._state_watch.look(now, self.standing(now), self._watch.causes):
             self._tell(notice)
         if self._pump.goes_round():
@@ -188,7 +182,7 @@ class Daemon:
         self._post(self._status(time.monotonic_ns()))
         for bus, port in enumerate(self.ports):
             try:
-                port.drain(LAST_FRAMES)
+                port.drain(LAST_FRAMES, self._pump.sender(bus))
             except LinkDownError as error:
                 self._lose(bus, error)
 

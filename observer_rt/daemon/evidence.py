@@ -15,8 +15,8 @@ from typing import IO, NamedTuple
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import effects_after_alignment
 from observer_rt.daemon.control_socket import OBSERVER
-from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.evidence import LEAD, EventEvidence, EventInputs, event_inputs, evidence_of
 from observer_rt.engine.reports.injection_report import InjectionReport, injection_record
 from observer_rt.engine.reports.news import News

@@ -21,7 +21,7 @@ from rich.console import Console
 
 from observer_rt.engine.estimation.scalars import NOZZLE, OFFSET
 from observer_rt.engine.reports.injection_report import InjectionReport, beyond_learned, injection_record
-from observer_rt.engine.reports.news import MeasuredMass, Mismatch, News, Notice
+from observer_rt.engine.reports.news import MeasuredMass, MissingInjection, News, Notice
 from observer_rt.engine.stream.state import Reason
 from observer_rt.engine.stream.validity import OF_MODEL
 from observer_rt.engine.words import TOPICS, Topic, named
@@ -257,7 +257,7 @@ class EventLogger:
                 self._log.record(self._named | record)
             case MeasuredMass():
                 self._log.say(Topic.MEASURED, news.as_text())
-            case Mismatch():
+            case MissingInjection():
                 self._log.say(Topic.ENERGIZING, news.as_text())
             case Notice():
                 self._log.say(news.topic, news.text, news.is_over)

@@ -11,15 +11,18 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Thread
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench, changes, content_of
 from observer_rt.daemon.control_socket import Message, Requests, control_socket, socket_places
-from observer_rt.daemon.persistence.state_file import model_hash
 from observer_rt.daemon.snapshot import SNAPSHOT
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.console import SignalledEvent, StopRequest
 from observer_rt.foundation.errors import ObserverError, RunError, UserError
+
+if TYPE_CHECKING:
+    from observer_rt.daemon.run import InjectorService
 
 Answer = Callable[[Message], Iterator[bytes]]
 RELOAD = "reload"  # name of the request; `model` in it and in the answer: SHA-256
@@ -27,18 +30,6 @@ _LOOK = 0.05  # s between two looks at what is asked for
 _TURN = 0.001  # s between two looks whether an injection is under way
 _PATIENCE = 2.0  # s that one is waited for
 _LONGEST = 45.0  # s until an answer
-
-
-class Reloadable(Protocol):
-    """An injector that is observed."""
-
-    @property
-    def model(self) -> str:
-        """SHA-256 of its model, hexadecimal."""
-
-    @property
-    def is_between_events(self) -> bool:
-        """Whether no injection is under way."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +94,7 @@ class Reloading:
 
     @contextmanager
     def watching(
-        self, bench: Bench, service: Reloadable
+        self, bench: Bench, service: "InjectorService"
     ) -> Iterator[tuple[Event, Callable[[], Bench | None]]]:
         """An event that ends the service, and the bench that is then to take its place, if one is.
 

@@ -112,15 +112,10 @@ def _raise_limit(which: int) -> None:
 
 @dataclass(frozen=True)
 class Processors:
-    """CPUs of the loops. own: theirs, in turn; refused: asked for in vain.
-
-    are_isolated: Linux keeps everything else off them; are_shared: Python has no others.
-    """
+    """CPUs of the loops. own: theirs, in turn; refused: asked for in vain."""
 
     own: tuple[int, ...] = ()
     refused: tuple[int, ...] = ()
-    are_isolated: bool = False
-    are_shared: bool = False
 
     def of(self, loop: int) -> int | None:
         """CPUs at which loop number `loop` (0, 1, ...) is to stay, None: any."""
@@ -128,12 +123,7 @@ class Processors:
 
     def as_text(self) -> str:
         """Describes them in a few words."""
-        if not self.own:
-            return "no CPU of its own for the loop"
-        text = f"the loop on CPU {_listed(self.own)}"
-        if self.are_shared:
-            return f"{text}, with Python on it, too"
-        return f"{text}, isolated" if self.are_isolated else f"{text}, Python beside it"
+        return f"the loop on CPU {_listed(self.own)}" if self.own else "no CPU of its own for the loop"
 
     @property
     def trouble(self) -> str:
@@ -148,20 +138,15 @@ def processors(asked: Sequence[int] | None, loops: int) -> Processors:
     isolated = numbers_in(_ISOLATED.read_text()) if _ISOLATED.exists() else ()
     wanted = tuple(dict.fromkeys(isolated if asked is None else asked))
     granted = _tried(lambda: tuple(filter(_may_stay_on, wanted)))
-    own = granted[:loops]
-    return Processors(
-        own,
-        () if asked is None else tuple(each for each in wanted if each not in granted),
-        bool(own) and set(own) <= set(isolated),
-        not os.sched_getaffinity(0) - set(own),
-    )
+    refused = () if asked is None else tuple(each for each in wanted if each not in granted)
+    return Processors(granted[:loops], refused)
 
 
 def leave_to_loops(granted: Processors) -> None:
     """Keep the threads there are, and those they start, off the loops' processors, if they have others."""
-    if not granted.own or granted.are_shared:
-        return
     others = os.sched_getaffinity(0) - set(granted.own)
+    if not granted.own or not others:
+        return
     for task in Path("/proc/self/task").iterdir():
         with suppress(ProcessLookupError):  # it has ended
             os.sched_setaffinity(int(task.name), others)

@@ -15,10 +15,9 @@ from observer_rt.bus.mapping.bus_map import BusMap, map_bus
 from observer_rt.config.bench import Bench
 from observer_rt.daemon.bus_connection import LinkOpening, StoppedError, buses_of
 from observer_rt.daemon.daemon import Daemon
+from observer_rt.daemon.keeper import Keeper, keeper_of, kept_files
 from observer_rt.daemon.log import EventLogger, Notifier, ServiceLog
 from observer_rt.daemon.options import RunOptions
-from observer_rt.daemon.persistence.keeper import Keeper, keeper_of, kept_files
-from observer_rt.daemon.persistence.state_file import knowledge_beside, model_hash, restored_knowledge
 from observer_rt.daemon.reloading import Reloading
 from observer_rt.daemon.rights import (
     REMEDY,
@@ -30,6 +29,7 @@ from observer_rt.daemon.rights import (
     rights,
 )
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
+from observer_rt.daemon.state_file import knowledge_beside, model_hash, restored_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import News
 from observer_rt.engine.service.injector import bench_constants, doubt_about_fit
@@ -86,7 +86,7 @@ class InjectorService:
             log.say(Topic.KEPT, f"what was learned from {learned.state.events} events goes on in force")
         self._announce()
         self._evidence = evidence
-        self.snapshots = SnapshotKeeper(bench, bus)
+        self.snapshots = SnapshotKeeper(bench)
         self.drawing: Callable[[Event], None] | None = None
         """Draws the view until the event is set; None without one."""
         if screen is not None:

@@ -16,7 +16,6 @@ from observer_rt.engine.reports.injection_report import NAMED
 
 Values = Mapping[str, Any]
 LOWEST = 6  # lines of a plot
-SIDE_BY_SIDE = 130  # columns
 STACKED = 20  # lines, from which there is room for two plots
 _BAND, _ESTIMATE, _MEASURED = "gray", "green+", "cyan"
 _REFERENCES = ("orange", "magenta")
@@ -37,11 +36,6 @@ class _CurveLine(NamedTuple):
 def curves(shown: ShownInjection, size: tuple[int, int]) -> RenderableType:
     """Plots in so many columns and lines."""
     width, height = size
-    if width >= SIDE_BY_SIDE:
-        half = (width - 2) // 2
-        grid = Table.grid(padding=(0, 1))
-        grid.add_row(_rate(shown, (half, height)), _pressure(shown, (half, height)))
-        return grid
     if height >= STACKED:
         upper = round(0.6 * height)
         return Group(_rate(shown, (width, upper)), _pressure(shown, (width, height - upper)))

@@ -44,10 +44,9 @@ class Fault:
 
 @dataclass(frozen=True)
 class BusStatus:
-    """A bus: the share of the last second that each message of the observer's took; why it is down, if it is."""
+    """A bus, and why it is down, if it is."""
 
     label: str
-    loads: Mapping[str, float]
     down: str = ""
 
 
@@ -56,7 +55,6 @@ class InputStatus:
     """An input message: how old its last frame is [s], None: none came; how late its frames come, in words."""
 
     text: str
-    has_samples: bool
     age: float | None
     is_stale: bool
     lateness: str
@@ -75,8 +73,8 @@ class Status:
     """State of a daemon.
 
     run: tells it from other daemons. moment: when it last looked at itself [ns since 1970]. words: state or reason
-    in words. model: file in force. lost: samples and frames so far. lateness: of all inputs, in words. learned:
-    curves of the laws of nozzle and seat, as `LearnedCurve.columns`.
+    in words. model: file in force. lost: samples and frames so far. learned: curves of the laws of nozzle and seat,
+    as `LearnedCurve.columns`.
     """
 
     run: int
@@ -90,14 +88,8 @@ class Status:
     faults: tuple[Fault, ...] = ()
     buses: tuple[BusStatus, ...] = ()
     inputs: tuple[InputStatus, ...] = ()
-    lateness: str = ""
     lines: tuple[StatusLine, ...] = ()
     learned: tuple[Mapping[str, Any], ...] = ()
-
-    @property
-    def has_all_inputs(self) -> bool:
-        """Whether every message with samples has come, and none stays away."""
-        return not any(each.is_stale or (each.has_samples and each.age is None) for each in self.inputs)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,16 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.links.descriptor import IdleLink
-from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.output_messages import frame_time
-from observer_rt.bus.mapping.output_signals import RESULTS
+from observer_rt.bus.links.opening import IdleLink
 from observer_rt.config.bench import Bench
+from observer_rt.daemon.arrivals import SECOND, inputs_of
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.input_monitoring.arrivals import SECOND
-from observer_rt.daemon.input_monitoring.input_watch import LASTING
-from observer_rt.daemon.input_monitoring.silence import REPORTED_AFTER
+from observer_rt.daemon.input_watch import LASTING, REPORTED_AFTER
 from observer_rt.daemon.snapshot import (
     KEPT,
     WITH_CURVES,
@@ -31,7 +26,6 @@ from observer_rt.daemon.snapshot import (
     StatusLevel,
     StatusLine,
 )
-from observer_rt.daemon.status_lines import StatusLines, inputs_of, lateness
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
@@ -42,24 +36,37 @@ from observer_rt.engine.reports.injection_report import (
     row_of,
 )
 from observer_rt.engine.reports.news import MeasuredMass, News, Notice
-from observer_rt.engine.service.injector import calibration_of
-from observer_rt.engine.service.nominal import ComparedRate, NominalInjection, References
+from observer_rt.engine.service.injector import (
+    ComparedRate,
+    NominalInjection,
+    References,
+    calibration_of,
+    noise_text,
+)
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.words import REASONS, STATES, TOPICS, Topic, is_good, named
 from observer_rt.foundation.errors import REMEDY
-from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE, MILLIGRAM, MILLISECOND, MM3_PER_MS, Z_95
+from observer_rt.foundation.units import (
+    MEGAPASCAL,
+    MICROMETRE,
+    MILLIGRAM,
+    MILLISECOND,
+    MM3_PER_MS,
+    Z_95,
+    ZERO_CELSIUS,
+)
 
-LOAD_WINDOW = 1.0  # s
-LONGEST_WINDOW = 3.0  # s; older counts of frames are not compared with
 LONGEST_WAIT = 1.0  # s that a client waits for news at the most
 _POLL_INTERVAL = 0.01  # s between two looks for news
 _OF_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)  # reasons when messages stay away
+
+NOISE_EVERY = 5_000_000_000  # ns between two looks at the spectrum of the noise
 
 
 class SnapshotKeeper:
     """Listens to the reports of a daemon of one injector, and makes snapshots of it."""
 
-    def __init__(self, bench: Bench, bus: BusMap, references: References | None = None) -> None:
+    def __init__(self, bench: Bench, references: References | None = None) -> None:
         """references: models with which injections are compared; None: the nominal model."""
         fitted = bench.injector
         nominal = NominalInjection(fitted)
@@ -69,7 +76,7 @@ class SnapshotKeeper:
         self._model = fitted.parameters_path.name
         self._rate_hz = fitted.config.sampling.rate_hz
         self._run = time.time_ns()
-        self._loads, self._lines = LoadMeter(bench, bus), StatusLines()
+        self._lines = StatusLines()
         self._daemon: Daemon | None = None  # before it runs
         self._notice: Fault | None = None  # why it does not run yet
         # The loop appends news and the samples of the last injections; a client's thread takes them out.
@@ -186,9 +193,12 @@ class SnapshotKeeper:
         return replace(
             self._of_state((daemon.looked or now) + ahead, state, reasons, faults),
             lost=daemon.dropped + daemon.core.counters.lost_samples,
-            buses=self._loads.look(daemon, now),
-            inputs=inputs_of(daemon, now),
-            lateness=lateness(daemon.core.timing),
+            buses=tuple(
+                BusStatus(port.label, port.down.partition(REMEDY)[0])
+                for port in daemon.ports
+                if not isinstance(port.link, IdleLink)
+            ),
+            inputs=inputs_of(daemon.arrivals, daemon.core.timing, now),
             lines=tuple(self._lines.of(daemon, now)),
             learned=self._laws(daemon.core.knowledge) if with_laws else (),
         )
@@ -217,63 +227,6 @@ class SnapshotKeeper:
             words += f"; {self._calibration.as_text()}"
         names = tuple(reason.name for reason in reasons)
         return Status(self._run, moment, state.name, names, words, level, self._model, faults=faults)
-
-
-class LoadMeter:
-    """Shares of the time that the observer's own messages take on its buses, at the bit rates of the bench file."""
-
-    def __init__(self, bench: Bench, bus: BusMap) -> None:
-        self._bus = bus
-        self._times = {
-            layout: frame_time(
-                layout.length,
-                layout.is_fd,
-                link.config.bit_rate,
-                link.config.data_bit_rate,
-                layout.is_extended,
-            )
-            for layout in (*bus.received, *bus.sent)
-            for link in (bench.config.buses[layout.bus],)
-        }
-        self._status_period = bench.injector.config.outputs.status_period_ms * MILLISECOND
-        # time of the look [ns], and how long each message had occupied its bus until then [s]
-        self._before: deque[tuple[int, dict[MessageLayout, float]]] = deque()
-
-    def look(self, daemon: Daemon, now: int) -> tuple[BusStatus, ...]:
-        """Load of every bus in use at a monotonic time [ns]."""
-        busy = self._busy(daemon, now)
-        while self._before and now - self._before[0][0] > LONGEST_WINDOW * SECOND:
-            self._before.popleft()
-        while len(self._before) > 1 and now - self._before[1][0] > LOAD_WINDOW * SECOND:
-            self._before.popleft()
-        begin, before = self._before[0] if self._before else (now, busy)
-        if not self._before or now - self._before[-1][0] > 0.1 * SECOND:
-            self._before.append((now, busy))
-        seconds = max((now - begin) / SECOND, 1e-3)
-        share = {layout: (busy[layout] - before[layout]) / seconds for layout in busy}
-        return tuple(
-            BusStatus(
-                port.label,
-                {each.name: part for each, part in share.items() if each.bus == number},
-                port.down.partition(REMEDY)[0],
-            )
-            for number, port in enumerate(daemon.ports)
-            if not isinstance(port.link, IdleLink)
-        )
-
-    def _busy(self, daemon: Daemon, now: int) -> dict[MessageLayout, float]:
-        """Time [s] for which frames of each message have occupied their bus so far."""
-        counters, bus = daemon.core.counters, self._bus
-        frames = {
-            source.layout: float(daemon.arrivals.count_of(source).frames)
-            for source in daemon.arrivals.sources
-        }
-        if bus.rate is not None:
-            frames[bus.rate.layout] = counters.samples / bus.rate.samples
-        for key, result in bus.results.items():
-            often = counters.injections if RESULTS[key].per_injection else now / SECOND / self._status_period
-            frames[result.layout] = float(often * len(result.pages))
-        return {layout: count * self._times[layout] for layout, count in frames.items()}
 
 
 def _faults(daemon: Daemon, now: int, state: State, reasons: Sequence[Reason]) -> list[Fault]:
@@ -309,6 +262,73 @@ def _silence(daemon: Daemon, now: int) -> list[Fault]:
     remedy = TOPICS[Topic.INPUT].remedy
     if len(texts) == 1:
         return [Fault(texts[0], since, remedy)]
-    sampled = {source for source in ages if source.streams}
-    count = "any input" if sampled <= silent.keys() else f"{len(texts)} messages"
-    return [Fault(f"no frame of {count} for {min(silent.values()):.0f} s", since, remedy, texts)]
+    return [
+        Fault(f"no frame of {len(texts)} messages for {min(silent.values()):.0f} s", since, remedy, texts)
+    ]
+
+
+class StatusLines:
+    """Lines of a daemon; the noise is looked at every few seconds."""
+
+    def __init__(self) -> None:
+        self._noise, self._noise_due = "", 0
+
+    def of(self, daemon: Daemon, now: int) -> Iterator[StatusLine]:
+        """Its lines at a monotonic time [ns]."""
+        if daemon.arrivals.is_contested(now):
+            text = f"another node sends our results: {daemon.arrivals.foreign_frames} frames"
+            yield StatusLine(text, StatusLevel.BAD)
+        yield from _links(daemon)
+        yield from _figures(daemon)
+        white = daemon.core.standstill.noise
+        if white is None:
+            return
+        if now >= self._noise_due:
+            self._noise, self._noise_due = noise_text(white, daemon.core.slow_noise), now + NOISE_EVERY
+        yield StatusLine(f"noise: {self._noise}")
+
+
+def _links(daemon: Daemon) -> Iterator[StatusLine]:
+    for port in daemon.ports:
+        if not isinstance(port.link, IdleLink):
+            condition = str(port.link.condition.state) if port.is_up else "down"
+            yield StatusLine(
+                f"{port.label} {condition}, stamps by {port.link.stamp_source}; lost here {port.link.dropped}, "
+                f"unsent {port.unsent}, outages {port.troubles}",
+                StatusLevel.BAD if port.is_in_trouble else StatusLevel.GOOD,
+            )
+
+
+def _figures(daemon: Daemon) -> Iterator[StatusLine]:
+    core = daemon.core
+    counters = core.counters
+    damaged = counters.crc_errors + counters.length_errors
+    yield StatusLine(
+        f"{counters.samples} samples, {counters.lost_samples} missing; frames: {damaged} damaged, "
+        f"{counters.sequence_errors} out of order, {counters.old_frames} too late"
+    )
+    if daemon.latency is not None:
+        yield StatusLine(daemon.latency.as_text())
+    if counters.outliers:
+        yield StatusLine(counters.outliers)
+    refused = f"{counters.rejected_adoptions} refused, {counters.late_adoptions} late"
+    if counters.passed_over:
+        refused += f", {counters.passed_over} events passed over"
+    learned = f"learned {counters.adoptions} times in {counters.events} events ({refused})"
+    if not core.optional.learning:
+        learned += "; learning is off"
+    if core.optional.fuel_temperature is not None:
+        learned += f"; fuel {core.optional.fuel_temperature - ZERO_CELSIUS:.1f} °C"
+    yield StatusLine(learned)
+    constants = core.compiled.observer.constants
+    level = (constants.calibration.as_text(), f"rates at {constants.coefficients.density:.0f} kg/m3")
+    is_good = constants.calibration.is_calibrated
+    yield StatusLine("; ".join(filter(None, level)), StatusLevel.GOOD if is_good else StatusLevel.WAITING)
+    if core.optional.energizing is not None:
+        is_odd = core.optional.energizing.missing > 0
+        yield StatusLine(
+            core.optional.energizing.as_text(), StatusLevel.WAITING if is_odd else StatusLevel.GOOD
+        )
+    if daemon.failed_writes:
+        text = f"{daemon.failed_writes} failed writes of learned state, journal or log, which says why"
+        yield StatusLine(text, StatusLevel.BAD)

@@ -11,7 +11,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from observer_rt.daemon.input_monitoring.arrivals import age_text
+from observer_rt.daemon.arrivals import age_text
 from observer_rt.daemon.shown_injections import HEADING, LOWEST, curves, injections
 from observer_rt.daemon.snapshot import Snapshot, Status, StatusLevel
 from observer_rt.engine.stream.state import Reason, State
@@ -21,7 +21,6 @@ WIDEST = 200  # columns
 FRAME = 4  # columns of the panel's border and padding
 BORDER = 3  # lines of the panel's border, and one to spare
 TABLE_SHARE = 0.3  # of the lines that curves and table have
-FEW_LINES = 30  # of a terminal, below which inputs that are well share a line
 FRAMES_PER_SECOND = 8
 _BADGES = {StatusLevel.GOOD: "green", StatusLevel.WAITING: "yellow", StatusLevel.BAD: "red"}
 _STYLES = {StatusLevel.GOOD: "dim", StatusLevel.WAITING: "yellow", StatusLevel.BAD: "bold red"}
@@ -39,7 +38,7 @@ class View:
         """The whole view now, for a terminal of `width` x `height` characters."""
         snapshot, inner = self._snapshot(), max(1, min(width, WIDEST) - FRAME)
         status, shown = snapshot.status, snapshot.injections
-        lines = [*_inputs(status, height), *(_line(f" {each.text}", each.level) for each in status.lines)]
+        lines = [*_inputs(status), *(_line(f" {each.text}", each.level) for each in status.lines)]
         head = _heading(status, inner)
         drawn = len(Console(width=inner).render_lines(head))  # long reasons take more lines than one
         left = max(0, height - BORDER - len(lines) - drawn - HEADING)
@@ -73,13 +72,9 @@ def _line(text: str, level: StatusLevel = StatusLevel.GOOD) -> Text:
     return Text(text, _STYLES[level], no_wrap=True, overflow="ellipsis")
 
 
-def _inputs(status: Status, height: int) -> list[Text]:
-    inputs = status.inputs
-    ages = [source.age for source in inputs if source.age is not None and source.has_samples]
-    if height < FEW_LINES and status.has_all_inputs and ages:
-        return [_line(f" all inputs come, the oldest {age_text(max(ages))}{status.lateness}")]
+def _inputs(status: Status) -> list[Text]:
     lines = []
-    for source in inputs:
+    for source in status.inputs:
         style = _STYLES[StatusLevel.BAD] if source.is_stale else ""
         text = _line(f" {source.text} ", StatusLevel.BAD if source.is_stale else StatusLevel.GOOD)
         text.append(age_text(math.nan if source.age is None else source.age), style)

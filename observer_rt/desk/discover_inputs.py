@@ -9,7 +9,7 @@ from rich.console import Console
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, Bench, load_injector
 from observer_rt.config.signals import effects_on_one_raster
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.evaluation.logged import open_source, without_truths
 from observer_rt.foundation.errors import UserError
 from observer_rt.identification.likelihood.kept_events import evidence_against, read_folder

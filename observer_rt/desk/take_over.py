@@ -19,8 +19,8 @@ from rich.console import Console
 from observer_rt.config.bench import Bench, BenchInjector, load_bench, load_injector
 from observer_rt.config.signals import as_observed
 from observer_rt.daemon.control_socket import ask, socket_places
-from observer_rt.daemon.persistence.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.daemon.reloading import RELOAD
+from observer_rt.daemon.state_file import learned_beside, model_hash, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.model_steps import TakeOver, naming, note_steps, replace_text, steps
 from observer_rt.desk.other_changes import other_changes, parameter_changes

@@ -167,7 +167,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
     Topic.INJECTION: TopicWords("one injection, valid or why not", "see the reasons"),
     Topic.MEASURED: TopicWords("a measured mass beside the estimate"),
     Topic.ENERGIZING: TopicWords(
-        "an injection that is missing, or without a command", "injector, driver stage", logging.WARNING
+        "an injection that is missing after its command", "injector, driver stage", logging.WARNING
     ),
     Topic.INPUT: TopicWords(
         "a message stays away, comes but cannot be used, or is back",
@@ -186,9 +186,7 @@ TOPICS: Mapping[Topic, TopicWords] = {
         logging.WARNING,
     ),
     Topic.KEPT: TopicWords("what is kept on disk: restored, set aside, saved, or not", "room and rights"),
-    Topic.LEARNING: TopicWords(
-        "an event that was only examined; learning that hangs", "as the line says", logging.WARNING
-    ),
+    Topic.LEARNING: TopicWords("an event that was only examined", "as the line says", logging.WARNING),
     Topic.STREAM: TopicWords(
         "nobody reads the JSON lines or the log, or too slowly", "start the reader again", logging.WARNING
     ),

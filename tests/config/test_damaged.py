@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench, load_injector
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.errors import UserError
 
 Load = Callable[[Path], object]

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.foundation.errors import UserError
 from observer_rt.model.effect import Effect
 from observer_rt.model.effects import VOCABULARY, effective_model, sized

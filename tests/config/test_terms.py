@@ -7,7 +7,7 @@ import pytest
 from observer_rt.config.bench import NOMINAL_INJECTOR, load_injector
 from observer_rt.config.effects import term_domain
 from observer_rt.config.injector_file import InjectorFile, tables_in_force
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.model.effects import effective_model
 from observer_rt.model.terms.bounds import refuse_unbounded
 from observer_rt.model.terms.dimensions import coefficient_unit

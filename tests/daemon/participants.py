@@ -18,15 +18,15 @@ from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.daemon import bus_connection
+from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.daemon import Daemon
-from observer_rt.daemon.input_monitoring.arrivals import Arrivals
-from observer_rt.daemon.pump.pump import FramePump
+from observer_rt.daemon.pump import FramePump
 from observer_rt.daemon.snapshot_keeper import SnapshotKeeper
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.news import Notes
 from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.injector import References
 from observer_rt.engine.service.messages import OutputFrame
-from observer_rt.engine.service.nominal import References
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.files.replay.framing import TimedFrame
 from observer_rt.files.replay.player import play
@@ -118,7 +118,7 @@ class HeardDaemon(Daemon):
         """references: of `SnapshotKeeper`; options: of `Daemon`."""
         loaded = bench if isinstance(bench, Bench) else load_bench(bench)
         bus = map_bus(loaded)
-        self.notes, self.snapshots = Notes(), SnapshotKeeper(loaded, bus, references)
+        self.notes, self.snapshots = Notes(), SnapshotKeeper(loaded, references)
         self.view = View("title of the view", self.snapshots.snapshot)
         super().__init__(loaded, bus, links, listeners=(self.notes, self.snapshots.hear), **options)
         self.snapshots.watch(self)

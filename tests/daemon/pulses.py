@@ -44,7 +44,6 @@ BO_ {SAFE_BLOCK_ID} PulseSafeBlock: 32 Bed
 {SAFE_LEVEL_SIGNALS}
 BO_ 821 BedStatus: 4 Bed
  SG_ MissingInjections : 0|16@1+ (1,0) [0|65535] "" Bed
- SG_ UncommandedInjections : 16|16@1+ (1,0) [0|65535] "" Bed
 BO_ 822 Triple: 8 Bed
  SG_ Rail : 0|16@1+ (0.005,-10) [0|0] "MPa" Bed
  SG_ Lift : 16|16@1+ (0.01,-50) [0|0] "um" Bed

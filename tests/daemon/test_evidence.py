@@ -13,8 +13,8 @@ from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import EvidenceConfig
 from observer_rt.daemon.control_socket import OBSERVER
 from observer_rt.daemon.evidence import evidence_keeper
-from observer_rt.daemon.persistence.keeper import is_written
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.keeper import is_written
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.evidence import EvidenceKind
 from observer_rt.files.evidence import KeptEvent, read_evidence
 from observer_rt.foundation.errors import UserError

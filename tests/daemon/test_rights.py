@@ -88,7 +88,7 @@ def test_what_is_not_there_is_said_and_the_rest_used() -> None:
 
 def test_none_are_taken_where_none_are_asked_for() -> None:
     none = processors([], 2)
-    assert none == Processors(are_shared=False)
+    assert none == Processors()
     assert none.of(0) is None
     assert none.trouble == ""
     assert processors(None, 0).own == ()
@@ -107,7 +107,7 @@ def test_isolated_ones_are_taken_without_being_asked_for(
     isolated.write_text(f"{mine},{NOT_THERE}\n")
     monkeypatch.setattr("observer_rt.daemon.rights._ISOLATED", isolated)
     granted = processors(None, 2)
-    assert (granted.own, granted.refused, granted.are_isolated) == ((mine,), (), True)
+    assert (granted.own, granted.refused) == ((mine,), ())
     assert processors([], 2).own == ()
     isolated.write_text("\n")
     assert processors(None, 2).own == ()
@@ -153,8 +153,7 @@ def test_the_loop_of_a_daemon_is_alone_on_its_processor(tmp_path: Path) -> None:
     assert sorted(map(sorted, cpus_by_thread)) == sorted(
         [[mine], *[sorted(others)] * (len(cpus_by_thread) - 1)]
     )
-    expected = "Python beside it" if others != own_cpus else "with Python on it, too"
-    assert any(f"the loop on CPU {mine}, {expected}" in line for line in said), said
+    assert any(f"the loop on CPU {mine}" in line for line in said), said
     assert any(f"WARNING start: CPU {NOT_THERE} of realtime.cpus cannot be used" in line for line in said)
     assert daemon.returncode == 0, said
 

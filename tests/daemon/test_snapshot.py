@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
 from observer_rt.daemon.control_socket import connected, control_socket, line_of, socket_places
 from observer_rt.daemon.snapshot import SNAPSHOT, WITH_CURVES, Snapshot, StatusLevel, read_snapshot
@@ -164,7 +163,7 @@ def test_a_bus_that_is_down_says_why(path: Path) -> None:
 
 def test_before_the_interface_is_there(path: Path) -> None:
     bench = load_bench(path)
-    snapshots = SnapshotKeeper(bench, map_bus(bench))
+    snapshots = SnapshotKeeper(bench)
     snapshots.hear(Notice(Topic.LINK, "waiting for the interface: can5 is away\n  remedy: plug it in"))
     status = snapshots.snapshot().status
     assert (status.state, status.level) == ("STARTING", StatusLevel.WAITING)
@@ -172,16 +171,6 @@ def test_before_the_interface_is_there(path: Path) -> None:
         ("waiting for the interface: can5 is away", "plug it in")
     ]
     assert "can5 is away" in "\n".join(drawn(View("title", snapshots.snapshot)))
-
-
-def test_the_load_is_that_of_the_observers_own_frames(path: Path) -> None:
-    link = ScriptedLink(frames_of(path, worn_recording(8)))
-    with observing(path, link):
-        asked(path)
-        until(lambda: sum(asked(path).status.buses[0].loads.values()) > 0.0)
-        loads = asked(path).status.buses[0].loads
-    assert loads["ObserverStatus"] == pytest.approx(1e-3, rel=0.9)  # ten a second
-    assert set(loads) == {"SampleBlock", "InjectionRate", "InjectionSummary", "ObserverStatus"}
 
 
 def test_a_request_that_is_none_is_refused(path: Path) -> None:

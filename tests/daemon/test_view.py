@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.daemon.view import View
 from observer_rt.engine.reports.injection_report import InjectionReport
-from observer_rt.engine.service.nominal import ComparedRate
+from observer_rt.engine.service.injector import ComparedRate
 from tests.daemon.participants import HeardDaemon, ScriptedLink, bench_file, drawn, serving, until
 from tests.device import frames_of, worn_recording
 
@@ -60,10 +60,8 @@ def test_failed_writes_are_shown_once_there_are_any(path: Path) -> None:
 
 def test_the_line_pressure_where_there_is_room(view: View) -> None:
     assert not any("line pressure, MPa" in line for line in drawn(view, 80, 24))
-    (tall,) = (line for line in drawn(view, 80, 60) if "line pressure, MPa" in line)
-    (wide,) = (line for line in drawn(view, 180, 30) if "line pressure, MPa" in line)
-    assert "sensor" in tall
-    assert "injection 12" in wide  # side by side
+    (heading,) = (line for line in drawn(view, 80, 60) if "line pressure, MPa" in line)
+    assert "sensor" in heading
 
 
 def test_an_input_that_stays_away_is_named(view: View) -> None:

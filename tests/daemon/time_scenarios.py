@@ -1,9 +1,5 @@
-"""The scenarios of time: the frames, which rule applies, what the service must make of it.
+"""The scenarios of time: the frames, which rule applies, what the service must make of it (docs/time.md)."""
 
-`python -m tests.daemon.time_scenarios` prints the table that `docs/time.md` sums up.
-"""
-
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -274,26 +270,3 @@ class Figures:
             max((injection.rmse for injection in valid), default=0.0),
             float(np.abs(outcome.error[outcome.valid]).max(initial=0.0)),
         )
-
-
-def main() -> None:
-    """Print the table."""
-    print(
-        "| scenario | rule | valid injections | volume error | rate RMSE | worst sample | state at the end |"
-    )
-    print("|---|---|---|---|---|---|---|")
-    for scenario in SCENARIOS:
-        with tempfile.TemporaryDirectory() as folder:
-            outcome = run(scenario, Path(folder))
-        figures = Figures.of(outcome)
-        errors = "- | - | -"
-        if figures.valid:
-            rates = f"{figures.rmse * 1e6:.2f} mm3/ms | {figures.sample_error * 1e6:.1f} mm3/ms"
-            errors = f"{figures.volume_error:.2%} | {rates}"
-        state, reason = outcome.core.state
-        shown = state.name if reason is Reason.NONE else f"{state.name}({reason.name})"
-        print(f"| {scenario.name} | {scenario.rule} | {figures.valid} | {errors} | {shown} |", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -8,7 +8,7 @@ import pytest
 import tomlkit
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench, load_injector
-from observer_rt.daemon.persistence.state_file import knowledge_beside, learned_beside
+from observer_rt.daemon.state_file import knowledge_beside, learned_beside
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.desk.simulation.simulate import SimulatedNoise, simulate

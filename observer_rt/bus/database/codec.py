@@ -1,4 +1,4 @@
-"""Signals of a bus database, compiled into a table that decodes and encodes payloads without Python.
+"""Signals of a bus database, compiled into a table that decodes and encodes payloads without Python; multiplexing.
 
 cantools is the reference: wherever it defines a result, `decode` gives the same number as a float and
 `encode` the same bits (`rint`, half to even). Where it defines none, or one that could mislead:
@@ -14,17 +14,22 @@ cantools is the reference: wherever it defines a result, `decode` gives the same
 - A float64 holds 53 bits. An integer wider than that decodes to the nearest float64 (half to even) when it is
   not scaled; scaled, it is the float64 product and sum, not rounded once from exact integers. Encoding a
   float64 is exact at any width.
+
+A multiplexed signal is in a frame only where its selector has one of the values the database lists; the selector
+may be multiplexed itself (extended multiplexing), so a signal has one condition for every selector above it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.lookup import find_signal, reserved_codes
-from observer_rt.core.frames.frames import RECORDS, raw_value
+from observer_rt.core.frames.frames import RECORDS, put_signal_bits, raw_value
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.records import dtype_of
 
@@ -36,6 +41,8 @@ _FLOAT_KIND = {16: FLOAT16, 32: FLOAT32, 64: FLOAT64}
 _LARGEST_FLOAT = {16: 65504.0, 32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
 
 SIGNAL = dtype_of(RECORDS["Signal"])
+
+CONDITION = dtype_of(RECORDS["Condition"])
 
 
 def signal_table(message: Message, names: Sequence[str], counter: str | None = None) -> NDArray[np.void]:
@@ -171,3 +178,116 @@ def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: st
             if candidate not in reserved and not wrapped_round and row["lowest"] <= raw <= row["highest"]:
                 return candidate
     raise UserError(location, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """The field of `selector` must hold one of `values` (its raw bits)."""
+
+    selector: str
+    values: frozenset[int]
+
+
+Conditions: TypeAlias = frozenset[Condition]
+"""All must hold; none: the signal is in every frame."""
+
+
+class Selection(NamedTuple):
+    """Conditions as compiled functions see them.
+
+    Rows of `conditions` that follow each other with one selector are its alternatives; every selector must match.
+    """
+
+    selectors: NDArray[np.void]  # SIGNAL
+    conditions: NDArray[np.void]  # CONDITION
+
+
+def conditions_of(message: Message, name: str) -> Conditions:
+    """Conditions under which a frame of `message` carries the signal `name`.
+
+    Raises `UserError`: the signal or a selector is not there, or selectors select each other.
+    """
+    conditions: list[Condition] = []
+    signal = find_signal(message, name)
+    while (values := _multiplexer_ids(message, signal)) is not None:
+        if signal.multiplexer_signal is None or len(conditions) == len(message.signals):
+            raise UserError(
+                f"message {message.name}, signal {name}",
+                "is multiplexed, but by no selector that is always sent",
+                "correct the multiplexing in the bus database",
+            )
+        selector = find_signal(message, signal.multiplexer_signal)
+        mask = (1 << selector.length) - 1
+        conditions.append(Condition(selector.name, frozenset(value & mask for value in values)))
+        signal = selector
+    return frozenset(conditions)
+
+
+def _multiplexer_ids(message: Message, signal: Signal) -> set[int] | None:
+    """Values of its selector under which a signal is sent, None: always. It may be repeated for each of them."""
+    repeated = [other for other in message.signals if other.name == signal.name]
+    if any(_field(other) != _field(signal) for other in repeated):
+        raise UserError(
+            f"message {message.name}, signal {signal.name}",
+            f"is defined {len(repeated)} times, in different ways",
+            "give each of them a name of its own in the bus database",
+        )
+    if any(other.multiplexer_ids is None for other in repeated):
+        return None
+    return {value for other in repeated for value in other.multiplexer_ids}
+
+
+def _field(signal: Signal) -> tuple[object, ...]:
+    """Fields of a signal that decide what its bits mean, and which other selects it."""
+    conversion = signal.conversion
+    bits = (signal.start, signal.length, signal.byte_order, signal.is_signed, conversion.is_float)
+    return (*bits, conversion.scale, conversion.offset, signal.multiplexer_signal)
+
+
+def are_exclusive(first: Conditions, second: Conditions) -> bool:
+    """Whether no frame meets both."""
+    return any(
+        mine.selector == yours.selector and not mine.values & yours.values
+        for mine in first
+        for yours in second
+    )
+
+
+def frame_kinds(conditions: Iterable[Conditions]) -> tuple[Mapping[str, int], ...]:
+    """Selector values of as few frames as it takes to carry signals under all these conditions.
+
+    In the order of the conditions; one frame without selectors where nothing is multiplexed.
+    """
+    wanted = list(dict.fromkeys(conditions))
+    kinds: list[tuple[int, dict[str, int]]] = []
+    # A frame for a nested signal also carries what its outer selector alone selects: those first.
+    for position, needed in sorted(enumerate(wanted), key=lambda item: -len(item[1])):
+        own = {condition.selector: min(condition.values) for condition in needed}
+        shared = next((n for n, (_, kind) in enumerate(kinds) if meets(own | kind, needed)), len(kinds))
+        if shared == len(kinds):
+            kinds.append((position, {}))
+        first, kind = kinds[shared]
+        kinds[shared] = min(position, first), own | kind
+    return tuple(kind for _, kind in sorted(kinds, key=lambda item: item[0])) or ({},)
+
+
+def meets(kind: Mapping[str, int], needed: Conditions) -> bool:
+    """Whether a frame with these selector values meets the conditions."""
+    return all(kind.get(condition.selector) in condition.values for condition in needed)
+
+
+def blank_frame(message: Message, kind: Mapping[str, int]) -> NDArray[np.uint8]:
+    """A frame of `message` of one kind: its selectors set, all else 0."""
+    payload = np.zeros(message.length, np.uint8)
+    for signal, value in zip(signal_table(message, list(kind)), kind.values(), strict=True):
+        put_signal_bits(payload, signal, value)
+    return payload
+
+
+def compile_conditions(message: Message, conditions: Conditions) -> Selection:
+    """Table of conditions for `is_selected`, selectors counted from 0."""
+    in_order = sorted(conditions, key=lambda condition: condition.selector)
+    rows = [(n, value) for n, condition in enumerate(in_order) for value in sorted(condition.values)]
+    return Selection(
+        signal_table(message, [condition.selector for condition in in_order]), np.array(rows, CONDITION)
+    )

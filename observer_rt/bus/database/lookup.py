@@ -1,8 +1,20 @@
-"""Bus databases looked up: messages, signals, their units, and the layout attributes the observer needs."""
+"""Bus databases looked up: messages, signals, their units, layout attributes, and end-to-end protection.
+
+AUTOSAR end-to-end protection stands at the start of a frame: profiles 5 (CAN FD) and 1 (classic CAN).
+
+Profile 5. Bytes 0-1: CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF), little-endian, over byte 2 to the end
+of the frame and then over the data id of the message, low byte first. Byte 2: counter 0 to 255.
+
+Profile 1, variant 1A. Byte 0: CRC-8 (polynomial 0x1D, start 0), over the data id, low byte first, and then over
+byte 1 to the end of the frame. Byte 1, low four bits: counter 0 to 14; the high four bits are free.
+
+The receiver's state machine (AUTOSAR E2E_SM) judges the frames of a message together.
+"""
 
 import hashlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
 
@@ -10,9 +22,18 @@ import numpy as np
 from cantools.database.can import Database, Message, Signal
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, frame_key
-from observer_rt.bus.database.e2e import PROFILES, protection_of
+from observer_rt.core.frames.frames import RECORDS
 from observer_rt.foundation.errors import UserError, nearest
+from observer_rt.foundation.records import dtype_of
 from observer_rt.foundation.units import factor_of
+
+UNPROTECTED = 0
+PROFILE_1 = 1
+PROFILE_5 = 5
+PROFILES = (PROFILE_1, PROFILE_5)
+
+PROTECTION = dtype_of(RECORDS["Protection"])
+SUPERVISION = dtype_of(RECORDS["Supervision"])
 
 NANOSECONDS_PER_MILLISECOND = 1_000_000
 USUAL_INDEX = "SampleIndex"  # where the bench file names none
@@ -20,6 +41,24 @@ INDEX_BITS = 32
 NOT_AVAILABLE_NAMES = ("sna", "not_available", "signal_not_available", "value_not_available")
 ERROR_NAMES = ("error", "err", "signal_error")
 _DATA_ID = "E2EDataId"
+
+
+def protection_of(profile: int | None, data_id: int | None) -> np.void:
+    """Protection of a message, a row `PROTECTION`."""
+    row = np.zeros(1, PROTECTION)
+    row["profile"] = profile or UNPROTECTED
+    row["data_id"] = data_id or 0
+    protection: np.void = row[0]
+    return protection
+
+
+class E2EState(IntEnum):
+    """State of the receiver's state machine, over the frames of a protected message."""
+
+    NODATA = 0
+    INIT = 1
+    VALID = 2
+    INVALID = 3
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,70 @@
-"""Opens links, and again after an outage: chooses the implementation; listens a moment who else sends."""
+"""Opens links, and again after an outage; links over a descriptor, and to nothing; who else sends."""
 
+import os
+import select
+import socket
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor, Future
 
-from observer_rt.bus.links.link import BusFrame, Link, LinkDownError
-from observer_rt.foundation.errors import UserError, did_you_mean
+from observer_rt.bus.links.link import BusFrame, Frame, Link, LinkDownError
+from observer_rt.bus.links.socketcan import SocketCanLink, StampReader
+from observer_rt.foundation.errors import RunError, UserError, did_you_mean
 
 _OURS = ("socketcan", "descriptor")
 LISTENING = 0.5  # s; a windowed source pauses for about a tenth
 _TURN = 0.02  # s, of one bus among several
 RECONNECT_PERIOD = 0.1  # s between tries
+
+
+class DescriptorLink(SocketCanLink):
+    """Link over one end of a pair of sockets that keep messages apart (AF_UNIX, SOCK_SEQPACKET or SOCK_DGRAM).
+
+    Each message is a `struct canfd_frame` or `struct can_frame`. `channel`: the descriptor's number, which stays open
+    when the link is closed.
+    """
+
+    def _open(self) -> None:
+        try:
+            self._socket = socket.socket(fileno=os.dup(int(self._channel)))
+        except (ValueError, OSError) as error:
+            raise UserError(
+                "link.channel",
+                f"{self._channel!r} is not the descriptor of a socket",
+                "give the number of one that was handed to this process",
+            ) from error
+        self._socket.setblocking(False)
+        self._stamps = StampReader(self._socket, self._channel, computer_time=True)
+        self._dropped_by_socket = 0
+        self._readable = select.poll()
+        self._readable.register(self._socket, select.POLLIN)
+
+    def receive(self, timeout_s: float) -> Frame | None:
+        # No kernel chooses here: a frame that nobody wants ends the wait early, which callers must expect anyway.
+        frame = super().receive(timeout_s)
+        wanted = self._receive_ids
+        if frame is None or wanted is None or (frame.frame_id, frame.is_extended) in wanted:
+            return frame
+        return None
+
+    def failure(self, error: OSError) -> Exception:
+        failure = super().failure(error)
+        if isinstance(failure, LinkDownError):  # nothing that comes back
+            return RunError(f"the other end of descriptor {self._channel} was closed")
+        return failure
+
+
+class IdleLink(DescriptorLink):
+    """Never brings a frame, and never fails: one end of a pair of sockets that nobody writes to."""
+
+    def __init__(self) -> None:
+        ours, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with ours:
+            super().__init__(str(ours.fileno()), True, [])
+
+    def close(self) -> None:
+        super().close()
+        self._other_end.close()
 
 
 def require_interface(location: str, name: str) -> None:
@@ -49,16 +102,11 @@ def open_link(
         RunError: the interface is there but cannot be used.
     """
     require_interface("link.interface", interface)
-    # Imported here so that neither python-can's drivers nor Linux are needed by those who use the other.
     if interface == "socketcan":
-        from observer_rt.bus.links.socketcan import SocketCanLink
-
         return SocketCanLink(channel, fd, receive_ids, computer_time)
     if interface == "descriptor":
-        from observer_rt.bus.links.descriptor import DescriptorLink
-
         return DescriptorLink(channel, fd, receive_ids, computer_time)
-    from observer_rt.bus.links.python_can import PythonCanLink
+    from observer_rt.bus.links.python_can import PythonCanLink  # only for those who use one of its drivers
 
     return PythonCanLink(interface, channel, fd, receive_ids, computer_time)
 
@@ -83,30 +131,3 @@ class BusDownError(LinkDownError):
     def __init__(self, bus: int, error: LinkDownError) -> None:
         self.bus = bus
         super().__init__(str(error))
-
-
-class Outage:
-    """Time from a `LinkDownError` until the link is back, reconnected beside: whoever asks waits for nothing."""
-
-    def __init__(self, link: Link) -> None:
-        self._link = link
-        self._attempt: Future[None] | None = None
-        self._due = time.monotonic() + RECONNECT_PERIOD
-
-    def is_over(self, executor: Executor) -> bool:
-        """Whether the link can be used again; tries that are due are made in the executor.
-
-        Raises:
-            LinkDownError: why the last try failed; others follow.
-            RunError: it failed for good.
-        """
-        if self._attempt is None:
-            if time.monotonic() >= self._due:
-                self._attempt = executor.submit(self._link.reconnect)
-            return False
-        if not self._attempt.done():
-            return False
-        attempt, self._attempt = self._attempt, None
-        self._due = time.monotonic() + RECONNECT_PERIOD
-        attempt.result()
-        return True

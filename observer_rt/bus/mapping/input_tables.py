@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import FD_LENGTHS, length_code, length_of
 from observer_rt.bus.database.catalogue import BusMessage
-from observer_rt.bus.database.codec import SIGNAL, signal_table
-from observer_rt.bus.database.lookup import MessageLayout
-from observer_rt.bus.database.multiplexing import (
+from observer_rt.bus.database.codec import (
     CONDITION,
+    SIGNAL,
     Conditions,
     Selection,
     are_exclusive,
@@ -27,7 +26,9 @@ from observer_rt.bus.database.multiplexing import (
     conditions_of,
     frame_kinds,
     meets,
+    signal_table,
 )
+from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.config.bench import BenchInjector
 from observer_rt.config.signals import OptionalRole, Role
 from observer_rt.core.frames.frames import RECORDS

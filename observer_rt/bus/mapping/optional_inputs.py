@@ -16,7 +16,7 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.codec import signal_table
+from observer_rt.bus.database.codec import compile_conditions, conditions_of, signal_table
 from observer_rt.bus.database.lookup import (
     USUAL_INDEX,
     MessageLayout,
@@ -26,7 +26,6 @@ from observer_rt.bus.database.lookup import (
     stated_unit,
     unknown_unit,
 )
-from observer_rt.bus.database.multiplexing import compile_conditions, conditions_of
 from observer_rt.bus.mapping.input_tables import (
     ENERGIZING,
     OPTIONAL_INPUT,

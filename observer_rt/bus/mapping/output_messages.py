@@ -8,10 +8,7 @@ from cantools.database.can import Message
 from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import CLASSIC_LENGTH, FD_LENGTHS, length_code, length_of
-from observer_rt.bus.database.codec import signal_table
-from observer_rt.bus.database.e2e import PROFILES
-from observer_rt.bus.database.lookup import MessageLayout, signal_names
-from observer_rt.bus.database.multiplexing import (
+from observer_rt.bus.database.codec import (
     Condition,
     Selection,
     blank_frame,
@@ -19,7 +16,9 @@ from observer_rt.bus.database.multiplexing import (
     conditions_of,
     frame_kinds,
     meets,
+    signal_table,
 )
+from observer_rt.bus.database.lookup import PROFILES, MessageLayout, signal_names
 from observer_rt.core.frames.frames import shortest_protected
 from observer_rt.foundation.errors import UserError
 

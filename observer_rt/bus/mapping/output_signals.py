@@ -192,8 +192,6 @@ class StatusValues(NamedTuple):
         says="The same, the largest since the start.")]
     missing_injections: Annotated[int, OutputSignal("energizing.missing",
         counts="commands after which the needle did not open", remedy="injector, driver stage")]
-    uncommanded_injections: Annotated[int, OutputSignal("energizing.uncommanded",
-        counts="injections without a command", remedy="a command message that is lost; a leak")]
     spikes: Annotated[int, OutputSignal("observer.outliers.spikes",
         counts="values that stood out and were replaced",
         remedy="shielding and earth of the cable, if many")]

@@ -11,8 +11,7 @@ import numpy as np
 from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.e2e import UNPROTECTED
-from observer_rt.bus.database.lookup import INDEX_BITS, USUAL_INDEX, MessageLayout, find_signal
+from observer_rt.bus.database.lookup import INDEX_BITS, UNPROTECTED, USUAL_INDEX, MessageLayout, find_signal
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.config.bench import BenchInjector

@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from observer_rt.bus.database.lookup import database_hash
-from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.config.bench import Bench, BenchInjector
-from observer_rt.daemon.persistence.keeper import kept_files
-from observer_rt.daemon.persistence.state_file import StateDoesNotFitError, load_knowledge, model_hash
+from observer_rt.daemon.keeper import kept_files
+from observer_rt.daemon.state_file import StateDoesNotFitError, load_knowledge, model_hash
 from observer_rt.desk.check.buses import buses_findings
 from observer_rt.desk.check.findings import Finding, Said, failed, ruled
 from observer_rt.desk.check.injector import (

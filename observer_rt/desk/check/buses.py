@@ -7,7 +7,8 @@ import numpy as np
 
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.links.opening import require_interface
-from observer_rt.bus.mapping.bus_map import BenchMap, in_common, message_timing
+from observer_rt.bus.mapping.bench_map import BenchMap, in_common
+from observer_rt.bus.mapping.bus_map import message_timing
 from observer_rt.bus.mapping.output_messages import frame_time
 from observer_rt.bus.mapping.output_signals import RESULTS
 from observer_rt.bus.mapping.timing import Joining, Numbering

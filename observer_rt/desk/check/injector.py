@@ -9,9 +9,9 @@ import numpy as np
 
 from observer_rt.bus.alignment import LINE_SLOPE
 from observer_rt.bus.database.lookup import MessageLayout
+from observer_rt.bus.mapping.bench_map import KnownMessage
 from observer_rt.bus.mapping.bus_map import (
     BusMap,
-    KnownMessage,
     layout_of,
     message_of,
     message_timing,
@@ -126,8 +126,8 @@ def _energizing(energizing: "EnergizingLayout") -> Iterator[Said]:
         yield graded("time", False, text, remedy)
     if cycle is not None and cycle >= COARSE:
         text = (
-            f"{layout.name}: a level every {cycle / MILLISECOND:g} ms misses shorter energizing, whose injections "
-            "then count as without a command; send it faster, on change, or as a duration"
+            f"{layout.name}: a level every {cycle / MILLISECOND:g} ms misses shorter energizing; "
+            "send it faster, on change, or as a duration"
         )
         yield graded("time", False, text)
 

@@ -22,8 +22,8 @@ from observer_rt.bus.links.link import Link
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, Bench, load_bench
+from observer_rt.daemon.journal import read_journal
 from observer_rt.daemon.options import RunOptions
-from observer_rt.daemon.persistence.journal import reading_journal
 from observer_rt.daemon.run import serve
 from observer_rt.desk.demonstration.bench_injector import BenchOperation, BenchRecording, Departure, record
 from observer_rt.desk.demonstration.worn import PERIOD, RAIL_PRESSURES, demo_link
@@ -208,8 +208,7 @@ class EffectDemo:
 
     def _result(self, scenes: Sequence[BenchRecording]) -> LoopResult:
         injections = []
-        with reading_journal(self.folder / JOURNAL) as journal:
-            rows = list(journal.injections())
+        rows = read_journal(self.folder / JOURNAL).injections
         runs = sorted({int(str(row["run"])) for row in rows})
         for row in rows:
             run = runs.index(int(str(row["run"])))

@@ -31,7 +31,7 @@ from observer_rt.desk.demonstration.bench_injector import BenchOperation, Depart
 from observer_rt.desk.evaluation.curves import RateCurves
 from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.engine.reports.news import News, Notes
-from observer_rt.engine.service.nominal import ComparedRate, NominalInjection
+from observer_rt.engine.service.injector import ComparedRate, NominalInjection
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
 from observer_rt.foundation.console import plain_table, stop_on_signals
@@ -119,7 +119,7 @@ class Demo:
         """
         bus = map_bus(self.bench)
         on = f"{self.link.interface} {self.link.channel}"
-        snapshots = SnapshotKeeper(self.bench, bus, self.references)
+        snapshots = SnapshotKeeper(self.bench, self.references)
         view = View(f"observer_rt demo: {on}", snapshots.snapshot)
         stop, done = threading.Event(), threading.Event()
         inputs = [(layout.frame_id, layout.is_extended) for layout in bus.received]

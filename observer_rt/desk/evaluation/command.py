@@ -9,8 +9,8 @@ from pathlib import Path
 from rich.console import Console
 
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.evaluation.curves import chosen_numbers, refuse_beyond
 from observer_rt.desk.evaluation.histories import begun_with, look_over, run_by_run, write_state
 from observer_rt.desk.evaluation.logged import open_source, without_truths

@@ -8,8 +8,8 @@ from rich.console import Console
 
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.persistence.keeper import sole_writer
-from observer_rt.daemon.persistence.state_file import restored_knowledge, save_knowledge
+from observer_rt.daemon.keeper import sole_writer
+from observer_rt.daemon.state_file import restored_knowledge, save_knowledge
 from observer_rt.desk.evaluation.evaluate import Evaluation, bench_for_all, evaluate
 from observer_rt.desk.evaluation.logged import LoggedSignals, in_runs
 from observer_rt.desk.evaluation.run import Progress

@@ -5,8 +5,8 @@ from pathlib import Path
 from observer_rt.bus.links.link import Frame
 from observer_rt.bus.mapping.bus_map import BusMap
 from observer_rt.config.bench import BenchInjector
-from observer_rt.daemon.input_monitoring.arrivals import SECOND, STALE
-from observer_rt.daemon.input_monitoring.input_watch import PERIOD, InputWatch
+from observer_rt.daemon.arrivals import SECOND, STALE
+from observer_rt.daemon.input_watch import PERIOD, InputWatch
 from observer_rt.engine.service.core import Core
 
 MOST_NOTES = 20

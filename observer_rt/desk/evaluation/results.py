@@ -152,7 +152,6 @@ def _energizing_json(evaluation: Evaluation) -> dict[str, Any]:
         "energizing": {
             "commands": evaluation.counters.commands,
             "missing_injections": evaluation.counters.missing_injections,
-            "uncommanded_injections": evaluation.counters.uncommanded_injections,
             "mean_opening_delay_us": float(np.mean(delays_us)) if delays_us else None,
             "opening_delay_sigma_us": float(np.std(delays_us)) if delays_us else None,
         }
@@ -193,8 +192,7 @@ def print_evaluation(
     if evaluation.has_energizing:
         say(
             console,
-            f"{counters.commands} commands, {counters.missing_injections} injections missing, "
-            f"{counters.uncommanded_injections} without a command",
+            f"{counters.commands} commands, {counters.missing_injections} injections missing",
         )
     for reason, numbers in not_valid.items():
         say(console, f"not valid for {reason.name}: {_ranges(numbers)}")

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.desk.fleet.dataset import Dataset
 from observer_rt.desk.fleet.job import FailedFile, Task, evaluated
 from observer_rt.foundation.console import results, say

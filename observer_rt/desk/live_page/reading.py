@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -29,8 +29,6 @@ WAIT = 0.3  # s that a daemon waits for news before it answers
 LAWS_EVERY = 1.0  # s: curves of what was learned are long, and nobody follows them injection by injection
 _PAUSE = 0.02  # s between two questions, so that many injections a second make few
 _AGAIN_AFTER = 0.3  # s, from one look for a daemon to the next
-FULL = 1.0  # share of the time that frames take, from which on none more has room
-_FULL_REMEDY = "a source that sends windows, or more buses; are the bit rates those of the bench file?"
 SECOND = 1e9  # ns
 
 
@@ -46,15 +44,6 @@ class InjectorSnapshot:
     silent: bool = False
     lost: int = 0
     learned: tuple[Mapping[str, Any], ...] = ()
-
-
-@dataclass(frozen=True)
-class BusSnapshot:
-    """A bus now: the share of the time that frames of all injectors shown take, and why it is down, if it is."""
-
-    label: str
-    load: float
-    down: str
 
 
 class DaemonReader:
@@ -171,32 +160,16 @@ class Watching:
 
     def __init__(self, bench: Bench) -> None:
         self.readers = [DaemonReader(alone) for alone in bench.per_injector]
-        self._full_since: dict[str, int] = {}
 
     def close(self) -> None:
         """Read no longer."""
         for reader in self.readers:
             reader.close()
 
-    def buses(self) -> list[BusSnapshot]:
-        """Every bus as it is now. Messages that several injectors read count once."""
-        loads: dict[str, dict[str, float]] = {}
+    def buses(self) -> list[BusStatus]:
+        """Every bus as it is now; one that several injectors have once."""
         down: dict[str, str] = {}
         for reader in self.readers:
             for label, bus in reader.buses.items():
-                loads.setdefault(label, {}).update(bus.loads)
                 down[label] = down.get(label) or bus.down
-        return [BusSnapshot(label, sum(shares.values()), down[label]) for label, shares in loads.items()]
-
-    def seen(self, buses: Sequence[BusSnapshot]) -> Iterator[InjectorSnapshot]:
-        """Every injector as it is now, with buses that are full as faults; buses: as they are now."""
-        full = {bus.label: bus.load for bus in buses if bus.load > FULL}
-        self._full_since = {label: self._full_since.get(label, time.time_ns()) for label in full}
-        for reader in self.readers:
-            seen = reader.seen()
-            faults = tuple(
-                Fault(f"{label} is full: {100 * load:.0f} % load", self._full_since[label], _FULL_REMEDY)
-                for label, load in full.items()
-                if label in reader.buses
-            )
-            yield replace(seen, faults=(*seen.faults, *faults))
+        return [BusStatus(label, why) for label, why in down.items()]

@@ -73,11 +73,10 @@ class Session:
             return None
         self._due = now + _STATUS_EVERY
         self._number += 1
-        buses = self._watching.buses()
         said: list[dict[str, Any]] = []
         curves: list[bytes] = []
-        for number, seen in enumerate(self._watching.seen(buses)):
-            news = readers[number].injections(self._sent[number])
+        for number, reader in enumerate(readers):
+            seen, news = reader.seen(), reader.injections(self._sent[number])
             self._sent[number] = news[-1].count if news else self._sent[number]
             asked = [each for of, each in self._asked if of == number]
             without_curves = (replace(each, curves={}) for each in news[:-_WITH_CURVES])
@@ -87,7 +86,7 @@ class Session:
         content = {
             "number": self._number,
             "now": time.time_ns(),
-            "buses": [asdict(bus) for bus in buses],
+            "buses": [asdict(bus) for bus in self._watching.buses()],
             "injectors": said,
             **self._answer,
         }

@@ -30,22 +30,19 @@ class MeasuredMass:
 
 
 @dataclass(frozen=True)
-class Mismatch:
-    """An injection that is missing after a command, or one without a command; `number` is the one's own."""
+class MissingInjection:
+    """An injection that is missing after a command."""
 
-    is_missing: bool
-    number: int
+    command: int
     index: int
     window: float  # s
 
     def as_text(self) -> str:
         """One line."""
-        if self.is_missing:
-            return (
-                f"injection missing: the needle did not open within {self.window / MILLISECOND:g} ms of command "
-                f"{self.number} at index {self.index}"
-            )
-        return f"injection {self.number} opened at index {self.index} without a command"
+        return (
+            f"injection missing: the needle did not open within {self.window / MILLISECOND:g} ms of command "
+            f"{self.command} at index {self.index}"
+        )
 
 
 @dataclass(frozen=True)
@@ -61,8 +58,8 @@ class Notice:
         return self.text
 
 
-News = InjectionReport | MeasuredMass | Mismatch | Notice
-"""A judged injection, whose samples are still remembered; its measured mass; one missing or without a command."""
+News = InjectionReport | MeasuredMass | MissingInjection | Notice
+"""A judged injection, whose samples are still remembered; its measured mass; one that is missing."""
 Listener = Callable[[News], None]
 """Callback from the loop, for all reports and notices."""
 
@@ -83,7 +80,7 @@ class Notes:
     def __init__(self) -> None:
         self.injections: list[InjectionReport] = []
         self.measured: list[MeasuredMass] = []
-        self.mismatches: list[Mismatch] = []
+        self.missing: list[MissingInjection] = []
         self.messages: list[str] = []
         self.notices: list[Notice] = []
 
@@ -94,8 +91,8 @@ class Notes:
                 self.injections.append(news)
             case MeasuredMass():
                 self.measured.append(news)
-            case Mismatch():
-                self.mismatches.append(news)
+            case MissingInjection():
+                self.missing.append(news)
             case Notice(text=text):
                 self.notices.append(news)
                 if news.topic is Topic.LINK:

@@ -21,7 +21,7 @@ from observer_rt.bus.alignment import (
     progress,
     timing_of,
 )
-from observer_rt.bus.database.e2e import E2EState
+from observer_rt.bus.database.lookup import E2EState
 from observer_rt.bus.links.link import BusFrame, Frame, FrameBlock, block_of
 from observer_rt.bus.mapping.bus_map import BusMap, stream_of
 from observer_rt.config.bench import BenchInjector
@@ -40,16 +40,19 @@ from observer_rt.engine.service.injector import (
     slow_noise_of,
 )
 from observer_rt.engine.service.judging import InlineExecutor, Judging
-from observer_rt.engine.service.messages import Counters, OutputFrame, ResultFrames, counted
-from observer_rt.engine.service.optional_inputs import OptionalInputs
-from observer_rt.engine.service.pipeline import (
+from observer_rt.engine.service.messages import (
     CompiledPipeline,
+    Counters,
+    OutputFrame,
     Pipeline,
+    ResultFrames,
+    counted,
     make_input_memory,
     make_publisher,
     make_receiver,
     make_supervised,
 )
+from observer_rt.engine.service.optional_inputs import OptionalInputs
 from observer_rt.engine.stream.standstill import LiftFigures, Standstill, lift_figures, standstill_of
 from observer_rt.engine.stream.state import Reason, State
 from observer_rt.engine.stream.validity import Surroundings, state_of_service
@@ -209,11 +212,6 @@ class Core:
     def call_when_learned(self, wake: Callable[[], None]) -> None:
         """Have the executor call `wake` when something was learned, which `attend` then hands to the stream."""
         self._judging.on_learned = wake
-
-    @property
-    def learning_from(self) -> int | None:
-        """The closed event, by its number, that is being learned from."""
-        return self._judging.learning
 
     @property
     def is_between_events(self) -> bool:

@@ -1,11 +1,11 @@
 """Energizing of the injector: its commands, from levels or durations as they come, and the openings they have.
 
-Delays, injections missing, injections without a command.
+Delays, and injections missing.
 """
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from operator import itemgetter
 
@@ -13,16 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer_rt.bus.mapping.optional_inputs import NANOSECONDS, EnergizingLayout, EnergizingSignal
-from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.core.frames.frames import is_grid_prompt, place_by_time
 from observer_rt.core.stream.stream import INJECTIONS, RING
 from observer_rt.engine.observer import energize, samples_between, was_shut
 from observer_rt.engine.reports.injection_report import CommandedOpening
-from observer_rt.engine.reports.news import Mismatch
-from observer_rt.engine.service.pipeline import CompiledPipeline
+from observer_rt.engine.reports.news import MissingInjection
+from observer_rt.engine.service.messages import CompiledPipeline
 from observer_rt.foundation.units import MICROSECOND, MILLISECOND
 
-SPANS = 8  # in which commands may have been lost
 OVERTAKEN = 10 * MILLISECOND  # by which a frame may be older than the one before; more is a new count
 REMEMBERED = 64  # commands
 RECENT = 100  # delays that mean and spread are of
@@ -33,12 +31,11 @@ LATE_STAMP = 1 * MILLISECOND  # by which stamps may be beside their clock, and a
 class Command:
     """One energizing of the injector; moments are sample indices, or ns by the clock of the stamps.
 
-    margin [samples]: what the start may lie beside `start`; number: from 1; duration [s], nan while not known. came:
-    samples processed when it did; was_shut: the needle as it started, None while not known.
+    number: from 1; duration [s], nan while not known. came: samples processed when it did; was_shut: the needle as
+    it started, None while not known.
     """
 
     start: int
-    margin: float
     duration: float = math.nan
     number: int = 0
     came: int = 0
@@ -65,20 +62,6 @@ class CommandReader:
         self.under_way: Command | None = None
         """The command whose end is still to come."""
         self._last: int | None = None  # moment at which something was known last
-        self._lost: deque[tuple[int, int]] = deque(maxlen=SPANS)
-
-    @property
-    def lost(self) -> Sequence[tuple[int, int]]:
-        """Spans (from, to) in which commands may have come unseen."""
-        return self._lost
-
-    @property
-    def known_until(self) -> int | None:
-        """The moment after which the energizing is unknown; None: silence means that the injector is not
-        energized."""
-        if not self._is_level or self._cycle is None or self._last is None:
-            return None
-        return self._last + round(self._longest * self._units)
 
     def read(self, reading: EnergizingSignal) -> list[Command]:
         """Commands that start in a frame."""
@@ -91,9 +74,9 @@ class CommandReader:
             return []  # repeated, or overtaken
         if self._last is None or since < 0:  # the first one, or all begins anew
             self._last = None
-            self._lose(first - round(SLOTS * self._units), first)
+            self._lose()
         elif self._tells_loss(reading, since):
-            self._lose(self._last, first)
+            self._lose()
         if not self._is_level:
             return self._read_duration(first, float(reading.values[0]))
         steady = self._level is not None and bool(((reading.values != 0.0) == self._level).all())
@@ -109,59 +92,38 @@ class CommandReader:
 
     def _tells_loss(self, reading: EnergizingSignal, since: float) -> bool:
         """Whether frames were lost before this one; since [samples]: from the last moment known."""
-        if since > self._longest:
-            is_pause = reading.follows and self._level is False and reading.values[0] == 0.0
-            return not is_pause
-        return reading.follows is False and not (self.by_index and self._longest < math.inf)
+        is_judged_by_time = self.by_index and self._longest < math.inf
+        return since > self._longest or (reading.follows is False and not is_judged_by_time)
 
     def _distance(self, earlier: int, later: int) -> float:
         """Distance in samples."""
         return samples_between(earlier, later) if self.by_index else (later - earlier) / self._units
 
-    def _lose(self, begin: int, end: int) -> None:
+    def _lose(self) -> None:
+        """Commands may have come unseen."""
         self._level = None
         self.under_way = None
-        if self._lost and self._lost[-1][0] == begin:
-            self._lost.pop()  # it goes on
-        self._lost.append((begin, end))
 
     def _read_duration(self, moment: int, duration: float) -> list[Command]:
         self._last = moment
-        return [Command(moment, 0.0, duration=duration)] if 0.0 < duration < math.inf else []
+        return [Command(moment, duration)] if 0.0 < duration < math.inf else []
 
     def _read_level(self, moment: int, value: float) -> Command | None:
         """Takes one sample; returns a command where energizing starts with it."""
         if math.isnan(value):
-            self._level = None
-            self.under_way = None
+            self._lose()
             return None
-        was, before = self._level, self._last
-        if was is None and before is not None:
-            self._lose(before, moment)
-        self._level, self._last = value != 0.0, moment
+        was, self._level, self._last = self._level, value != 0.0, moment
         if self._level == was:
             return None
         if not self._level:
             if self.under_way is not None:
-                end, _ = self._edge(before, moment)
-                lasted = self._distance(self.under_way.start, end)
-                self.under_way.duration = lasted / self._sample_rate
+                self.under_way.duration = self._distance(self.under_way.start, moment) / self._sample_rate
             return None
         if was is None and self._cycle is not None:
             return None  # it may have been so for long: frames before were lost
-        self.under_way = Command(*self._edge(before, moment))
+        self.under_way = Command(moment)
         return self.under_way
-
-    def _edge(self, before: int | None, moment: int) -> tuple[int, float]:
-        """Change of a level that is another at `moment` than before, and by how many samples its time may be off.
-
-        Among the samples of a block, and of a message sent on change, at `moment`; between two cyclic frames in the
-        middle.
-        """
-        if before is None or self._samples > 1 or self._cycle is None:
-            return moment, 0.0
-        distance = self._distance(before, moment)
-        return moment - round(distance / 2 * self._units), distance / 2
 
 
 @dataclass(frozen=True)
@@ -170,7 +132,6 @@ class EnergizingFigures:
 
     commands: int
     missing: int
-    uncommanded: int
     mean_delay: float
     delay_sigma: float
 
@@ -179,10 +140,7 @@ class EnergizingFigures:
         delay = "not known yet"
         if not math.isnan(self.mean_delay):
             delay = f"{self.mean_delay / MICROSECOND:.0f} ± {self.delay_sigma / MICROSECOND:.0f} us"
-        return (
-            f"{self.commands} commands, {self.missing} injections missing, {self.uncommanded} without a command, "
-            f"opening delay {delay}"
-        )
+        return f"{self.commands} commands, {self.missing} injections missing, opening delay {delay}"
 
 
 class EnergizingWatch:
@@ -190,17 +148,16 @@ class EnergizingWatch:
 
     An opening belongs to the last command that started before it, if that was not too long ago and no opening was
     before it; it is decided when its injection is reported. A command is missing its injection when the needle was
-    shut as it started, no sample was lost since, and none of the openings in its window is its own. Before the first
-    command, and where frames were lost, an opening without one means nothing.
+    shut as it started, no sample was lost since, and no opening without a command is in its window.
     """
 
     def __init__(
         self,
         energizing: EnergizingLayout,
         compiled: CompiledPipeline,
-        on_mismatch: Callable[[Mismatch], None],
+        on_missing: Callable[[MissingInjection], None],
     ) -> None:
-        """on_mismatch: called with every missing injection and every one without a command."""
+        """on_missing: called with every missing injection."""
         sample_rate = 1.0 / compiled.observer.constants.interval
         self._energizing = energizing
         self._reader = CommandReader(energizing, sample_rate)
@@ -209,15 +166,14 @@ class EnergizingWatch:
         self._late = 0.0 if self._reader.by_index else LATE_STAMP * sample_rate
         self._keeping = compiled.pipeline.keeping
         self._compiled = compiled
-        self._on_mismatch = on_mismatch
+        self._on_missing = on_missing
         self._waiting: deque[Command] = deque(maxlen=REMEMBERED)
         self._energized: Command | None = None  # of which the pilot valve knows no end
         # indices of openings without a command, and samples processed when they were reported
         self._unasked: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
         self._delays: deque[float] = deque(maxlen=RECENT)
-        self._doubtful_until: int | None = None  # index up to which stamps did not tell when commands came
         self._newest = 0  # index of the last processed sample
-        self._commands = self._missing = self._uncommanded = 0
+        self._commands = self._missing = 0
 
     def take(self, values: NDArray[np.float64], stamp: int, follows: bool, processed: int) -> None:
         """Take what a frame says, as of `EnergizingLayout.reading`; processed: samples when it came."""
@@ -250,10 +206,8 @@ class EnergizingWatch:
         opening, is_seen = int(injection["opening_index"]), bool(injection["opening_seen"])
         command = self._command_of(opening)
         if command is None:
-            if is_seen and self._commands and not self._may_be_lost(opening):
-                self._uncommanded += 1
+            if is_seen:
                 self._unasked.append((opening, self._processed))
-                self._tell(False, int(injection["number"]), opening)
             return None
         command.has_opened = True
         delay = math.nan
@@ -265,7 +219,6 @@ class EnergizingWatch:
     def look(self) -> None:
         """Reports commands that have had their time without an opening, after samples were processed."""
         if self._processed > 0 and not self._has_time:
-            self._doubtful_until = self._newest_index()
             self._waiting.clear()
         if not self._waiting or self._processed == 0:
             return
@@ -274,7 +227,7 @@ class EnergizingWatch:
             self._forget(before)
         undecided = self._undecided_openings()
         for command in [*self._waiting]:
-            end = self._position(command.start) + command.margin + self._window
+            end = self._position(command.start) + self._window
             if not (samples_between(end, self._newest) > 0 and self._processed - command.came > self._window):
                 continue
             if command.was_shut is None:
@@ -288,7 +241,7 @@ class EnergizingWatch:
         """Counts and delays so far."""
         delays = list(self._delays)  # asked for from another thread, too
         mean, sigma = (float(np.mean(delays)), float(np.std(delays))) if delays else (math.nan, math.nan)
-        return EnergizingFigures(self._commands, self._missing, self._uncommanded, mean, sigma)
+        return EnergizingFigures(self._commands, self._missing, mean, sigma)
 
     @property
     def _processed(self) -> int:
@@ -304,11 +257,11 @@ class EnergizingWatch:
     def _command_of(self, opening: int) -> Command | None:
         """The command that an opening belongs to, None without one."""
         since = [(samples_between(self._position(one.start), opening), one) for one in self._waiting]
-        started = [each for each in since if -each[1].margin <= each[0] <= self._window + each[1].margin]
+        started = [each for each in since if 0.0 <= each[0] <= self._window]
         _, last = min(started, key=itemgetter(0), default=(math.inf, None))
         if last is not None and not last.has_opened:
             return last
-        late = [each for each in since if -self._late <= each[0] + each[1].margin < 0.0]
+        late = [each for each in since if -self._late <= each[0] < 0.0]
         late = [each for each in late if not each[1].has_opened]
         return max(late, key=itemgetter(0))[1] if late else None
 
@@ -316,20 +269,6 @@ class EnergizingWatch:
     def _has_time(self) -> bool:
         """Whether it is known when commands came: not so while stamps leave their clock, such as after it was set."""
         return self._reader.by_index or is_grid_prompt(self._keeping, LATE_STAMP)
-
-    def _may_be_lost(self, opening: int) -> bool:
-        """Whether the command of an opening may be elsewhere than it seems, in lost frames, or still to come."""
-        doubtful = math.nan if self._doubtful_until is None else self._doubtful_until
-        if not self._has_time or samples_between(doubtful, opening) <= self._window:
-            return True
-        until = self._reader.known_until
-        if until is not None and not samples_between(opening, self._position(until)) >= 0:
-            return True
-        return any(
-            not samples_between(self._position(begin), opening) < 0
-            and not samples_between(self._position(end), opening) > self._window
-            for begin, end in self._reader.lost
-        )
 
     def _undecided_openings(self) -> list[int]:
         """Indices of the openings whose injections are not reported yet."""
@@ -349,8 +288,8 @@ class EnergizingWatch:
 
     def _was_shut(self, command: Command) -> bool:
         """Whether the needle was shut as a command started, and samples tell what it did in its window."""
-        begin = samples_between(self._newest, self._position(command.start)) + self._newest - command.margin
-        return was_shut(self._compiled.observer, begin, begin + 2 * command.margin + self._window)
+        begin = samples_between(self._newest, self._position(command.start)) + self._newest
+        return was_shut(self._compiled.observer, begin, begin + self._window)
 
     def _judge(self, command: Command) -> None:
         """Judges a command whose window is over and whose openings are decided."""
@@ -363,7 +302,4 @@ class EnergizingWatch:
         ):
             return  # the command of an opening that was already reported
         self._missing += 1
-        self._tell(True, command.number, round(start))
-
-    def _tell(self, is_missing: bool, number: int, index: int) -> None:
-        self._on_mismatch(Mismatch(is_missing, number, index, self._window / self._sample_rate))
+        self._on_missing(MissingInjection(command.number, round(start), self._window / self._sample_rate))

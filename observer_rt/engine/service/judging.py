@@ -16,7 +16,7 @@ from observer_rt.engine.learning.knowledge import Adoption, EventRecord, Fuel, K
 from observer_rt.engine.learning.learner import Learner
 from observer_rt.engine.mailbox import has_room, post_examined, post_learned
 from observer_rt.engine.observer import event_innovations, event_standstill, event_window
-from observer_rt.engine.service.pipeline import CompiledPipeline
+from observer_rt.engine.service.messages import CompiledPipeline
 from observer_rt.engine.stream.standstill import Standstill, resting_lift_of
 from observer_rt.engine.stream.state import Reason, VerdictKind
 
@@ -121,12 +121,6 @@ class Judging:
     def adoptions(self) -> int:
         """Number of adoptions of a new phi."""
         return self.knowledge.phi_version - self._first_version
-
-    @property
-    def learning(self) -> int | None:
-        """The event, by its number, that is being learned from."""
-        closed = self._learned_from
-        return None if closed is None or closed.is_learned else closed.number
 
     @property
     def is_idle(self) -> bool:

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from observer_rt.bus.mapping.bus_map import BusMap
-from observer_rt.bus.mapping.input_tables import ENERGIZING, OPTIONAL_ROLES
+from observer_rt.bus.mapping.input_tables import ENERGIZING
 from observer_rt.config.bench import BenchInjector
-from observer_rt.config.signals import OptionalRole
 from observer_rt.core.frames.frames import READINGS
 from observer_rt.engine.reports.injection_report import CommandedOpening, InjectionReport
 from observer_rt.engine.reports.news import Listener, MeasuredMass
 from observer_rt.engine.service.injector import bench_constants
-from observer_rt.engine.service.pipeline import CompiledPipeline
+from observer_rt.engine.service.messages import CompiledPipeline
 from observer_rt.engine.stream.state import Reason
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ class OptionalInputs:
         tell: Listener,
         is_restored: bool,
     ) -> None:
-        """tell: of measured masses and mismatches."""
+        """tell: of measured masses and missing injections."""
         self._fitted = fitted
         self._is_restored = is_restored
         self._compiled = compiled
@@ -45,7 +44,6 @@ class OptionalInputs:
         self._inputs = compiled.pipeline.input_memory
         self._memory = self._inputs.memory[0]
         self._masses = _MassComparison(tell)
-        self._takers = {OptionalRole.MEASURED_MASS: self._masses.take}  # of readings that wait
         self._watch = _energizing_watch(bus, compiled, tell)
         self._look_on()
 
@@ -60,8 +58,8 @@ class OptionalInputs:
                 follows = bool(reading["follows"]) and not first < number == oldest
                 came = values[: row["signal_count"]].copy()
                 self._watch.take(came, int(reading["stamp"]), follows, int(reading["processed"]))
-            else:
-                self._takers[OPTIONAL_ROLES[row["role"]]](float(values[0]), int(reading["closed"]))
+            else:  # no other readings wait for Python
+                self._masses.take(float(values[0]), int(reading["closed"]))
         self._memory["read"] = end
 
     def look(self) -> None:

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer_rt.bus.database.e2e import (
+from observer_rt.bus.database.lookup import (
     PROFILE_1,
     PROFILE_5,
     SUPERVISION,

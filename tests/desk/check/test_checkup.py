@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from observer_rt.bus.mapping.bus_map import map_bench
+from observer_rt.bus.mapping.bench_map import map_bench
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, load_bench
 from observer_rt.desk.check.buses import expected_load
 from observer_rt.desk.check.checkup import checkup

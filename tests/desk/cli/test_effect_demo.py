@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from observer_rt.config.bench import load_bench
-from observer_rt.daemon.persistence.journal import reading_journal
+from observer_rt.daemon.journal import read_journal
 from observer_rt.desk.demonstration.missing_effect import AFTER, BEFORE, HiddenEffect, hidden_effect
 from observer_rt.desk.model_steps import steps
 from tests.daemon.end_to_end import command
@@ -43,8 +43,7 @@ def test_a_hidden_effect_is_refused_then_named_and_the_masses_are_right(
 
     truth = true_masses(hidden_effect(seed, outside), done.stderr + done.stdout)
     assert len(truth) == BEFORE + AFTER
-    with reading_journal(out / "injections.sqlite") as journal:
-        rows = list(journal.injections())
+    rows = read_journal(out / "injections.sqlite").injections
     before, after = rows[:BEFORE], rows[BEFORE:]
     assert len({str(row["run"]) for row in rows}) == 2
     assert sum(not row["valid"] for row in before) >= REFUSED * BEFORE

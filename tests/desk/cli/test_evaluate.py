@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text
-from observer_rt.daemon.persistence.keeper import sole_writer
+from observer_rt.daemon.keeper import sole_writer
 from observer_rt.files.formats import read_recording, write_recording
 from tests.desk.cli.conftest import Command, document
 from tests.device import candump_lines, frames_of

@@ -14,8 +14,8 @@ import pytest
 from observer_rt.bus.links.link import Link, LinkDownError
 from observer_rt.config.bench import EXAMPLE_BENCH, NOMINAL_INJECTOR, example_text, load_bench, load_injector
 from observer_rt.daemon import bus_connection
-from observer_rt.daemon.persistence.journal import reading_journal
-from observer_rt.daemon.persistence.state_file import learned_beside, load_knowledge, save_knowledge
+from observer_rt.daemon.journal import read_journal
+from observer_rt.daemon.state_file import learned_beside, load_knowledge, save_knowledge
 from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.files.formats import read_recording
 from observer_rt.files.replay.framing import TimedFrame
@@ -79,8 +79,7 @@ def test_a_signal_ends_a_run_whose_results_are_told_and_kept(
     assert lines[0] == EARLIER
     assert lines[1:] == outcome.err.splitlines()
     assert sum("not valid: TOO_FEW_EVENTS: too few injections were judged yet" in line for line in lines) == 2
-    with reading_journal(tmp_path / "mine.sqlite") as journal:
-        rows = list(journal.injections())
+    rows = read_journal(tmp_path / "mine.sqlite").injections
     assert [row["reasons"] for row in rows] == ["TOO_FEW_EVENTS", "TOO_FEW_EVENTS", "", ""]
     for row in rows:
         record = f"INFO injection: injection {row['number']} at index {row['start_index']}: {row['mass_mg']:.2f} mg"

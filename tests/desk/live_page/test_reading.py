@@ -1,4 +1,4 @@
-"""Daemons as the page reads them: what they say, whether it is of now, and buses that several share."""
+"""Daemons as the page reads them: what they say, whether it is of now."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -14,7 +14,6 @@ from observer_rt.desk.live_page.reading import InjectorSnapshot, Watching
 from tests.daemon.participants import bench_file, until
 from tests.desk.live_page.daemons import daemons_of
 from tests.device import frames_of, worn_recording
-from tests.three_injectors import NAMES, three_injectors
 
 Answers = Mapping[str, Callable[[Message], Iterator[bytes] | Message]]
 
@@ -32,21 +31,19 @@ def watching(path: Path, answers: Answers | None = None) -> Iterator[Watching]:
         yield view
 
 
-def said(
-    *injections: ShownInjection, age: float = 0.0, **loads: float
-) -> Callable[[Message], Iterator[bytes]]:
+def said(*injections: ShownInjection, age: float = 0.0) -> Callable[[Message], Iterator[bytes]]:
     """What a daemon answers that last looked at itself some time ago [s]."""
 
     def answer(_: Message) -> Iterator[bytes]:
         moment = time.time_ns() - round(age * 1e9)
         status = Status(7, moment, "ADAPTED", (), "well", StatusLevel.GOOD, "injector.toml")
-        return Snapshot(Status(**{**vars(status), "buses": (BusStatus("can0", loads),)}), injections).pieces()
+        return Snapshot(Status(**{**vars(status), "buses": (BusStatus("can0"),)}), injections).pieces()
 
     return answer
 
 
 def first(view: Watching) -> InjectorSnapshot:
-    return next(view.seen(view.buses()))
+    return view.readers[0].seen()
 
 
 def test_injections_of_a_daemon_that_is_started_anew_come_after_those_before(tmp_path: Path) -> None:
@@ -84,15 +81,3 @@ def test_a_loop_that_hangs_is_silent_though_its_process_answers(
 def test_a_daemon_that_gives_no_snapshot_is_a_fault(tmp_path: Path, answer: Message, words: str) -> None:
     with watching(bench_file(tmp_path, "read"), {"": lambda _: answer}) as view:
         until(lambda: words in str(first(view).faults))
-
-
-@pytest.mark.parametrize(("own", "is_full"), [(0.2, False), (0.4, True)])
-def test_a_bus_that_several_fill_is_a_fault_of_each(tmp_path: Path, own: float, is_full: bool) -> None:
-    """Two read the same rail pressure, which counts once."""
-    answers = {name: said(Rail=0.3, **{f"Lift_{name}": own}) for name in NAMES[:2]}
-    with watching(three_injectors(tmp_path, "read"), answers) as view:
-        until(lambda: len(view.buses()) == 1 and all(reader.buses for reader in view.readers[:2]))
-        (bus,) = view.buses()
-        assert bus.load == pytest.approx(0.3 + 2 * own)
-        full = [any("can0 is full" in each.what for each in seen.faults) for seen in view.seen([bus])]
-    assert full == [is_full, is_full, False]

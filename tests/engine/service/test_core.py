@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from observer_rt.bus.database.e2e import E2EState
+from observer_rt.bus.database.lookup import E2EState
 from observer_rt.config.bench import load_bench
 from observer_rt.config.injector import E2EConfig
 from observer_rt.desk.evaluation.evaluate import evaluate

@@ -36,7 +36,7 @@ ERRORS = {  # of delay and duration [s]
     "block": (SAMPLE, SAMPLE),
     "by stamp": (SAMPLE, 1e-7),
     "protected": (SAMPLE, 1e-7),
-    "cyclic": (0.5e-3 + SAMPLE, 1e-3),
+    "cyclic": (1e-3 + SAMPLE, 1e-3),
 }
 
 INDICES = 1 << 32
@@ -49,7 +49,7 @@ def test_every_opening_has_its_command(tmp_path: Path, name: str) -> None:
     (lines, source), (delay_error, time_error) = SOURCES[name], ERRORS[name]
     pulses, recording = injected(3)
     watched = watch(pulse_bench(tmp_path, lines), recording, source(pulses))
-    assert watched.energized == ([1, 2, 3], [], [])
+    assert watched.energized == ([1, 2, 3], [])
     for report in watched.reports:
         assert report.commanded is not None
         assert report.commanded.opening_delay == pytest.approx(DELAY, abs=1.5 * delay_error)
@@ -68,7 +68,7 @@ def test_a_stamp_that_is_late_makes_the_delay_too_short(
     pulses, recording = injected(2, PILOT_AND_MAIN)
     bench = pulse_bench(tmp_path, EnergizingBy.TIME_BY_STAMP + stated)
     watched = watch(bench, recording, later(durations(pulses), late))
-    assert watched.energized == ([1, 2, 3, 4], [], [])
+    assert watched.energized == ([1, 2, 3, 4], [])
     for report in watched.reports:
         assert report.commanded is not None
         assert report.commanded.opening_delay == pytest.approx(DELAY - late + made_up, abs=1.5 * SAMPLE)
@@ -81,7 +81,7 @@ def test_no_alarm_while_the_receivers_clock_was_set(tmp_path: Path, step: float)
     frames = merged(samples(recording), durations(pulses))
     stamped = [one._replace(time=one.time + step) if one.time > 0.96 else one for one in frames]
     watched = run(pulse_bench(tmp_path, EnergizingBy.TIME_BY_STAMP), stamped, learning=False)
-    assert watched.notes.mismatches == []
+    assert watched.notes.missing == []
     assert watched.commands[:16] == [*range(1, 17)]
     assert watched.commands[-2:] == [27, 28]
     assert None in watched.commands
@@ -97,7 +97,7 @@ def test_multiplexed_message(tmp_path: Path) -> None:
         sent.append(encoded(message, page, start))
         sent.append(encoded(message, {"Page": 1, "PageOther": 500}, start + 1e-3))
     lines = 'message = "Pages"\nsignal = "PageDuration"\nindex = "PageIndex"\n'
-    assert watch(pulse_bench(tmp_path, lines), recording, sent).energized == ([1, 2], [], [])
+    assert watch(pulse_bench(tmp_path, lines), recording, sent).energized == ([1, 2], [])
 
 
 def test_mean_and_spread_of_the_delays(tmp_path: Path) -> None:
@@ -145,16 +145,14 @@ def pulses(stretches: list[int]) -> Pulses:
     return Pulses(levels.tolist(), starts, [end - start for start, end in zip(starts, ends, strict=False)])
 
 
-def read(
-    mapped: EnergizingLayout, commands: Pulses, first: int, lost: set[int]
-) -> tuple[CommandReader, list[Command]]:
+def read(mapped: EnergizingLayout, commands: Pulses, first: int, lost: set[int]) -> list[Command]:
     reader = CommandReader(mapped, SAMPLE_RATE)
     results: list[Command] = []
     for number in range(len(commands.levels) // LEVELS):
         if number not in lost:
             values = np.array(commands.levels[number * LEVELS : (number + 1) * LEVELS], float)
             results += reader.read(EnergizingSignal((first + number * LEVELS) % INDICES, 0, values, None))
-    return reader, results
+    return results
 
 
 @given(STRETCHES, FIRST)
@@ -162,44 +160,21 @@ def test_every_rising_edge_is_a_command(
     in_blocks: EnergizingLayout, stretches: list[int], first: int
 ) -> None:
     commands = pulses(stretches)
-    _, result = read(in_blocks, commands, first, set())
+    result = read(in_blocks, commands, first, set())
     assert [(one.start - first) % INDICES for one in result] == commands.starts
     assert [round(one.duration * SAMPLE_RATE) for one in result] == commands.lengths
-    assert all(one.margin == 0.0 for one in result)
 
 
 @given(STRETCHES, FIRST, st.sets(st.integers(0, 10)))
-def test_what_is_lost_is_known_to_be(
+def test_what_is_found_beside_losses_is_true(
     in_blocks: EnergizingLayout, stretches: list[int], first: int, lost: set[int]
 ) -> None:
-    """Commands are true ones; a true one that is not found lies in a span said to be lost."""
     commands = pulses(stretches)
-    reader, result = read(in_blocks, commands, first, lost)
-    certain = [(command.start - first) % INDICES for command in result]
-    assert set(certain) <= set(commands.starts)
+    result = read(in_blocks, commands, first, lost)
+    starts = dict(zip(commands.starts, commands.lengths, strict=True))
     for command in result:
-        length = dict(zip(commands.starts, commands.lengths, strict=True)).get(
-            (command.start - first) % INDICES
-        )
+        length = starts[(command.start - first) % INDICES]
         assert np.isnan(command.duration) or round(command.duration * SAMPLE_RATE) == length
-    spans = [((begin - first) % INDICES, (end - first) % INDICES) for begin, end in reader.lost]
-    end_of_last = (
-        max((n + 1 for n in range(len(commands.levels) // LEVELS) if n not in lost), default=0) * LEVELS
-    )
-    for start in set(commands.starts) - set(certain):
-        is_told = any(begin <= start <= end or (begin > end and start <= end) for begin, end in spans)
-        assert is_told or start >= end_of_last
-
-
-def test_a_cyclic_level_changed_in_the_middle_between_two_frames(tmp_path: Path) -> None:
-    reader = CommandReader(energizing(tmp_path, EnergizingBy.CYCLIC), SAMPLE_RATE)
-    results = []
-    for millisecond, level in enumerate((0, 0, 1, 1, 0)):
-        results += reader.read(EnergizingSignal(None, millisecond * 10**6, np.array([level], float), None))
-    [command] = results
-    assert command.start == 1_500_000
-    assert command.margin == 0.5e-3 * SAMPLE_RATE
-    assert command.duration == pytest.approx(2e-3)
 
 
 @pytest.mark.parametrize("nothing", [0.0, -1e-3, np.nan, np.inf])

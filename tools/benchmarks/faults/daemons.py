@@ -16,8 +16,8 @@ import numpy as np
 from observer_rt.bus.links.opening import open_link
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import load_bench
-from observer_rt.daemon.persistence.journal import Row, reading_journal
-from observer_rt.daemon.persistence.state_file import load_knowledge
+from observer_rt.daemon.journal import Row, read_journal
+from observer_rt.daemon.state_file import load_knowledge
 from observer_rt.desk.simulation.schedule import make_schedule
 from observer_rt.files.replay.framing import Framer, all_samples
 from observer_rt.files.replay.player import play
@@ -72,8 +72,7 @@ def read_back(folder: Path, reported: Sequence[tuple[str, ...]], due: int) -> tu
         if journal.exists():
             with contextlib.closing(sqlite3.connect(journal)) as connection:
                 [(sound,)] = connection.execute("PRAGMA integrity_check").fetchall()
-            with reading_journal(journal) as reader:
-                rows = list(reader.injections())
+            rows = read_journal(journal).injections
             problems += difference(rows, reported) + ([] if sound == "ok" else [f"journal: {sound}"])
     except (UserError, sqlite3.Error) as error:
         if due:  # a journal of which nothing was synced may be no journal yet

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from observer_rt.bus.links.link import BusFrame, Frame, block_of
 from observer_rt.bus.mapping.bus_map import map_bus
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.persistence.state_file import load_knowledge, save_knowledge
+from observer_rt.daemon.state_file import load_knowledge, save_knowledge
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame
 from observer_rt.engine.stream.state import Reason

@@ -10,7 +10,6 @@ const LATELY = 100; // of which the share of valid ones is shown
 const BEFORE = 7; // that are drawn pale
 const POINTS = 300; // of a curve at the most: a screen shows no more
 const OLD = 2; // s, after which numbers are not those of now
-const BUSY = 0.8, FULL = 1; // shares of the time that a bus is busy: it can hardly carry more, no more
 const DETAILS_EVERY = 450, HISTORY_EVERY = 1000; // ms: nobody follows these injection by injection
 const FONT = "16px system-ui, sans-serif"; // to be read from two metres
 const LOWEST = 80; // px of curves with their axes
@@ -293,9 +292,8 @@ function numbersHtml({ told }, list) {
 }
 
 function showTop(buses) {
-  const kind = ({ load, down }) => (down || load > FULL ? "bad" : load > BUSY ? "busy" : "");
   element("top").innerHTML = `<b>observer_rt</b> <span>live ${clock(now)}</span>` + buses.map((bus) =>
-    `<span class="bus ${kind(bus)}">${escaped(bus.label)} ${bus.down ? `down: ${escaped(bus.down)}` : `at least ${(100 * bus.load).toFixed(0)} % load`}</span>`).join("");
+    `<span class="bus ${bus.down ? "bad" : ""}">${escaped(bus.label)}${bus.down ? ` down: ${escaped(bus.down)}` : ""}</span>`).join("");
 }
 
 function showControls() {

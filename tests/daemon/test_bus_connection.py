@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer_rt.bus.links.link import Frame, LinkDownError
-from observer_rt.daemon.bus_connection import CAPACITY, Outbox
+from observer_rt.daemon.bus_connection import CAPACITY, Port
 from observer_rt.engine.service.messages import OutputFrame
 from tests.links import FakeLink
 
@@ -39,40 +39,48 @@ class NarrowLink(FakeLink):
         return True
 
 
+def port_of(link: NarrowLink) -> Port:
+    return Port("can5", "can5", link, False, lambda _: None)
+
+
 @given(steps=st.lists(st.tuples(st.integers(0, 300), st.integers(0, 300)), max_size=20))
-def test_frames_go_in_order_and_each_is_sent_waits_or_is_counted(steps: list[tuple[int, int]]) -> None:
+def test_frames_go_in_order_and_each_is_sent_or_counted(steps: list[tuple[int, int]]) -> None:
     link = NarrowLink()
-    outbox = Outbox(link)
+    port = port_of(link)
     posted = 0
     for count, room in steps:
         link.room = room
-        outbox.post(frame(posted + n) for n in range(count))
+        port.post([frame(posted + n) for n in range(count)], link)
         posted += count
-        assert len(link.taken) + len(outbox) + outbox.unsent == posted
-        assert len(outbox) <= CAPACITY
-        assert not (outbox and link.room)  # nothing waits while there is room
+        waiting = posted - len(link.taken) - port.unsent
+        assert waiting <= CAPACITY
+        assert port.is_waiting == (waiting > 0)
+        assert not (waiting and link.room)  # nothing waits while there is room
+    port.discard()
+    assert len(link.taken) + port.unsent == posted
     assert link.taken == sorted(set(link.taken))
 
 
 def test_the_oldest_are_given_up() -> None:
     link = NarrowLink()
-    outbox = Outbox(link)
-    outbox.post(frame(n) for n in range(CAPACITY + 3))
-    assert (outbox.unsent, len(outbox)) == (3, CAPACITY)
+    port = port_of(link)
+    port.post([frame(n) for n in range(CAPACITY + 3)], link)
+    assert port.unsent == 3
     link.room = 2 * CAPACITY
-    outbox.flush()
+    port.post([], link)
     assert link.taken == list(range(3, CAPACITY + 3))
 
 
 def test_what_waits_when_the_link_goes_down_is_counted() -> None:
     link = NarrowLink(room=1)
-    outbox = Outbox(link)
-    outbox.post([frame(0), frame(1)])
+    port = port_of(link)
+    port.post([frame(0), frame(1)], link)
     link.down = True
-    with pytest.raises(LinkDownError):
-        outbox.post([frame(2)])
-    outbox.discard()
-    assert (outbox.unsent, len(outbox), link.taken) == (2, 0, [0])
+    with pytest.raises(LinkDownError) as raised:
+        port.post([frame(2)], link)
+    port.go_down(raised.value)
+    port.post([frame(3)], link)
+    assert (port.unsent, port.is_waiting, link.taken) == (3, False, [0])
 
 
 def test_the_last_frames_are_waited_for_but_not_for_ever() -> None:
@@ -84,13 +92,14 @@ def test_the_last_frames_are_waited_for_but_not_for_ever() -> None:
             return super().try_send(frame_id, payload, is_extended, is_fd)
 
     link = SlowLink()
-    outbox = Outbox(link)
-    outbox.post([frame(0), frame(1)])
-    outbox.drain(10.0)
-    assert (link.taken, outbox.unsent) == ([0, 1], 0)
-    full = Outbox(NarrowLink())
-    full.post([frame(0)])
+    port = port_of(link)
+    port.post([frame(0), frame(1)], link)
+    port.drain(10.0, link)
+    assert (link.taken, port.unsent) == ([0, 1], 0)
+    full = NarrowLink()
+    port = port_of(full)
+    port.post([frame(0)], full)
     start = time.monotonic()
-    full.drain(0.05)
+    port.drain(0.05, full)
     assert time.monotonic() - start < 5.0
-    assert (full.unsent, len(full)) == (1, 0)
+    assert (port.unsent, port.is_waiting) == (1, False)

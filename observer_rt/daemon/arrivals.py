@@ -1,13 +1,17 @@
 """Arrivals of frames, how many, and when last: of every input message, and of our own identifiers from elsewhere."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from observer_rt.bus.alignment import MessageTiming
 from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.lookup import MessageLayout
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.input_tables import ROLES
 from observer_rt.config.signals import Role
+from observer_rt.daemon.snapshot import InputStatus
+from observer_rt.foundation.units import MEGAPASCAL, MICROSECOND
 
 SECOND = 1e9  # ns
 STALE = 0.5  # s without a frame of a message that carries samples
@@ -165,6 +169,32 @@ def sources_of(bus: BusMap) -> tuple[WatchedMessage, ...]:
         )
         for layout, roles in carried.items()
     )
+
+
+def inputs_of(arrivals: Arrivals, timing: Sequence[MessageTiming], now: int) -> tuple[InputStatus, ...]:
+    """All input messages at a time [ns]; timing: of all streams."""
+    stale = arrivals.stale(now)
+    inputs = []
+    for source in arrivals.sources:
+        age, is_stale = arrivals.age(source, now), source in stale
+        late = "" if is_stale else lateness([timing[stream] for stream in source.streams])
+        known_age = None if math.isnan(age) else age
+        inputs.append(InputStatus(source.text, known_age, is_stale, late))
+    return tuple(inputs)
+
+
+def lateness(timing: Sequence[MessageTiming]) -> str:
+    """Describes how late frames come, and how well the time of their samples is known."""
+    if not timing or any(one.jitter.frames == 0 for one in timing):
+        return ""
+    text = f", late by up to {max(one.lately for one in timing) / MICROSECOND:.0f} us"
+    unknown = max(one.unknown for one in timing)
+    if unknown == math.inf:
+        text += ", clocks not known yet"
+    elif unknown > 0.0:
+        error = max(one.pressure_error for one in timing)
+        text += f"; joined by clock, known to {unknown / MICROSECOND:.2g} us ({error / MEGAPASCAL:.2g} MPa)"
+    return text
 
 
 def twins_of(bus: BusMap) -> list[MessageLayout]:

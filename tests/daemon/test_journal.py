@@ -13,11 +13,10 @@ import pytest
 from observer_rt import __version__
 from observer_rt.config.bench import Bench, load_bench
 from observer_rt.config.injector import StateConfig
-from observer_rt.daemon.persistence.journal import COLUMNS, JournalWriter, Row, reading_journal
-from observer_rt.daemon.persistence.keeper import keeper_of
-from observer_rt.daemon.persistence.state_file import model_hash
-from observer_rt.engine.reports.injection_report import INDICATORS
-from observer_rt.engine.reports.news import MeasuredMass, Mismatch
+from observer_rt.daemon.journal import COLUMNS, JournalWriter, Row, read_journal
+from observer_rt.daemon.keeper import keeper_of
+from observer_rt.daemon.state_file import model_hash
+from observer_rt.engine.reports.news import MeasuredMass, MissingInjection
 from observer_rt.engine.stream.state import Reason
 from observer_rt.foundation.errors import RunError, UserError
 from tests.daemon.participants import until
@@ -45,8 +44,7 @@ def journal(path: Path, bench: Bench, messages: list[str]) -> JournalWriter:
 
 
 def rows(path: Path) -> list[Row]:
-    with reading_journal(path) as content:
-        return list(content.injections())
+    return read_journal(path).injections
 
 
 def numbers(path: Path) -> list[int]:
@@ -125,16 +123,14 @@ def test_what_is_not_known_is_null(path: Path, journal: JournalWriter) -> None:
 
 def test_a_run_says_what_it_was(path: Path, journal: JournalWriter, bench: Bench) -> None:
     journal.write()
-    with reading_journal(path) as content:
-        (run,) = content.runs()
+    (run,) = read_journal(path).runs
     assert run["software_version"] == __version__
     assert run["model_sha256"] == model_hash(bench.injector.parameters)
     assert run["bench_file"] == str(bench.path)
     assert '"rate_hz":100000.0' in str(run["configuration_json"])
     assert run["stopped_utc"] is None
     journal.finish()
-    with reading_journal(path) as content:
-        (run,) = content.runs()
+    (run,) = read_journal(path).runs
     assert str(run["stopped_utc"]) >= str(run["started_utc"])
 
 
@@ -155,7 +151,7 @@ def test_what_was_measured_is_added(path: Path, journal: JournalWriter) -> None:
     journal(MeasuredMass(report, 42.5e-6))
     journal(some_report(2))
     journal(MeasuredMass(some_report(2), 43.5e-6))
-    journal(Mismatch(True, 1, 2, 0.003))
+    journal(MissingInjection(1, 2, 0.003))
     journal.write()
     assert [row["measured_mass_mg"] for row in rows(path)] == [pytest.approx(42.5), pytest.approx(43.5)]
 
@@ -190,8 +186,7 @@ def test_a_journal_that_was_removed_is_told_and_counted(
     assert [text.split("\n")[0] for text in messages] == [
         f"warning: journal {path}: the journal was removed, with 3 injections of this run"
     ]
-    with reading_journal(path) as content:
-        assert (len(content.runs()), list(content.injections())) == (1, [])
+    assert [len(each) for each in read_journal(path)] == [1, 0]
     write(journal, 4)
     assert journal.finish() == (
         f"1 injections in the journal {path}, 1 of this run; 3 more were in a journal that was removed"
@@ -211,27 +206,13 @@ def test_what_cannot_be_written_waits(path: Path, journal: JournalWriter, locked
 def test_too_many_waiting_are_counted_and_told(
     path: Path, journal: JournalWriter, messages: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("observer_rt.daemon.persistence.journal.MOST_WAITING", 100)
+    monkeypatch.setattr("observer_rt.daemon.journal.MOST_WAITING", 100)
     write(journal, *range(1, 108))
     assert journal.lost == 7
     assert messages == [f"warning: journal {path}: 7 injections lost so far, for want of room to keep them"]
     assert numbers(path) == list(range(1, 101))
     journal.write()
     assert len(messages) == 1
-
-
-def test_a_journal_of_a_version_that_learned_less_goes_on(
-    path: Path, journal: JournalWriter, bench: Bench
-) -> None:
-    journal(some_report(1))
-    journal.finish()
-    with closing(sqlite3.connect(path)) as connection:
-        connection.execute(f"ALTER TABLE injection DROP COLUMN {INDICATORS[-1].columns[0]}")
-    assert INDICATORS[-1].columns[0] not in rows(path)[0]
-    again = JournalWriter(path, bench, print)
-    again(some_report(1))
-    again.finish()
-    assert [row[INDICATORS[-1].columns[0]] is None for row in rows(path)] == [True, False]
 
 
 def test_files_that_are_no_journal_are_refused(tmp_path: Path, path: Path, bench: Bench) -> None:
@@ -241,11 +222,11 @@ def test_files_that_are_no_journal_are_refused(tmp_path: Path, path: Path, bench
     other = tmp_path / "other.sqlite"
     with closing(sqlite3.connect(other)) as connection:
         connection.execute("CREATE TABLE songs (title TEXT)")
-    for use in (lambda: JournalWriter(other, bench, print), lambda: reading_journal(other).__enter__()):
+    for use in (lambda: JournalWriter(other, bench, print), lambda: read_journal(other)):
         with pytest.raises(UserError, match="is a database of another program"):
             use()
     with pytest.raises(UserError, match="no such file"):
-        reading_journal(tmp_path / "missing.sqlite").__enter__()
+        read_journal(tmp_path / "missing.sqlite")
 
 
 def test_a_newer_schema_is_refused(path: Path, journal: JournalWriter, bench: Bench) -> None:
@@ -258,8 +239,7 @@ def test_a_newer_schema_is_refused(path: Path, journal: JournalWriter, bench: Be
 
 def test_a_journal_that_is_hardly_begun_is_an_empty_one(path: Path, bench: Bench) -> None:
     path.touch()
-    with reading_journal(path) as content:
-        assert (content.runs(), list(content.injections())) == ([], [])
+    assert read_journal(path) == ([], [])
     journal = JournalWriter(path, bench, print)
     journal(some_report(1))
     journal.finish()

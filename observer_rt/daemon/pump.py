@@ -11,16 +11,15 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from observer_rt.bus.can_frame import EXTENDED_FLAG, EXTENDED_MASK, FD_MTU, HEADER_BYTES
-from observer_rt.bus.links.descriptor import DescriptorLink
 from observer_rt.bus.links.link import LONGEST_WAIT, Link, LinkDownError
-from observer_rt.bus.links.opening import BusDownError
+from observer_rt.bus.links.opening import BusDownError, DescriptorLink
 from observer_rt.bus.links.socketcan import SocketCanLink
 from observer_rt.bus.mapping.bus_map import BusMap, layout_of
 from observer_rt.bus.mapping.timing import SLOTS
 from observer_rt.core.frames.frames import ERRORS, WAIT_MS, WAITING, PumpLoop
+from observer_rt.daemon.arrivals import Arrivals
 from observer_rt.daemon.bus_connection import RETRY
-from observer_rt.daemon.input_monitoring.arrivals import Arrivals
-from observer_rt.daemon.pump.memory import BUS, Latency, latency_of, make_pump
+from observer_rt.daemon.pump_memory import BUS, Latency, latency_of, make_pump
 from observer_rt.engine.service.core import Core
 from observer_rt.engine.service.messages import OutputFrame, output_frame
 

@@ -207,8 +207,7 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
     """Restore what `save_knowledge` wrote for the same model.
 
     A file that does not belong to the model, was damaged or holds what cannot be true is renamed to
-    `NAME.set-aside-N`, with the reason in the message, and the newest of those that fits is restored instead; with
-    `set_aside` False it stays and is refused.
+    `NAME.set-aside-N`, with the reason in the message; with `set_aside` False it stays and is refused.
 
     Raises:
         StateDoesNotFitError: the file is refused.
@@ -235,14 +234,7 @@ def load_knowledge(path: Path, model: InjectorParameters, set_aside: bool = True
             ) from None
         refuse_other_kind("learned state", path, LEARNED_STATE)  # only what was one is ever set aside
         warning = f"warning: learned state not restored, for {reason}; kept as {_set_aside(path)}"
-        before = _set_aside_before(path, model)
-        if before is None:
-            return RestoredKnowledge(None, f"{warning}\n  remedy: {BEGUN_ANEW}")
-        return replace(before, message=f"{warning}\n{before.message}, which is of this model")
-    return _restored(path, knowledge)
-
-
-def _restored(path: Path, knowledge: Knowledge) -> RestoredKnowledge:
+        return RestoredKnowledge(None, f"{warning}\n  remedy: {BEGUN_ANEW}")
     learned = f"correction {knowledge.phi_version}, learned from {knowledge.state.events} events"
     return RestoredKnowledge(knowledge, f"learned state restored from {path}: {learned}")
 
@@ -252,15 +244,6 @@ def _usable(data: bytes, model: InjectorParameters) -> Knowledge:
     if problem := problem_of(knowledge, model.scaling.pressure) or _doubt_of(knowledge):
         raise _UnusableError(problem)
     return knowledge
-
-
-def _set_aside_before(path: Path, model: InjectorParameters) -> RestoredKnowledge | None:
-    """The newest state of this model among those set aside: its injector was mounted before. None without."""
-    aside = [each for each in path.parent.iterdir() if each.name.startswith(path.name + ASIDE)]
-    for older in sorted(aside, key=lambda each: each.stat().st_mtime, reverse=True):
-        with suppress(_UnusableError, OSError):
-            return _restored(older, _usable(older.read_bytes(), model))
-    return None
 
 
 def _is_finite(value: Any) -> bool:

@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from observer_rt import __version__
 from observer_rt.config.bench import Bench
-from observer_rt.daemon.persistence.state_file import model_hash
+from observer_rt.daemon.state_file import model_hash
 from observer_rt.engine.reports.injection_report import (
     FIELDS,
     InjectionReport,
@@ -35,7 +36,7 @@ MOST_WAITING = 10_000  # entries, some minutes of a full disk; those beyond are 
 
 _REPORTED = columns_of(FIELDS, Output.JOURNAL)
 COLUMNS = {"judged_utc": str, **_REPORTED, "measured_mass_mg": float}
-"""Columns of an injection beside its run, with their types; those of a measured mass are added later."""
+"""Columns of an injection beside its run, with their types; a measured mass is added later."""
 _KINDS = {int: "INTEGER", bool: "INTEGER", float: "REAL", str: "TEXT"}
 _RUN = """CREATE TABLE IF NOT EXISTS run (
     started_unix_us INTEGER PRIMARY KEY,
@@ -60,7 +61,7 @@ _ADD_INJECTION = (
 )
 _ADD_MASS = "UPDATE injection SET measured_mass_mg = ? WHERE run = ? AND number = ?"
 Row = Mapping[str, Value]
-"""A row of the journal by its columns; those of a version that knew fewer are missing."""
+"""A row of the journal by its columns."""
 
 
 class JournalWriter:
@@ -230,7 +231,7 @@ def require_journal(path: Path) -> None:
 
 
 def _connected(path: Path) -> sqlite3.Connection:
-    """A connection that survives power cuts, to a journal with all columns."""
+    """A connection that survives power cuts, to a journal, which is begun where there was no file."""
     connection = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("PRAGMA journal_mode = WAL")
@@ -239,73 +240,50 @@ def _connected(path: Path) -> sqlite3.Connection:
         connection.execute("PRAGMA wal_autocheckpoint = 1")
         with connection:
             connection.execute("BEGIN IMMEDIATE")
-            make_tables(connection)
+            for text in (_RUN, _INJECTION):
+                connection.execute(text)
+            connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+            connection.execute(f"PRAGMA user_version = {SCHEMA}")
     except BaseException:
         connection.close()
         raise
     return connection
 
 
-def make_tables(connection: sqlite3.Connection) -> None:
-    """Make what a journal consists of, as far as it is not there."""
-    connection.execute(_RUN)
-    connection.execute(_INJECTION)
-    existing = {name for _, name, *_ in connection.execute("PRAGMA table_info (injection)")}
-    for name, kind in COLUMNS.items():  # of a journal begun by a version that learned less
-        if name not in existing:
-            connection.execute(f"ALTER TABLE injection ADD COLUMN {name} {_KINDS[kind]}")
-    connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-    connection.execute(f"PRAGMA user_version = {SCHEMA}")
+class JournalContent(NamedTuple):
+    """Rows of a journal, in order."""
+
+    runs: list[Row]
+    injections: list[Row]
 
 
-class JournalReader:
-    """A journal that is read; an entry written meanwhile is seen whole or not at all."""
+def read_journal(path: Path) -> JournalContent:
+    """A journal as it is now; an entry written meanwhile is seen whole or not at all.
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
-
-    def runs(self) -> list[Row]:
-        """The runs of the daemon, in order."""
-        return list(self._rows("SELECT * FROM run ORDER BY started_unix_us"))
-
-    def injections(self) -> Iterator[Row]:
-        """The injections in order."""
-        return self._rows("SELECT * FROM injection ORDER BY run, number")
-
-    def _rows(self, query: str) -> Iterator[Row]:
-        cursor = self._connection.execute(query)
-        names = [column[0] for column in cursor.description]
-        return (dict(zip(names, row, strict=True)) for row in cursor)
-
-
-@contextlib.contextmanager
-def reading_journal(path: Path) -> Iterator[JournalReader]:
-    """A journal as it is now.
-
-    Raises:
-        UserError: it does not exist, is no journal, or is damaged.
+    Raises `UserError`: it does not exist, is no journal, or is damaged.
     """
     if not path.exists():
         raise UserError(str(path), "no such file", "name the file given to `observer-rt run --journal`")
     require_journal(path)
-    address = path.absolute().as_uri() + "?mode=ro"
     try:
-        with contextlib.closing(sqlite3.connect(address, uri=True, timeout=PATIENCE)) as connection:
+        with contextlib.closing(
+            sqlite3.connect(path.absolute().as_uri() + "?mode=ro", uri=True, timeout=PATIENCE)
+        ) as connection:
+            connection.row_factory = sqlite3.Row
             connection.execute("BEGIN")  # one state of the file for all that is asked
-            (tables,) = connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-            if not tables:  # a daemon may have been killed, or be, on the way to its first row
-                connection = sqlite3.connect(":memory:")
-                make_tables(connection)
-            yield JournalReader(connection)
+            if not connection.execute("SELECT * FROM sqlite_master").fetchall():
+                return JournalContent(
+                    [], []
+                )  # a daemon may be on the way to its first row, or was killed there
+            runs, injections = "run ORDER BY started_unix_us", "injection ORDER BY run, number"
+            return JournalContent(_rows(connection, runs), _rows(connection, injections))
     except sqlite3.OperationalError as error:
-        raise UserError(
-            str(path),
-            f"cannot be read: {error}",
-            "copy it with the files beside it to where you may write, and read it there",
-        ) from None
+        remedy = "copy it with the files beside it to where you may write, and read it there"
+        raise UserError(str(path), f"cannot be read: {error}", remedy) from None
     except sqlite3.DatabaseError as error:
-        raise UserError(
-            str(path),
-            f"is damaged: {error}",
-            f"save what is left: sqlite3 {path} .recover | sqlite3 saved.sqlite",
-        ) from None
+        remedy = f"save what is left: sqlite3 {path} .recover | sqlite3 saved.sqlite"
+        raise UserError(str(path), f"is damaged: {error}", remedy) from None
+
+
+def _rows(connection: sqlite3.Connection, table: str) -> list[Row]:
+    return [dict(row) for row in connection.execute(f"SELECT * FROM {table}")]

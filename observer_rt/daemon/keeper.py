@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from observer_rt.config.bench import Bench, BenchInjector
-from observer_rt.daemon.persistence.state_file import save_knowledge
+from observer_rt.daemon.state_file import save_knowledge
 from observer_rt.engine.learning.knowledge import Knowledge
 from observer_rt.engine.reports.news import Listener
 from observer_rt.foundation.errors import RunError, UserError
@@ -20,7 +20,7 @@ from observer_rt.foundation.files import JOURNAL, LEARNED_STATE, is_at
 from observer_rt.foundation.outputs import check_folder, check_own_file
 
 if TYPE_CHECKING:
-    from observer_rt.daemon.persistence.journal import JournalWriter
+    from observer_rt.daemon.journal import JournalWriter
 
 LONGEST_ID = 20  # digits of a process id
 IMPLAUSIBLE = "check the sensors and their units; what was kept before stays"
@@ -201,19 +201,12 @@ class Keeper:
 
     def _write(self, interval: float, stop: threading.Event) -> None:
         """Write again and again, `interval` seconds from begin to begin, until stopped."""
-        wait, is_reported = 0.0, False
+        wait = 0.0
         while not stop.wait(wait):
             began = time.monotonic()
             for writer in self._writers:
                 writer.attempt()
-            took = time.monotonic() - began
-            wait = max(interval - took, 0.0)
-            if took > interval and not is_reported:
-                is_reported = True
-                self._tell(
-                    f"warning: it took {took:.1f} s to write what is kept: a kill may cost more than save_within_s\n"
-                    "  remedy: keep it on a faster disk, or raise save_within_s in [state]"
-                )
+            wait = max(interval - (time.monotonic() - began), 0.0)
 
 
 class LearnedState:
@@ -266,14 +259,14 @@ def kept_files(fitted: BenchInjector, state: Path | None = None, journal: Path |
         check_own_file(option, path, kind)
         check_folder(option, path.absolute().parent)
     if files.journal is not None:
-        from observer_rt.daemon.persistence.journal import require_journal  # optional: --journal
+        from observer_rt.daemon.journal import require_journal  # optional: --journal
 
         require_journal(files.journal)
     return files
 
 
 def _journal_writer(path: Path, bench: Bench, tell: Tell) -> "JournalWriter":
-    from observer_rt.daemon.persistence.journal import JournalWriter  # optional: --journal
+    from observer_rt.daemon.journal import JournalWriter  # optional: --journal
 
     return JournalWriter(path, bench, tell)
 

@@ -1,0 +1,268 @@
+"""What the daemon says of its inputs, live or over a log: missing messages, lost frames, other senders, the state."""
+
+from collections.abc import Iterator, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from observer_rt.bus.database.lookup import E2EState
+from observer_rt.bus.mapping.bus_map import BusMap
+from observer_rt.config.bench import BenchInjector
+from observer_rt.daemon.arrivals import SECOND, Arrivals, WatchedMessage, message_text
+from observer_rt.daemon.signal_watch import LiftWatch, RateWatch, UnitWatch, ValueWatch
+from observer_rt.engine.reports.news import Notice
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.injector import configured_noise
+from observer_rt.engine.service.messages import Counters
+from observer_rt.engine.stream.state import Reason, State
+from observer_rt.engine.words import COUNTERS, TOPICS, Topic, is_good, named
+
+REPORTED_AFTER = 2.0  # s without a frame, or with useless ones only, after which it is reported
+LOOKS = 10  # the frames of so many looks are judged together
+OTHER_SENDER = "stop the other daemon or replay; two on one bus need messages of their own in [outputs]"
+# Counters of useless frames, and the share of all input frames that is reported; of frames out of sequence a larger
+# one, for lost frames disturb their order, too.
+REPORTED_SHARES = {
+    "crc_errors": 0.005,
+    "length_errors": 0.005,
+    "repeated_frames": 0.005,
+    "old_frames": 0.005,
+    "sequence_errors": 0.1,
+}
+_USELESS = 10  # frames
+_ALL_SILENT = "check that the measuring devices are on, the cable, and the bit rate"
+_LOST_AT_ONCE = 0.1  # s of samples lost from one look to the next
+
+PERIOD = 100_000_000  # ns between two looks
+MOST_SAMPLES = 1024  # of a look, which the loop waits for
+
+# s that a state must last to be reported: a source that sends windows changes it at each of them.
+LASTING = 1.0
+_ABOUT_INPUTS = (Reason.INPUT_TIMEOUT, Reason.INPUT_STALE, Reason.STARTING)
+_Standing = tuple[State, tuple[Reason, ...], tuple[str, ...]]
+
+
+class Trouble(Enum):
+    """What can be wrong with a message: begun, remedy, over."""
+
+    SILENT = "no frame comes", "check the device that sends it, its cable and identifier", "comes again"
+    OTHER_SIZE = (
+        "its frames come with an identifier of the other size, 11 or 29 bits, than the database says",
+        "correct the identifier in the database, or in the device that sends it",
+        "comes as the database says",
+    )
+    INVALID = (
+        "its end-to-end protection is INVALID, its values are not taken",
+        "another sender? a disturbed bus? E2EProfile and data id of the database? limits: [e2e]",
+        "its end-to-end protection is VALID again",
+    )
+    USELESS = (
+        "frames come, and none could be used for 2 s",
+        "compare its length, E2EProfile and E2EDataId with the database; is its index or counter stuck?",
+        "its frames can be used again",
+    )
+
+    @property
+    def begun(self) -> str:
+        """What to say when it begins."""
+        return f"{self.value[0]}\n  remedy: {self.value[1]}"
+
+    @property
+    def over(self) -> str:
+        """What to say when it is over."""
+        return self.value[2]
+
+
+class _Use(NamedTuple):
+    """Progress of a message's samples, with how many of its frames, and when that was last new [ns]."""
+
+    progress: tuple[int, ...] = ()
+    frames: int = 0
+    since: int = 0
+
+
+class MessageWatch:
+    """Looks at the arrivals now and then; when no input comes at all, that is said once."""
+
+    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
+        keys = bus.inputs.messages["key"].tolist()
+        self._rows = {source: keys.index(source.layout.key) for source in arrivals.sources}
+        self._arrivals = arrivals
+        self._uses = {source: _Use() for source in arrivals.sources}
+        self._sampled = {source for source in arrivals.sources if source.streams}
+        self._all_silent_until = 0  # 0: they were not since the messages were judged one by one
+        self._are_all_silent = False
+        self.reported: dict[WatchedMessage, Trouble] = {}
+        """Troubles in force."""
+
+    def look(self, now: int, progress: Sequence[int], protection: Sequence[int]) -> Iterator[Notice]:
+        """Notices at a time [ns].
+
+        progress: the sample index every stream got to; protection: `E2EState` of every input message.
+        """
+        troubles = {source: self._trouble(source, now, progress, protection) for source in self._rows}
+        silent = {source for source, trouble in troubles.items() if trouble is Trouble.SILENT}
+        if self._sampled <= silent:
+            if not self._are_all_silent:
+                names = ", ".join(source.text for source in self._rows if source in silent)
+                yield Notice(Topic.INPUT, f"no frame of any input for 2 s: {names}\n  remedy: {_ALL_SILENT}")
+            self._are_all_silent, self._all_silent_until = True, now
+        elif self._are_all_silent:
+            self._are_all_silent = False
+            yield Notice(Topic.INPUT, "inputs come again", is_over=True)
+        for source, trouble in troubles.items():
+            before = self.reported.get(source)
+            if trouble is Trouble.SILENT and now - self._all_silent_until < REPORTED_AFTER * SECOND:
+                continue  # those that were away together do not come again in one moment
+            if trouble is before:
+                continue
+            if trouble is None:
+                assert before is not None
+                del self.reported[source]
+                yield Notice(Topic.INPUT, f"{source.text}: {before.over}", is_over=True)
+            else:
+                self.reported[source] = trouble
+                yield Notice(Topic.INPUT, f"{source.text}: {trouble.begun}")
+
+    def _trouble(
+        self, source: WatchedMessage, now: int, progress: Sequence[int], protection: Sequence[int]
+    ) -> Trouble | None:
+        arrivals, use = self._arrivals, self._uses[source]
+        got, frames = tuple(progress[stream] for stream in source.streams), arrivals.count_of(source).frames
+        is_invalid = protection[self._rows[source]] == E2EState.INVALID
+        if not got or got != use.progress or frames == use.frames or is_invalid:
+            use = self._uses[source] = _Use(got, frames, now)
+        if arrivals.silence(source, now) > max(REPORTED_AFTER, source.patience):
+            return Trouble.OTHER_SIZE if arrivals.has_twin(source) else Trouble.SILENT
+        if is_invalid:
+            return Trouble.INVALID
+        is_useless = frames - use.frames > _USELESS and now - use.since > REPORTED_AFTER * SECOND
+        return Trouble.USELESS if is_useless else None
+
+
+class FrameWatch:
+    """Watches the counters: the share of the frames that is useless and why, and samples that are lost at once."""
+
+    def __init__(self, arrivals: Arrivals, rate: float) -> None:
+        """rate: of samples [Hz]."""
+        self._arrivals = arrivals
+        self._rate = rate
+        self._begin: tuple[Counters, int] | None = (
+            None  # at the first of the looks judged together, with frames
+        )
+        self._lost = 0
+        self._looks = 0
+        self._is_explained = False
+        self._reported: set[str] = set()
+
+    def look(self, counters: Counters, is_explained: bool) -> Iterator[Notice]:
+        """Notices of a look; is_explained: another watch has already reported why frames are useless."""
+        lost, self._lost = (counters.lost_samples - self._lost) / self._rate, counters.lost_samples
+        if self._begin is None:
+            self._begin = counters, self._arrivals.frames
+            return
+        if _LOST_AT_ONCE <= lost < REPORTED_AFTER:  # a longer silence is reported by itself
+            text = f"samples of {lost:.2g} s were lost at once\n  remedy: {TOPICS[Topic.INPUT].remedy}"
+            yield Notice(Topic.INPUT, text)
+        self._looks += 1
+        self._is_explained |= is_explained
+        if self._looks >= LOOKS:
+            before, frames = self._begin
+            if not self._is_explained:
+                yield from self._judged(counters.since(before), self._arrivals.frames - frames)
+            self._begin, self._looks, self._is_explained = (counters, self._arrivals.frames), 0, False
+
+    def _judged(self, since: Counters, frames: int) -> Iterator[Notice]:
+        for name, share in REPORTED_SHARES.items():
+            count, words = getattr(since, name), COUNTERS[name]
+            if frames and count >= share * frames and name not in self._reported:
+                self._reported.add(name)
+                text = f"{count} of {frames} input frames: {words.what}\n  remedy: {words.remedy}"
+                yield Notice(Topic.INPUT, text)
+            elif frames and not count and name in self._reported:
+                self._reported.discard(name)
+                yield Notice(Topic.INPUT, f"no more {words.what}", is_over=True)
+
+
+class SenderWatch:
+    """Reports another sender of our identifiers when it begins, and when it is silent again."""
+
+    def __init__(self, bus: BusMap, arrivals: Arrivals) -> None:
+        self._bus = bus
+        self._arrivals = arrivals
+        self._is_contested = False
+
+    def look(self, now: int) -> Iterator[Notice]:
+        """Notices at a time [ns]."""
+        before, self._is_contested = self._is_contested, self._arrivals.is_contested(now)
+        frames = self._arrivals.foreign_frames
+        if before and not self._is_contested:
+            text = f"the other sender is silent after {frames} frames"
+            yield Notice(Topic.SENDER, text, is_over=True)
+        elif self._is_contested and not before:
+            names = ", ".join(message_text(self._bus, layout) for layout, _ in self._arrivals.foreign)
+            yield Notice(Topic.SENDER, f"another node sends {names}\n  remedy: {OTHER_SENDER}")
+
+
+class InputWatch:
+    """Reports faults of the inputs of a core, by message and identifier."""
+
+    def __init__(self, fitted: BenchInjector, bus: BusMap, core: Core) -> None:
+        self.arrivals = Arrivals(bus)
+        rate = fitted.config.sampling.rate_hz
+        self._core = core
+        self._messages = MessageWatch(bus, self.arrivals)
+        self._useless, self._senders = FrameWatch(self.arrivals, rate), SenderWatch(bus, self.arrivals)
+        self._values = ValueWatch(bus, configured_noise(fitted), self.arrivals.sources)
+        self._units, self._rate = UnitWatch(self.arrivals.sources), RateWatch(rate)
+        self._lift = LiftWatch()
+        self._seen = 0
+        self._frames = 0
+
+    def look(self, now: int) -> list[Notice]:
+        """Notices at a time [ns] of the arrivals' clock; to be called every `PERIOD`."""
+        core = self._core
+        notices = [*self._messages.look(now, core.progress, core.protection)]
+        notices += self._useless.look(core.counters, Trouble.INVALID in self._messages.reported.values())
+        notices += self._rate.look(core.timing, core.state[1])
+        has_frames = core.frames_taken > self._frames
+        self._frames = core.frames_taken
+        if has_frames and self.arrivals.is_complete and not self.arrivals.stale(now):
+            samples = core.inputs(self._seen, MOST_SAMPLES)
+            self._seen = core.processed
+            notices += self._values.look(core.newest, samples)
+            notices += self._units.look(core.newest, samples)
+        return [*notices, *self._lift.look(core.lift), *self._senders.look(now)]
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Lasting faults of the inputs, which may be why nothing is valid."""
+        return (*self._units.reported.values(), *filter(None, [self._rate.reported]))
+
+
+class StateWatch:
+    """Reports the state of the service, with the ages of the inputs where these are the reason."""
+
+    def __init__(self, arrivals: Arrivals) -> None:
+        self._arrivals = arrivals
+        self._now: _Standing | None = None
+        self.since = 0
+        """When the state became what it is [ns]."""
+        self._reported: _Standing | None = None
+
+    def look(
+        self, now: int, state: tuple[State, tuple[Reason, ...]], causes: tuple[str, ...] = ()
+    ) -> list[Notice]:
+        """Notices at a time [ns]; state: with all its reasons; causes: known to be wrong with the inputs."""
+        what, why = state
+        standing = (what, why, () if is_good(what) else causes)
+        if standing != self._now:
+            self._now, self.since = standing, now
+        if standing == self._reported or now - self.since < LASTING * SECOND:
+            return []
+        self._reported = standing
+        text = "; ".join(
+            [named(what), *(named(each) for each in why if each.name != what.name), *standing[2]]
+        )
+        if not is_good(what) and any(reason in _ABOUT_INPUTS for reason in why):
+            text += f"; {self._arrivals.as_text(now)}"
+        return [Notice(Topic.STATE, text, is_good(what))]

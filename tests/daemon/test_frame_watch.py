@@ -1,0 +1,78 @@
+"""Damaged frames, two devices with one identifier, and outages are reported with a remedy."""
+
+from dataclasses import replace
+
+import pytest
+
+from observer_rt.bus.mapping.bus_map import map_bus
+from observer_rt.config.bench import load_bench
+from observer_rt.daemon.arrivals import Arrivals
+from observer_rt.daemon.input_watch import LOOKS, REPORTED_SHARES, FrameWatch
+from observer_rt.engine.service.core import Core
+from observer_rt.engine.service.messages import Counters
+from observer_rt.engine.words import COUNTERS
+
+RATE = 100e3
+
+
+@pytest.fixture
+def arrivals() -> Arrivals:
+    return Arrivals(map_bus(load_bench()))
+
+
+@pytest.fixture
+def counters() -> Counters:
+    bench = load_bench()
+    return Core(bench.injector, map_bus(bench), learning=False).counters
+
+
+def messages_of_looks(
+    arrivals: Arrivals,
+    watch: FrameWatch,
+    counters: Counters,
+    step: dict[str, int],
+    looks: int,
+    is_explained: bool = False,
+) -> list[str]:
+    """Texts reported in so many looks; before each, counters and frames of every message rise by `step`."""
+    texts = []
+    for _ in range(looks):
+        for source in arrivals.sources:
+            frames = arrivals.count_of(source).frames
+            arrivals.set(source.layout, frames + step.get("frames", 0), 0)
+        vars(counters).update({name: getattr(counters, name) + more for name, more in step.items()})
+        texts += [notice.text for notice in watch.look(replace(counters), is_explained)]
+    return texts
+
+
+@pytest.mark.parametrize("counter", REPORTED_SHARES)
+def test_useless_frames_are_reported_once_and_when_they_end(
+    arrivals: Arrivals, counters: Counters, counter: str
+) -> None:
+    watch, words = FrameWatch(arrivals, RATE), COUNTERS[counter]
+    few = {"frames": 1000, counter: 1}
+    assert messages_of_looks(arrivals, watch, counters, few, 2 * LOOKS + 1) == []
+    many = {"frames": 1000, counter: 150}
+    (message,) = messages_of_looks(arrivals, watch, counters, many, 4 * LOOKS)
+    assert message == f"1500 of 10000 input frames: {words.what}\n  remedy: {words.remedy}"
+    (over,) = messages_of_looks(arrivals, watch, counters, {"frames": 1000}, 3 * LOOKS)
+    assert over == f"no more {words.what}"
+
+
+def test_frames_whose_fault_another_watch_reported_are_not_reported_again(
+    arrivals: Arrivals, counters: Counters
+) -> None:
+    watch = FrameWatch(arrivals, RATE)
+    assert (
+        messages_of_looks(
+            arrivals, watch, counters, {"frames": 1000, "crc_errors": 900}, 4 * LOOKS, is_explained=True
+        )
+        == []
+    )
+
+
+def test_an_outage_is_reported_with_its_length(arrivals: Arrivals, counters: Counters) -> None:
+    watch = FrameWatch(arrivals, RATE)
+    assert messages_of_looks(arrivals, watch, counters, {"frames": 1000, "lost_samples": 90}, 5) == []
+    (message,) = messages_of_looks(arrivals, watch, counters, {"lost_samples": 20_000}, 1)
+    assert message.startswith("samples of 0.2 s were lost at once\n  remedy: ")

@@ -123,11 +123,11 @@ def lift_lag_of(
 class LiftLagSearch:
     """Evidence of recent events for a lag: sums of the fields of `LiftLag`.
 
-    asked: refused events in a row; doubted: explained ones in a row, by large laws.
+    asked: events in a row that are refused, or, `by_laws`, that only large laws explain.
     """
 
     asked: int = 0
-    doubted: int = 0
+    by_laws: bool = False
     events: float = 0.0
     samples: float = 0.0
     without: float = 0.0
@@ -146,20 +146,19 @@ class LiftLagSearch:
         that is expected.
         """
         inadequate = [o for o in objections if o.reason in UNEXPLAINED and o.phase is not None]
-        if inadequate:
-            search = replace(self, asked=self.asked + 1, doubted=0)
-        elif left_by_laws is not None:
-            search = replace(self, asked=0, doubted=self.doubted + 1)
-        else:
-            return replace(self, asked=0, doubted=0), tuple(objections)
-        turn, often = (search.asked, SELDOM) if inadequate else (search.doubted, RARELY)
-        if turn <= SOON or turn % often == 0:
+        left = None if inadequate else left_by_laws
+        if not inadequate and left is None:
+            return replace(self, asked=0), tuple(objections)
+        by_laws = left is not None
+        turn = self.asked + 1 if by_laws is self.by_laws else 1
+        search = replace(self, asked=turn, by_laws=by_laws)
+        if turn <= SOON or turn % (RARELY if by_laws else SELDOM) == 0:
             try:
                 event = ask(search._lag or USUAL)
             except np.linalg.LinAlgError:
                 return search, tuple(objections)
-            if not (inadequate or left_by_laws is None or event.explains_instead(left_by_laws)):
-                return LiftLagSearch(doubted=search.doubted), tuple(objections)
+            if left is not None and not event.explains_instead(left):
+                return LiftLagSearch(turn, by_laws), tuple(objections)
             search = search._with_event(event)
         lag = search.accepted_lag
         if lag is None:
@@ -195,7 +194,7 @@ class LiftLagSearch:
             return self
         return LiftLagSearch(
             self.asked,
-            self.doubted,
+            self.by_laws,
             REMEMBERED * self.events + 1.0,
             REMEMBERED * self.samples + event.samples,
             REMEMBERED * self.without + event.without,

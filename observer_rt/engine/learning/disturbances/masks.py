@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from observer_rt.core.learning.outliers import BETTER, LENGTH, find_held, find_loud, largest_of
+from observer_rt.core.learning.outliers import LENGTH, find_held, find_loud, largest_of
 from observer_rt.engine.estimation.predictor import Window
 
 GAUSSIAN = 1.4826  # standard deviation over the median of the sizes
@@ -31,13 +31,8 @@ MOST = 0.35  # share of an event in bursts, beyond which its noise is just not k
 MARGIN = 3  # a third of a stretch before it is masked as well: it may have begun unseen
 MOST_STRETCHES = 3  # in an event
 REMEMBERED = 6  # events, of stretches
-ENDS_REMEMBERED = 12  # events
 RECURS = 3  # of these, with a stretch at the same place
 SAME_PLACE = 8  # samples
-END_SAMPLES = 16  # whose mean is the lowest or highest of an event
-FLAT = 30.0  # chi2 of a constant that is one, to 1 %
-SAME_END = 1.0  # standard deviations of a sample: at other rail pressures they differ by many
-OTHER_POINT = 40.0  # standard deviations of a sample, between ends that are at other rail pressures
 SAME_LEVEL = 3.0  # standard deviations
 
 
@@ -169,31 +164,14 @@ def bursts_of(y: NDArray[np.float64], noise: float) -> list[HeldStretch]:
 
 
 @dataclass(frozen=True)
-class End:
-    """Lowest or highest line pressure of an event, and whether it stays there as the model does not say."""
-
-    level: float
-    is_flat: bool
-
-
-@dataclass(frozen=True)
-class EventEnds:
-    """Both ends of the line pressure in an event, and its rail pressure."""
-
-    rail_pressure: float
-    ends: tuple[End, End]
-
-
-@dataclass(frozen=True)
 class OutlierSearch:
-    """Places of outliers in recent events, and the ends of their line pressure.
+    """Places of outliers in recent events.
 
     stretches: places, from the event's opening on, and levels; bursts: their middles, from the opening on.
     """
 
     stretches: tuple[tuple[tuple[int, float], ...], ...] = ()
     bursts: tuple[tuple[int, ...], ...] = ()
-    ends: tuple[EventEnds, ...] = ()
 
     def masked(
         self, window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int
@@ -227,23 +205,10 @@ class OutlierSearch:
         stretches = frozen_stretches(window, innovations, sigmas, first)
         places = tuple((s.start - window.opening, s.level) for s in stretches)
         bursts = tuple(_middle(burst) - window.opening for burst in bursts_of(window.output, sigmas.noise))
-        event = EventEnds(float(window.inputs[window.opening, 0]), ends_of(window, innovations, sigmas))
         return OutlierSearch(
             (*self.stretches, places)[-REMEMBERED:],
             (*self.bursts, bursts)[-REMEMBERED:],
-            (*self.ends, event)[-ENDS_REMEMBERED:],
         )
-
-    def is_clipped(self, sigmas: Sigmas) -> bool:
-        """Whether the last event's line pressure goes as far as at other rail pressures: it is clipped."""
-        return any(self._is_end_of_range(self.ends[-1], end, sigmas) for end in range(2))
-
-    def _is_end_of_range(self, event: EventEnds, number: int, sigmas: Sigmas) -> bool:
-        """Whether the line pressure goes as far in other events, and stays there or does so at any pressure."""
-        end, close = event.ends[number], SAME_END * sigmas.noise
-        alike = [e.rail_pressure for e in self.ends if abs(e.ends[number].level - end.level) < close]
-        is_general = max(alike) - min(alike) > OTHER_POINT * sigmas.noise
-        return len(alike) >= RECURS and (end.is_flat or is_general)
 
     def _is_true(self, window: Window, stretch: HeldStretch, sigmas: Sigmas) -> bool:
         """Whether a stretch is no outlier, but the truth, or the end of what the sensor can show."""
@@ -264,18 +229,3 @@ class OutlierSearch:
 
 def _middle(stretch: HeldStretch) -> int:
     return (stretch.start + stretch.end) // 2
-
-
-def ends_of(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas) -> tuple[End, End]:
-    """Lowest and highest mean of y over some neighbours, with the innovations (n,) of the model there."""
-    means = np.convolve(window.output, np.full(END_SAMPLES, 1.0 / END_SAMPLES), "valid")
-    lowest, highest = (_end_at(window, innovations, sigmas, int(k)) for k in (means.argmin(), means.argmax()))
-    return lowest, highest
-
-
-def _end_at(window: Window, innovations: NDArray[np.float64], sigmas: Sigmas, first: int) -> End:
-    stretch = slice(first, first + END_SAMPLES)
-    y = window.output[stretch]
-    constant = float(np.sum((y - y.mean()) ** 2)) / sigmas.noise**2
-    model = float(np.sum(innovations[stretch] ** 2)) / sigmas.innovation**2
-    return End(float(y.mean()), constant < FLAT and model - constant > BETTER)

@@ -41,23 +41,21 @@ from observer_rt.foundation.units import Z_95
 class LookAlikes:
     """Findings of one event beside its posterior.
 
-    state: after it, but for the account; objections: whatever the posterior says; is_ending: the range of the line
-    pressure ends in the event, which is why there are others; begins_anew: all that was believed was of other line
-    pressures than those that come.
+    state: after it, but for the account; objections: whatever the posterior says; begins_anew: all that was believed
+    was of other line pressures than those that come.
     """
 
     state: LearningState
     objections: tuple[Objection, ...]
-    is_ending: bool
     begins_anew: bool
 
 
 def look_alikes_in(explained: ExplainedEvent, again: Resimulation, reader: EventReader) -> LookAlikes:
     """Look-alikes in an event that was run again."""
     explanation, lead = explained.carried[0]
-    state, is_ending = _with_range(explained, reader)
+    state = _with_range(explained, reader)
     if not explanation.is_good or explanation.fit is None:
-        return LookAlikes(state, (), is_ending, begins_anew=False)
+        return LookAlikes(state, (), begins_anew=False)
     reading = explanation.reading
     lag = lag_score(explained.window, reading.follows.setting, explanation.fit, reading.cost, reader.wide)
     lateness = None if lag is None else lateness_of(lag, again.run)
@@ -65,24 +63,19 @@ def look_alikes_in(explained: ExplainedEvent, again: Resimulation, reader: Event
     if explained.fault_weight < 0.5:
         state = _followed(state, explained, explanation, reader)
     state, is_disturbed, begins_anew = _with_coil(state, explained, explanation, reader)
-    return LookAlikes(
-        state,
-        _objections(state, explained.window, lead.learned, is_disturbed, reader),
-        is_ending,
-        begins_anew,
-    )
+    objections = _objections(state, explained.window, lead.learned, is_disturbed, reader)
+    return LookAlikes(state, objections, begins_anew)
 
 
 def named(
     state: LearningState,
     against: Sequence[Objection],
-    is_ending: bool,
     explained: ExplainedEvent,
     reader: EventReader,
 ) -> tuple[LearningState, tuple[Objection, ...]]:
     """Objections to an event with those of the line pressure first, and with a lift that is late."""
     against = tuple(_with_phase(each, explained) for each in against)
-    if is_ending and against:
+    if state.range_ends.is_known and against:
         against = (Objection(Reason.INPUT_CLIPPED), *against)
     ask = partial(_lift_lag, state, explained, reader)
     explanation, _ = explained.carried[0]
@@ -101,8 +94,8 @@ def _with_phase(objection: Objection, explained: ExplainedEvent) -> Objection:
     return replace(objection, phase=inadequate_phase(left))
 
 
-def _with_range(explained: ExplainedEvent, reader: EventReader) -> tuple[LearningState, bool]:
-    """Adds an event to outliers and ends of the range; whether that ends in it, too.
+def _with_range(explained: ExplainedEvent, reader: EventReader) -> LearningState:
+    """Adds an event to outliers and ends of the range.
 
     Events in which that showed were at fault by their clipped samples.
     """
@@ -114,8 +107,7 @@ def _with_range(explained: ExplainedEvent, reader: EventReader) -> tuple[Learnin
     range_ends = state.range_ends.after(explained.unmasked, sigmas)
     is_new = range_ends.is_known and not state.range_ends.is_known
     state = replace(state, outliers=outliers, range_ends=range_ends)
-    is_ending = outliers.is_clipped(sigmas) or range_ends.is_known
-    return state.map(_but_clipped) if is_new else state, is_ending
+    return state.map(_but_clipped) if is_new else state
 
 
 def _but_clipped(learned: LearnedInjector) -> LearnedInjector:

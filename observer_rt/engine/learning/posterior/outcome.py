@@ -245,7 +245,7 @@ def outcome_of(explained: ExplainedEvent, event: ClosedEvent, reader: EventReade
     )
     shares = shares_of(mass, account, explained, systematic)
     verdict = verdict_of(explained, mass, shares, event.in_force, look_alikes.objections, reader.wide)
-    state, forward = named(look_alikes.state, verdict.forward, look_alikes.is_ending, explained, reader)
+    state, forward = named(look_alikes.state, verdict.forward, explained, reader)
     if not look_alikes.begins_anew:
         account = settled_after(account, learned, explanation.kind in BELIEVED and not forward)
         state = replace(

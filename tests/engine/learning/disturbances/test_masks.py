@@ -100,26 +100,6 @@ def test_two_stretches_of_half_a_millisecond_are_two() -> None:
     assert len(frozen_stretches(window_of(y + noise), left, SIGMAS, FIRST)) == 2
 
 
-def test_a_line_pressure_that_goes_as_far_at_any_rail_pressure_is_clipped() -> None:
-    search = OutlierSearch()
-    results = []
-    for seed, rail in enumerate((1.1, 1.2, 1.15, 1.25)):
-        noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE
-        output = np.minimum(truth(rail), 1.08) + noise
-        window = window_of(output, rail)
-        search = search.after(window, output - truth(rail), SIGMAS, FIRST)
-        results.append(search.is_clipped(SIGMAS))
-    assert results == [False, False, True, True]
-
-
-def test_events_at_one_rail_pressure_go_equally_far_without_being_clipped() -> None:
-    search = OutlierSearch()
-    for seed in range(6):
-        noise = np.random.default_rng(seed).normal(size=COUNT) * NOISE
-        search = search.after(window_of(truth() + noise), noise, SIGMAS, FIRST)
-        assert not search.is_clipped(SIGMAS)
-
-
 def test_of_a_noise_louder_than_known_nothing_is_masked() -> None:
     """By its level as it is, not as it is believed: ten times louder it would be full of spikes and stretches."""
     random = np.random.default_rng(3)

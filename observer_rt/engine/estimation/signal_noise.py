@@ -14,28 +14,26 @@ ONE_TONE = 0.6  # of what is not white: so much of it at one frequency is hum
 SLOWEST, SLOW = 5.0, 800.0  # Hz, between which a tone is sought over all stretches together
 BLOCKS_A_PERIOD = 4  # of the fastest of these tones
 MOST_BLOCKS = 8_000
-SEGMENT = 1024  # samples of a spectrum of single stretches
 DECAYING = 2.0  # mean squares, early over late at rest
 FEWEST = 512  # samples, without which nothing is reported
 
 
 @dataclass(frozen=True)
 class SlowNoise:
-    """Noise beside white noise: a tone of this frequency [Hz], or what lies half below and half above it.
+    """Noise beside white noise: hum, a slow tone of this frequency [Hz], or, without one, a colour.
 
     strength: amplitude of a tone, else standard deviation, in the unit of the signal.
     """
 
-    frequency: float
+    frequency: float | None
     strength: float
-    is_tone: bool
 
     def as_text(self, unit: str, size: float) -> str:
         """Describes the noise in words, its strength in a unit of this size."""
         strength = f"{self.strength / size:.2g} {unit}"
-        if self.is_tone:
-            return f"hum {_rounded(self.frequency)} Hz {strength}"
-        return f"colour {strength}, half of it below {_rounded(self.frequency)} Hz"
+        if self.frequency is None:
+            return f"colour {strength}"
+        return f"hum {float(f'{self.frequency:.2g}'):.0f} Hz {strength}"
 
 
 def slow_noise(
@@ -54,13 +52,10 @@ def slow_noise(
     stretches = np.split(np.arange(values.size), np.flatnonzero(np.diff(index) != 1) + 1)
     if _decays(values, stretches):
         return None
-    spectrum = _spectrum(values, stretches, sample_rate, white)
-    frequency, power = max(
-        _slow_tone(values, index, stretches, sample_rate), _spectrum_tone(*spectrum), key=lambda tone: tone[1]
-    )
+    frequency, power = _slow_tone(values, index, stretches, sample_rate)
     if power > ONE_TONE * beyond:
-        return SlowNoise(frequency, math.sqrt(2.0 * power), is_tone=True)
-    return SlowNoise(_middle(*spectrum), math.sqrt(beyond), is_tone=False)
+        return SlowNoise(frequency, math.sqrt(2.0 * power))
+    return SlowNoise(None, math.sqrt(beyond))
 
 
 def _decays(values: NDArray[np.float64], stretches: list[NDArray[np.int64]]) -> bool:
@@ -90,35 +85,3 @@ def _slow_tone(
     power = lombscargle(time, means, 2.0 * math.pi * frequencies)
     best = int(np.argmax(power))
     return float(frequencies[best]), 2.0 * float(power[best]) / means.size
-
-
-def _spectrum(
-    values: NDArray[np.float64], stretches: list[NDArray[np.int64]], sample_rate: float, white: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Frequencies [Hz] and mean squares beside white noise, on the mean of the stretches."""
-    from scipy.signal import welch
-
-    length = min(SEGMENT, max(stretch.size for stretch in stretches))
-    total, count = np.zeros(length // 2 + 1), 0
-    for stretch in stretches:
-        if stretch.size >= length:
-            frequencies, density = welch(values[stretch], sample_rate, nperseg=length, detrend=False)
-            total, count = total + stretch.size * density, count + stretch.size
-    return frequencies, total / count * frequencies[1] - white**2 / (length // 2)
-
-
-def _spectrum_tone(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> tuple[float, float]:
-    """Frequency [Hz] and mean square of the strongest tone of a spectrum faster than the slow ones."""
-    power = np.convolve(np.where(frequencies >= SLOW, power, 0.0), np.ones(3), mode="same")
-    best = int(np.argmax(power))
-    return float(frequencies[best]), float(power[best])
-
-
-def _middle(frequencies: NDArray[np.float64], power: NDArray[np.float64]) -> float:
-    """Frequency [Hz] of a spectrum below which half of the coloured part lies."""
-    below = np.cumsum(np.maximum(power, 0.0))
-    return float(frequencies[max(1, int(np.searchsorted(below, 0.5 * below[-1])))])
-
-
-def _rounded(frequency: float) -> str:
-    return f"{float(f'{frequency:.2g}'):.0f}"

@@ -208,7 +208,8 @@ def slow_noise_of(
     lift = slow_noise(resting["needle_lift"], index, rate, white.needle_lift)
     levels = {}
     if line is not None:
-        levels[Role.LINE_PRESSURE] = replace(line, strength=line.strength / _passed(observer, line.frequency))
+        passed = 1.0 if line.frequency is None else _passed(observer, line.frequency)
+        levels[Role.LINE_PRESSURE] = replace(line, strength=line.strength / passed)
     if lift is not None:
         levels[Role.NEEDLE_LIFT] = lift
     return levels

@@ -36,6 +36,11 @@ class ObservedRun:
         return np.array([report.mass for report in self.reports]) / self.true - 1.0
 
     @property
+    def error(self) -> float:
+        """Relative error of all masses together."""
+        return float(sum(report.mass for report in self.reports) / self.true.sum() - 1.0)
+
+    @property
     def inside(self) -> list[bool]:
         """Of the valid masses, whether they lie in their intervals."""
         pairs = zip(self.reports, self.true, strict=True)

@@ -1,24 +1,17 @@
 """The observer on recordings of a plant, which shares no code with it; each case runs once."""
 
-from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
-from numpy.typing import NDArray
-
 from observer_rt.config.bench import load_injector
-from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.scalars import SCALARS
 from observer_rt.engine.learning.indicators import Estimate
-from observer_rt.engine.reports.injection_report import InjectionReport
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effective import coefficients
 from observer_rt.model.parameters import EffectInForce, EffectValue
-from tests.observed_plants import bench_at, recording_of
+from tests.observed_plants import ObservedRun, bench_at, observed
 from tests.plants.laws import NO_LAWS, Laws
 from tests.plants.parameters import Faults, Injector
-from tests.plants.plant import Bench, Event, Needle, Shot, record
-from tests.plants.windows import windows_of
+from tests.plants.plant import Bench, Event, Needle, Shot
 
 EVENTS = 10
 HEALTHY = Faults()
@@ -27,30 +20,13 @@ RAIL_PRESSURES = (60e6, 100e6, 140e6, 80e6, 120e6)  # Pa
 DURATIONS = (1.4e-3, 0.9e-3, 1.9e-3)  # s, of the openings
 
 
-@dataclass(frozen=True, eq=False)
-class PlantRun:
-    """Estimated and true mass [mg] of every event, and what the observer said of its injection."""
-
-    estimated: NDArray[np.float64]
-    true: NDArray[np.float64]
-    reports: tuple[InjectionReport, ...]
-
-    @property
-    def errors(self) -> NDArray[np.float64]:
-        """Relative mass error of every event."""
-        return np.asarray(self.estimated / self.true - 1.0, np.float64)
-
-    def error(self, first: int) -> float:
-        """Relative error of the masses of the events from number `first` (from 1) on, together."""
-        return float(self.estimated[first - 1 :].sum() / self.true[first - 1 :].sum() - 1.0)
-
-    def indicator(self, effect: str) -> Estimate:
-        """An indicator after the last event, SI."""
-        estimate = self.reports[-1].indicators[effect]
-        si = next(
-            shown.si(coefficients(load_injector())) for _, shown in SCALARS.shown() if shown.effect == effect
-        )
-        return Estimate(estimate.value * si, None if estimate.sigma is None else estimate.sigma * si)
+def indicator(run: ObservedRun, effect: str) -> Estimate:
+    """An indicator after the last event, SI."""
+    estimate = run.reports[-1].indicators[effect]
+    si = next(
+        shown.si(coefficients(load_injector())) for _, shown in SCALARS.shown() if shown.effect == effect
+    )
+    return Estimate(estimate.value * si, None if estimate.sigma is None else estimate.sigma * si)
 
 
 def in_force(effect: SizedEffect) -> EffectInForce:
@@ -68,7 +44,7 @@ def run_plant(
     seed: int = 5,
     stated: SizedEffect | None = None,
     laws: Laws = NO_LAWS,
-) -> PlantRun:
+) -> ObservedRun:
     """Single injections at changing operating points; with `change_at` (from 1) healthy before that event.
 
     stated: an effect the observer's injector file has in force.
@@ -79,18 +55,11 @@ def run_plant(
         shot = Shot(7e-6 * (k % 5), DURATIONS[k % len(DURATIONS)])
         rail = RAIL_PRESSURES[k % len(RAIL_PRESSURES)]
         schedule.append(Event(rail, (shot,), faults if changed else HEALTHY))
-    injector = Injector()
-    bench = Bench(injector, Needle(), tuple(schedule), seed=seed, laws=laws)
-    outcome = record(bench)
+    bench = Bench(Injector(), Needle(), tuple(schedule), seed=seed, laws=laws)
     observer = bench_at(bench.sample_rate)
     if stated is not None:
         changes = {"effects": (in_force(stated),)}
         observer = observer.with_parameters(observer.injector.parameters.model_copy(update=changes))
-    evaluation = evaluate(observer, [recording_of(outcome)]).evaluations[0]
-    assert len(evaluation.reports) == events
-    windows = windows_of(outcome, bench.sample_rate)
-    return PlantRun(
-        np.array(windows.event_masses_mg(np.nan_to_num(evaluation.trace.injection_rate), injector.density)),
-        np.array(windows.event_masses_mg(outcome.truth.injection_rate, injector.density)),
-        evaluation.reports,
-    )
+    run = observed(bench, observer)
+    assert len(run.reports) == events
+    return run

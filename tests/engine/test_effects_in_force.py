@@ -11,7 +11,7 @@ from observer_rt.engine.observer import Durations, constants_for
 from observer_rt.engine.stream.state import samples_ahead
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY, sized
-from tests.engine.plant_runs import GATED, in_force, run_plant
+from tests.engine.plant_runs import GATED, in_force, indicator, run_plant
 from tests.engine.sample_stream import RAIL, Stream
 from tests.plants.laws import Laws
 from tests.plants.parameters import Faults
@@ -71,10 +71,10 @@ def test_right_from_the_first_injection_and_not_learned_again(faults: Faults, ef
     assert np.abs(run.errors).max() < 0.01
     assert all(report.valid for report in run.reports[2:])
     for name in GATED:
-        assert run.indicator(name).value == 0.0
-    assert abs(run.indicator(NOZZLE).value) < 0.02
-    assert abs(run.indicator(SEAT).value) < 0.03
-    assert abs(run.indicator(OFFSET).value) < 0.02e6
+        assert indicator(run, name).value == 0.0
+    assert abs(indicator(run, NOZZLE).value) < 0.02
+    assert abs(indicator(run, SEAT).value) < 0.03
+    assert abs(indicator(run, OFFSET).value) < 0.02e6
 
 
 @pytest.mark.parametrize("name", ["eroded", "lift too low", "rail offset", "line offset"])

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from observer_rt.desk.evaluation.evaluate import evaluate
 from observer_rt.engine.estimation.predictor import InputVariance, OpenLoop
 from observer_rt.engine.estimation.scalars import PARAMETERS, Parameter
 from observer_rt.engine.learning.interval import Resimulation
@@ -22,10 +21,8 @@ from observer_rt.engine.learning.learned_range import (
     remembered,
 )
 from observer_rt.engine.stream.state import Reason
-from tests.engine.learning.worn_injector import recorded_at
-from tests.observed_plants import bench_at, recording_of
-from tests.plants.parameters import Injector
-from tests.plants.windows import windows_of
+from tests.engine.learning.worn_injector import worn_bench
+from tests.observed_plants import observed
 
 points = st.builds(EventPoint, st.floats(0.1, 2.0), st.floats(-9.0, -5.0), st.floats(0.0, 1.0))
 
@@ -119,10 +116,7 @@ def test_an_injection_unlike_those_learned_from_is_not_valid(
     rails: tuple[float, ...], openings: tuple[float, ...]
 ) -> None:
     """The last but two is; it is learned from, and those after it are valid and right."""
-    outcome = recorded_at(rails, openings, seed=3)
-    reports = evaluate(bench_at(100e3), [recording_of(outcome)]).evaluations[0].reports
+    run = observed(worn_bench(rails, openings, 3))
     outside, valid = Reason.OUTSIDE_LEARNED_RANGE, Reason.NONE
-    assert [each.reason for each in reports[-4:]] == [valid, outside, valid, valid]
-    true = windows_of(outcome, 100e3).masses(outcome.truth.injection_rate, Injector().density)
-    for report, mass in zip(reports, true, strict=True):
-        assert not report.valid or report.mass == pytest.approx(mass, rel=0.02)
+    assert [each.reason for each in run.reports[-4:]] == [valid, outside, valid, valid]
+    assert np.abs(run.errors[run.valid]).max() < 0.02

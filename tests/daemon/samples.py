@@ -27,7 +27,7 @@ from observer_rt.engine.learning.disturbances.coil_current import (
     Energizing,
 )
 from observer_rt.engine.learning.disturbances.colour import ORDERS, Colour, RestingNoise, SlowRail, TimeJitter
-from observer_rt.engine.learning.disturbances.masks import End, EventEnds, OutlierSearch
+from observer_rt.engine.learning.disturbances.masks import OutlierSearch
 from observer_rt.engine.learning.hypotheses import Mode, Possibility, Velocity
 from observer_rt.engine.learning.indicators import Estimate
 from observer_rt.engine.learning.knowledge import Knowledge, LearningState
@@ -90,13 +90,11 @@ def some_knowledge(seed: int = 1, phi_version: int = 7, events: int = 20) -> Kno
         interval=1e-5,
         slow_rail=SlowRail(1.0, 2.0),
         jitter=TimeJitter(np.arange(5.0), 0.04),
-        outliers=OutlierSearch(
-            (((3, 0.9),),), ((5, 6),), (EventEnds(1.1, (End(0.8, False), End(1.2, True))),)
-        ),
+        outliers=OutlierSearch((((3, 0.9),),), ((5, 6),)),
         range_ends=EndsOfRange(((0.7,), (1.3, 1.4))),
         overdispersion=Overdispersion(12.0, 11.0),
         held_rail=HeldRail(0.95, 1),
-        lift_lag=LiftLagSearch(3, 0, 2.0, 1e3),
+        lift_lag=LiftLagSearch(3, True, 2.0, 1e3),
         energizing=Energizing(
             EdgeSearch(np.ones(4), np.ones(4), np.ones((2, 4))),
             CoilCurrent(np.ones(3), np.ones(3), CoilPulse(0.002, 30, 20), np.eye(PARAMETERS)),

@@ -34,11 +34,11 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.records import dtype_of
 
 # How the bits of a field are to be read.
-UNSIGNED, SIGNED, FLOAT16, FLOAT32, FLOAT64 = 0, 1, 2, 3, 4
+UNSIGNED, SIGNED, FLOAT32, FLOAT64 = 0, 1, 2, 3
 ABOUT_AN_END = 0.01  # of a declared range, by which noise may leave it
 _J1939_VALUES = 0xFB  # most significant byte of the first code that is none, of what is not an enumeration
-_FLOAT_KIND = {16: FLOAT16, 32: FLOAT32, 64: FLOAT64}
-_LARGEST_FLOAT = {16: 65504.0, 32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
+_FLOAT_KIND = {32: FLOAT32, 64: FLOAT64}
+_LARGEST_FLOAT = {32: float(np.finfo(np.float32).max), 64: float(np.finfo(np.float64).max)}
 
 SIGNAL = dtype_of(RECORDS["Signal"])
 
@@ -67,7 +67,7 @@ def _compile(signal: Signal, row: np.void, message: Message) -> None:
     if signal.scale == 0:
         raise UserError(location, "has scale 0", "correct the scale in the bus database")
     if signal.conversion.is_float and signal.length not in _FLOAT_KIND:
-        raise UserError(location, f"is a float of {signal.length} bits, must be 16, 32 or 64")
+        raise UserError(location, f"is a float of {signal.length} bits, must be 32 or 64")
     _set_position(signal, row)
     last_byte = row["first_byte"] + row["step"] * (row["byte_count"] - 1)
     if min(row["first_byte"], last_byte) < 0 or max(row["first_byte"], last_byte) >= message.length:
@@ -174,7 +174,7 @@ def _nearest_ordinary(code: int, reserved: list[int], row: np.void, location: st
     for distance in range(1, len(reserved) + 1):
         for candidate in ((code - distance) & mask, (code + distance) & mask):
             raw = raw_value(candidate, row)
-            wrapped_round = row["kind"] < FLOAT16 and abs(raw - value) > distance
+            wrapped_round = row["kind"] < FLOAT32 and abs(raw - value) > distance
             if candidate not in reserved and not wrapped_round and row["lowest"] <= raw <= row["highest"]:
                 return candidate
     raise UserError(location, "all codes within its range are reserved", "correct GenSigSNA or GenSigError")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from observer_rt.bus.can_frame import STANDARD_MASK
 from observer_rt.bus.database.catalogue import BenchDatabases, BusMessage, named
-from observer_rt.bus.database.codec import FLOAT16, FLOAT32, FLOAT64
+from observer_rt.bus.database.codec import FLOAT32, FLOAT64
 from observer_rt.bus.database.lookup import INDEX_BITS, MessageLayout, from_unit, signal_names
 from observer_rt.bus.mapping.input_tables import (
     INPUT_GROUP,
@@ -50,7 +50,7 @@ _UNITS = {
 }
 Compiled = TypeVar("Compiled", RateMessage, OutputMessage)
 
-_FLOAT_TYPES = {FLOAT16: np.float16, FLOAT32: np.float32, FLOAT64: np.float64}
+_FLOAT_TYPES = {FLOAT32: np.float32, FLOAT64: np.float64}
 
 
 @dataclass(frozen=True)

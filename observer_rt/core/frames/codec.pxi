@@ -3,9 +3,8 @@
 cdef enum:
     UNSIGNED = 0
     SIGNED = 1
-    FLOAT16 = 2
-    FLOAT32 = 3
-    FLOAT64 = 4
+    FLOAT32 = 2
+    FLOAT64 = 3
 
 
 cdef void decode(const uint8_t* payload, const Signal* table, int64_t count, double* out) noexcept nogil:
@@ -24,7 +23,7 @@ cdef void decode(const uint8_t* payload, const Signal* table, int64_t count, dou
             out[i] = NAN
             continue
         # An unscaled float passes as it is: adding zero would lose the sign of -0.0.
-        if signal.kind >= FLOAT16 and signal.scale == 1.0 and signal.offset == 0.0:
+        if signal.kind >= FLOAT32 and signal.scale == 1.0 and signal.offset == 0.0:
             out[i] = raw
         else:
             out[i] = raw * signal.scale + signal.offset
@@ -75,10 +74,8 @@ cdef double raw_number(uint64_t bits, const Signal* signal) noexcept nogil:
         low = <uint32_t> bits
         memcpy(&single, &low, sizeof(single))
         return single
-    if signal.kind == FLOAT64:
-        memcpy(&number, &bits, sizeof(number))
-        return number
-    return _float16_value(bits)
+    memcpy(&number, &bits, sizeof(number))
+    return number
 
 
 cdef uint64_t _bits(double value, const Signal* signal) noexcept nogil:
@@ -90,7 +87,7 @@ cdef uint64_t _bits(double value, const Signal* signal) noexcept nogil:
     if isnan(value):
         if signal.has_not_available:
             return signal.not_available
-        if signal.kind < FLOAT16:
+        if signal.kind < FLOAT32:
             value = 0.0
     raw = (value - signal.offset) / signal.scale
     if raw < signal.lowest:
@@ -105,39 +102,10 @@ cdef uint64_t _bits(double value, const Signal* signal) noexcept nogil:
         single = <float> raw
         memcpy(&low, &single, sizeof(low))
         bits = low
-    elif signal.kind == FLOAT64:
-        memcpy(&bits, &raw, sizeof(bits))
     else:
-        bits = _float16_bits(raw)
+        memcpy(&bits, &raw, sizeof(bits))
     if signal.has_not_available and bits == signal.not_available:
         return signal.instead_of_not_available
     if signal.has_error and bits == signal.error:
         return signal.instead_of_error
     return bits
-
-
-cdef double _float16_value(uint64_t bits) noexcept nogil:
-    cdef int exponent = <int> ((bits >> 10) & 0x1F)
-    cdef double magnitude, fraction = <double> (bits & 0x3FF)
-    if exponent == 0x1F:
-        magnitude = INFINITY if fraction == 0.0 else NAN
-    elif exponent == 0:
-        magnitude = ldexp(fraction, -24)
-    else:
-        magnitude = ldexp(fraction + 1024.0, exponent - 25)
-    return copysign(magnitude, -1.0 if bits & 0x8000 else 1.0)
-
-
-cdef uint64_t _float16_bits(double raw) noexcept nogil:
-    """Rounded half to even; `raw` is NaN or within +-65504."""
-    cdef int exponent = -13
-    cdef int64_t bits
-    if isnan(raw):
-        return 0x7E00
-    # Below 2^-14 the step is 2^-24 and there is no hidden bit; above, eleven bits count.
-    if fabs(raw) >= ldexp(1.0, -14):
-        frexp(raw, &exponent)
-    bits = <int64_t> rint(ldexp(fabs(raw), 11 - exponent))
-    # Adding, not or-ing: the hidden bit and a carry out of the fraction raise the exponent.
-    bits += (exponent + 13) << 10
-    return <uint64_t> (bits | (0x8000 if copysign(1.0, raw) < 0.0 else 0))

@@ -1,4 +1,4 @@
-"""Where cantools defines nothing: reserved codes, limits, NaN, half precision, and signals that are refused."""
+"""Where cantools defines nothing: reserved codes, limits, NaN, and signals that are refused."""
 
 import math
 import struct
@@ -112,27 +112,13 @@ def test_nan_without_a_code_is_the_value_nearest_zero(layout: str, expected: flo
 
 @pytest.mark.parametrize(
     ("length", "largest"),
-    [(16, 65504.0), (32, float(np.finfo(np.float32).max)), (64, float(np.finfo(np.float64).max))],
+    [(32, float(np.finfo(np.float32).max)), (64, float(np.finfo(np.float64).max))],
 )
 def test_floats_keep_nan_and_clamp_infinity(length: int, largest: float) -> None:
     message = float_message(length)
     assert math.isnan(decoded(message, encoded(message, math.nan)))
     assert decoded(message, encoded(message, math.inf)) == largest
     assert decoded(message, encoded(message, -math.inf)) == -largest
-
-
-def test_half_precision_decodes_like_numpy() -> None:
-    table, out = signal_table(float_message(16), ["Value"]), np.zeros(1)
-    for pattern in range(1 << 16):
-        decode_signals(np.frombuffer(struct.pack("<Q", pattern), np.uint8), table, out)
-        expected = np.float64(np.uint16(pattern).view(np.float16))
-        assert (np.isnan(out[0]) and np.isnan(expected)) or out[0].tobytes() == expected.tobytes()
-
-
-@given(st.one_of(st.floats(-65504, 65504), st.floats(-1e-4, 1e-4), st.floats(-1e-7, 1e-7)))
-def test_half_precision_encodes_like_numpy(value: float) -> None:
-    expected = int(np.float64(value).astype(np.float16).view(np.uint16))
-    assert int.from_bytes(encoded(float_message(16), value)[:2], "little") == expected
 
 
 def test_a_range_in_which_no_code_lies_says_nothing() -> None:

@@ -133,6 +133,6 @@ def test_the_interface_is_waited_for_and_another_daemon_is_heard(
         first.until_told("INFO start: ready")
         with running(bench) as second:
             second.until_told("WARNING sender: another node sends ObserverStatus 0x202 already")
-            first.until_told("WARNING sender: another node sends ObserverStatus 0x202: ")
+            first.until_told("WARNING sender: another node sends ObserverStatus 0x202; remedy")
             first.until_told("SECOND_SENDER: another node sends what only this observer should")
         first.until_told("INFO sender: the other sender is silent after")

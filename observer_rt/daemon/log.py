@@ -6,7 +6,6 @@ import math
 import os
 import queue
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -52,50 +51,54 @@ class ServiceLog:
 
         quiet: leave to the view what it shows. Raises `OSError` when the file cannot be opened.
         """
-        shown = _Shown(console)
-        shown.setFormatter(_Line(is_journal(console.file, environment)))
-        if quiet:
-            shown.addFilter(lambda record: record.__dict__["topic"] not in QUIET_TOPICS)
-        screen = _Outlet(shown)
-        self._outlets = [screen]
+        self._is_journal = is_journal(console.file, environment)
+        self._hidden = QUIET_TOPICS if quiet else frozenset[Topic]()
+        self._screen = _Outlet(partial(_show, console))
+        self._file = self._records = None
         if file is not None:
-            written = WatchedFileHandler(file, encoding="utf-8")
-            written.setFormatter(_Line())
-            self._outlets.append(_Outlet(written, partial(_tell_loss, screen, f"lines for {file}")))
-        self._records: _Outlet | None = None
+            write = partial(_append, WatchedFileHandler(file, encoding="utf-8"))
+            self._file = _Outlet(write, partial(self._tell_loss, f"lines for {file}"))
         if stream is not None:
-            records = logging.StreamHandler(stream)
-            self._records = _Outlet(records, partial(_tell_loss, screen, "records on stdout"))
+            self._records = _Outlet(partial(_write, stream), partial(self._tell_loss, "records on stdout"))
 
     def say(self, topic: Topic, text: str, is_over: bool = False) -> None:
         """Logs a line; its level is that of the topic, `is_over`: of something that is well again or normal."""
         level = logging.INFO if is_over else TOPICS[topic].level
         if text.startswith(_WARNING):
             level, text = logging.WARNING, text.removeprefix(_WARNING)
-        record = _made(topic, level, text)
-        for outlet in self._outlets:
-            outlet.put(record)
+        said = f"{topic}: {one_line(text)}"
+        line = f"{_now()} {logging.getLevelName(level)} {said}"
+        if (
+            topic not in self._hidden
+        ):  # the journal has a time of its own, and takes the level from the number
+            self._screen.put(f"<{_PRIORITIES[level]}>{said}" if self._is_journal else line)
+        if self._file is not None:
+            self._file.put(line)
 
     def record(self, content: Mapping[str, Any]) -> None:
         """Writes a record to the stream, one line of JSON, with the time it was made."""
         if self._records is not None:
-            line = json.dumps(
-                {"time": datetime.now(UTC).astimezone().isoformat(timespec="milliseconds"), **content}
-            )
-            self._records.put(logging.makeLogRecord({"msg": line}))
+            self._records.put(json.dumps({"time": _now(), **content}))
 
     @property
     def lost(self) -> int:
         """Lines and records given up."""
-        return sum(outlet.lost for outlet in (*self._outlets, self._records) if outlet is not None)
+        return sum(outlet.lost for outlet in self._outlets)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for outlet in (self._records, *reversed(self._outlets)):  # the screen last: it reports the others
-            if outlet is not None:
-                outlet.close()
+        for outlet in self._outlets:
+            outlet.close()
+
+    @property
+    def _outlets(self) -> "list[_Outlet]":
+        """All there are, the screen last: it reports the others' losses."""
+        return [*filter(None, (self._records, self._file)), self._screen]
+
+    def _tell_loss(self, what: str, why: str) -> None:
+        self.say(Topic.STREAM, f"{what} are lost: {why}")
 
 
 def is_journal(stream: IO[str], environment: Mapping[str, str]) -> bool:
@@ -112,68 +115,46 @@ def one_line(text: str) -> str:
     return "; ".join(part.strip() for part in text.splitlines())
 
 
-def _made(topic: Topic, level: int, text: str) -> logging.LogRecord:
-    return logging.makeLogRecord(
-        {"levelno": level, "levelname": logging.getLevelName(level), "msg": text, "topic": topic}
-    )
+def _now() -> str:
+    return datetime.now(UTC).astimezone().isoformat(timespec="milliseconds")
 
 
-def _tell_loss(screen: "_Outlet", what: str, why: str) -> None:
-    screen.put(_made(Topic.STREAM, TOPICS[Topic.STREAM].level, f"{what} are lost: {why}"))
+def _show(console: Console, line: str) -> None:
+    """Print a line onto the console, above the view where there is one."""
+    if console.is_terminal:
+        say(console, line)
+    else:  # rich takes half a millisecond a line, in which no injector is attended to
+        _write(console.file, line)
 
 
-class _Line(logging.Formatter):
-    """`2026-03-01T12:00:00.000+01:00 WARNING input: text`.
-
-    Of the journal `<4>input: text`: it has a time of its own, and takes the level from the number.
-    """
-
-    def __init__(self, of_journal: bool = False) -> None:
-        super().__init__()
-        self._of_journal = of_journal
-
-    def format(self, record: logging.LogRecord) -> str:
-        made = datetime.fromtimestamp(record.created, UTC).astimezone().isoformat(timespec="milliseconds")
-        level = f"<{_PRIORITIES[record.levelno]}>" if self._of_journal else f"{made} {record.levelname} "
-        return f"{level}{record.__dict__['topic']}: {one_line(record.getMessage())}"
+def _append(file: WatchedFileHandler, line: str) -> None:
+    file.reopenIfNeeded()
+    assert file.stream is not None
+    _write(file.stream, line)
 
 
-class _Shown(logging.Handler):
-    """Handler that prints onto the console, above the view where there is one."""
-
-    def __init__(self, console: Console) -> None:
-        super().__init__()
-        self._console = console
-
-    def emit(self, record: logging.LogRecord) -> None:
-        try:
-            if self._console.is_terminal:
-                say(self._console, self.format(record))
-            else:  # rich takes half a millisecond a line, in which no injector is attended to
-                self._console.file.write(f"{self.format(record)}\n")
-                self._console.file.flush()
-        except OSError:
-            self.handleError(record)
+def _write(stream: IO[str], line: str) -> None:
+    stream.write(f"{line}\n")
+    stream.flush()
 
 
 class _Outlet:
-    """Hands records to a handler in a thread of its own; `on_loss` hears when it begins to lose them."""
+    """Writes lines in a thread of its own; `on_loss` hears when it begins to lose them."""
 
-    def __init__(self, handler: logging.Handler, on_loss: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(self, write: Callable[[str], None], on_loss: Callable[[str], None] = lambda _: None) -> None:
         self.lost = 0
-        """Records given up: nobody took them, or they could not be written."""
-        self._handler = handler
+        """Lines given up: nobody took them, or they could not be written."""
+        self._write = write
         self._on_loss = on_loss
         self._is_losing = False
-        self._waiting: queue.Queue[logging.LogRecord | None] = queue.Queue(CAPACITY)
-        handler.handleError = lambda _: self._lose(str(sys.exc_info()[1]))  # type: ignore[method-assign,assignment]
-        self._thread = threading.Thread(target=self._write, name="log", daemon=True)
+        self._waiting: queue.Queue[str | None] = queue.Queue(CAPACITY)
+        self._thread = threading.Thread(target=self._run, name="log", daemon=True)
         self._thread.start()
 
-    def put(self, record: logging.LogRecord) -> None:
+    def put(self, line: str) -> None:
         """Have it written, unless too much waits already."""
         try:
-            self._waiting.put_nowait(record)
+            self._waiting.put_nowait(line)
         except queue.Full:
             self._lose("too slow a reader")
 
@@ -182,15 +163,18 @@ class _Outlet:
         with suppress(queue.Full):
             self._waiting.put_nowait(None)
         self._thread.join(CLOSING)
-        if not self._thread.is_alive():
-            with suppress(OSError):
-                self._handler.close()
 
-    def _write(self) -> None:
-        while (record := self._waiting.get()) is not None:
-            lost = self.lost
-            self._handler.handle(record)
-            self._is_losing = self._is_losing and self.lost > lost
+    def _run(self) -> None:
+        while (line := self._waiting.get()) is not None:
+            try:
+                self._write(line)
+            except (
+                OSError,
+                ValueError,
+            ) as error:  # a full disk, a reader that is gone, a stream that was closed
+                self._lose(str(error))
+            else:
+                self._is_losing = False
 
     def _lose(self, why: str) -> None:
         self.lost += 1

@@ -7,7 +7,6 @@ from observer_rt.desk.check.bench_rules import bench_findings
 from observer_rt.desk.check.findings import Finding
 from observer_rt.desk.check.machine import (
     interface_findings,
-    read_controller,
     real_time_findings,
     socketcan_findings,
     this_host,
@@ -26,6 +25,5 @@ def checkup(bench: Bench, state: Path | None = None) -> list[Finding]:
         findings += socketcan_findings()
     for link in bench.config.buses:
         if link.config.interface == "socketcan":
-            controller = read_controller(link.config.channel)
-            findings += interface_findings(link.config, controller, location=link.location)
+            findings += interface_findings(link.config, location=link.location)
     return findings

@@ -1,13 +1,10 @@
 """Findings about the machine: real-time rights, memory, processors, its SocketCAN interfaces."""
 
-import json
 import os
 import socket
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from observer_rt.bus.can_frame import ARPHRD_CAN, FD_MTU
 from observer_rt.bus.links.socketcan import NO_SOCKETCAN
@@ -17,11 +14,8 @@ from observer_rt.desk.check.findings import Said, ruled
 
 PROCESSORS = 2  # one for the loop, one for learning
 SHORTEST_QUEUE = 100  # frames
-RATE_TOLERANCE = 0.005  # of a bit rate: CAN nodes of a bus may differ by less
 NETWORK = Path("/sys/class/net")
 _INTERFACE_IS_UP = 1  # IFF_UP
-_IP_TIMEOUT = 5.0  # s
-_SILENT_MODES = ("LISTEN-ONLY", "LOOPBACK")
 
 
 @dataclass(frozen=True)
@@ -63,49 +57,6 @@ def real_time_findings(host: Host) -> Iterator[Said]:
     yield not host.loops.trouble, host.loops.trouble or host.loops.as_text(), REMEDY
 
 
-@dataclass(frozen=True)
-class Controller:
-    """Setup of a CAN controller, rates in bit/s; None or empty what the kernel does not report."""
-
-    state: str
-    bit_rate: int | None
-    data_bit_rate: int | None
-    restart_ms: int | None
-    modes: tuple[str, ...]
-
-
-def read_controller(channel: str) -> Controller | None:
-    """Reads an interface's controller from iproute2; None without iproute2, interface or controller."""
-    command = ["ip", "-json", "-details", "link", "show", "dev", channel]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_IP_TIMEOUT, check=False)
-    except (OSError, subprocess.TimeoutExpired):
-        return None
-    return controller_in(done.stdout) if done.returncode == 0 else None
-
-
-def controller_in(text: str) -> Controller | None:
-    """The controller in the answer of `ip -json -details link show`; None without one."""
-    try:
-        info = json.loads(text)[0]["linkinfo"]
-        if info["info_kind"] != "can":  # virtual interfaces have no controller
-            return None
-        content = info["info_data"]
-        return Controller(
-            state=str(content.get("state", "")),
-            bit_rate=_bit_rate(content, "bittiming"),
-            data_bit_rate=_bit_rate(content, "data_bittiming"),
-            restart_ms=int(content["restart_ms"]) if "restart_ms" in content else None,
-            modes=tuple(map(str, content.get("ctrlmode", ()))),
-        )
-    except (ValueError, OverflowError, LookupError, TypeError, AttributeError):
-        return None  # an iproute2 that writes otherwise
-
-
-def _bit_rate(content: dict[str, Any], key: str) -> int | None:
-    return int(content[key]["bitrate"]) or None if key in content else None
-
-
 @ruled("interface")
 def socketcan_findings() -> Iterator[Said]:
     """Whether the kernel knows CAN at all."""
@@ -116,13 +67,8 @@ def socketcan_findings() -> Iterator[Said]:
 
 
 @ruled("interface")
-def interface_findings(
-    link: LinkConfig, controller: Controller | None = None, network: Path = NETWORK, location: str = "link"
-) -> Iterator[Said]:
-    """Findings about the interface with its folder below `network` and, where there is one, a controller.
-
-    location: the section of the bench file.
-    """
+def interface_findings(link: LinkConfig, network: Path = NETWORK, location: str = "link") -> Iterator[Said]:
+    """Findings about the interface with its folder below `network`; location: the section of the bench file."""
     name = link.channel
     folder = network / name
     try:
@@ -137,40 +83,12 @@ def interface_findings(
         yield False, f"{name} is no CAN interface", f"set {location}.channel to one"
         return
     is_up = bool(flags & _INTERFACE_IS_UP) and state != "down"
-    if controller is None or controller.state != "BUS-OFF":  # which also takes the carrier away
-        yield is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link)
+    yield is_up, f"{name}: {'up' if is_up else 'down'}", _bring_up(link)
     if link.fd:
         carries_fd = mtu >= FD_MTU
         yield carries_fd, f"{name}: mtu {mtu}, {'' if carries_fd else 'no '}CAN FD", _set_up_anew(link)
     longer = f"sudo ip link set {name} txqueuelen {10 * SHORTEST_QUEUE}"
     yield queue >= SHORTEST_QUEUE, f"{name}: queue of {queue} frames to send", longer
-    if controller is not None:
-        yield from _of_controller(link, controller, location)
-
-
-def _of_controller(link: LinkConfig, controller: Controller, location: str) -> Iterator[Said]:
-    name = link.channel
-    anew = f"sudo ip link set {name} down && sudo ip link set {name} up type can"
-    if controller.state in ("BUS-OFF", "ERROR-PASSIVE"):
-        remedy = "check wiring, termination and the bit rates of all nodes"
-        if controller.state == "BUS-OFF":
-            remedy += f", then: sudo ip link set {name} type can restart"
-        yield False, f"{name}: {controller.state.lower()}", remedy
-    for key, rate, wanted in (
-        ("bit_rate", controller.bit_rate, link.bit_rate),
-        ("data_bit_rate", controller.data_bit_rate if link.fd else None, link.data_bit_rate),
-    ):
-        if rate is not None:
-            yield (
-                abs(rate - wanted) <= RATE_TOLERANCE * wanted,
-                f"{name}: {key.replace('_', ' ')} {rate} bit/s",
-                f"the bench file says {wanted:.0f}: set {location}.{key}, or {_set_up_anew(link)}",
-            )
-    if (restart := controller.restart_ms) is not None:
-        off = "" if restart else ", after bus-off it stays off"
-        yield restart > 0, f"{name}: restart-ms {restart}{off}", f"{anew} restart-ms 100"
-    for mode in set(_SILENT_MODES).intersection(controller.modes):
-        yield False, f"{name}: {mode.lower()}, nobody will hear the results", f"{anew} {mode.lower()} off"
 
 
 def _create(link: LinkConfig) -> str:

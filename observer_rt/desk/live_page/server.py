@@ -34,7 +34,6 @@ _LOOK_EVERY = 10  # ms: whether something is new and a browser through with the 
 _PATIENCE = 5.0  # s for the headers of a request, and until the next one
 _LONGEST = 1000  # bytes of what a browser says
 _CONNECTIONS = 256  # at once; a page takes some seven
-_ELSEWHERE = ("192.0.2.1", 9)  # a computer of RFC 5737, that is nowhere
 _STOP_EVERY = 0.1  # s between two looks at the stop signal
 
 
@@ -168,20 +167,9 @@ async def _serve(handlers: list[Any], address: str, port: int, console: Console)
     server.add_sockets(sockets)
     with stop_on_signals() as stop:
         asked = "" if token is None else f"?token={token}"
-        behind = f":{sockets[0].getsockname()[1]}/{asked}"
-        urls = " or ".join(f"http://{host}{behind}" for host in _hosts(address))
-        say(console, f"{urls} (Ctrl-C ends it)")
+        is_any = ip_address(socket.gethostbyname(address)).is_unspecified
+        host = socket.gethostname() if is_any else address
+        say(console, f"http://{host}:{sockets[0].getsockname()[1]}/{asked} (Ctrl-C ends it)")
         gc.freeze()  # what is loaded stays: going through all of it now and then would hold up drawings
         while not stop.is_set():
             await asyncio.sleep(_STOP_EVERY)
-
-
-def _hosts(address: str) -> list[str]:
-    """Names under which the page can be opened, the likely one first."""
-    if not ip_address(socket.gethostbyname(address)).is_unspecified:
-        return [address]
-    name = socket.gethostname()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
-        probe.connect(_ELSEWHERE)  # sends nothing, but finds the interface that leads to others
-        return [probe.getsockname()[0], name]
-    return [name]

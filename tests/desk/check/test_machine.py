@@ -1,7 +1,6 @@
 """What `check` says of the machine: its rights, and a SocketCAN interface, from what the kernel tells."""
 
 import errno
-import json
 import socket
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,11 +13,8 @@ from observer_rt.config.bench_file import LinkConfig
 from observer_rt.daemon.rights import Processors, Rights
 from observer_rt.desk.check.findings import Finding, Level
 from observer_rt.desk.check.machine import (
-    Controller,
     Host,
-    controller_in,
     interface_findings,
-    read_controller,
     real_time_findings,
     socketcan_findings,
 )
@@ -80,123 +76,10 @@ def test_an_interface_that_is_missing(network: Network, channel: str, remedy: st
     assert_odd(interface_findings(LinkConfig(channel=channel), network=network()), remedy)
 
 
-ANSWER: dict[str, Any] = {
-    "ifname": "can0",
-    "flags": ["NOARP", "UP", "LOWER_UP", "ECHO"],
-    "linkinfo": {
-        "info_kind": "can",
-        "info_data": {
-            "ctrlmode": ["FD"],
-            "state": "ERROR-ACTIVE",
-            "restart_ms": 100,
-            "bittiming": {"bitrate": 500000, "sample_point": "0.875", "tq": 25, "sjw": 1, "brp": 1},
-            "data_bittiming": {"bitrate": 5000000, "sample_point": "0.750", "tq": 25, "sjw": 1, "brp": 1},
-        },
-    },
-}
-GOOD = Controller("ERROR-ACTIVE", 500_000, 5_000_000, 100, ("FD",))
-
-
-def answer(**changes: Any) -> str:
-    """As iproute2 answers, with other details."""
-    content = ANSWER["linkinfo"]["info_data"] | changes
-    linkinfo = ANSWER["linkinfo"] | {"info_data": {k: v for k, v in content.items() if v is not None}}
-    return json.dumps([ANSWER | {"linkinfo": linkinfo}])
-
-
-def test_a_controller_is_read() -> None:
-    assert controller_in(answer()) == GOOD
-
-
-@pytest.mark.parametrize(
-    ("changes", "rates"),
-    [
-        ({"data_bittiming": None}, (500_000, None)),  # classic
-        ({"bittiming": {"bitrate": 0, "sample_point": "0.000"}}, (None, 5_000_000)),  # not set up yet
-    ],
-)
-def test_bit_rates_that_there_are_not(changes: dict[str, Any], rates: tuple[int | None, int | None]) -> None:
-    controller = controller_in(answer(**changes))
-    assert controller is not None
-    assert (controller.bit_rate, controller.data_bit_rate) == rates
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        *(
-            "",
-            "[]",
-            "{}",
-            "7",
-            '[{"linkinfo": 3}]',
-            json.dumps([ANSWER | {"linkinfo": {"info_kind": "vcan"}}]),
-        ),
-        *(
-            answer(bittiming=3),
-            answer(restart_ms="soon"),
-            answer(bittiming={"bitrate": 1e400}),
-            answer(ctrlmode=3),
-        ),
-    ],
-)
-def test_what_is_no_answer_tells_nothing(text: str) -> None:
-    """Of a virtual interface, or of an iproute2 that writes otherwise."""
-    assert controller_in(text) is None
-
-
-def test_an_interface_that_is_not_there_has_no_controller() -> None:
-    assert read_controller("no-such-one") is None
-
-
-def test_a_computer_without_iproute2(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert read_controller("lo") is None
-
-
-def of_controller(network: Network, controller: Controller) -> list[Finding]:
-    return interface_findings(LinkConfig(channel="can0"), controller, network())
-
-
-def test_a_controller_that_is_set_up_well(network: Network) -> None:
-    findings = of_controller(network, GOOD)
-    assert {finding.level for finding in findings} == {Level.OK}
-    text = "\n".join(finding.text for finding in findings)
-    assert "bit rate 500000 bit/s" in text
-    assert "data bit rate 5000000 bit/s" in text
-    assert "restart-ms 100" in text
-
-
-@pytest.mark.parametrize(
-    ("changes", "said", "command"),
-    [
-        ({"restart_ms": 0}, "after bus-off it stays off", "up type can restart-ms 100"),
-        ({"bit_rate": 250_000}, "bit rate 250000", "bitrate 500000 dbitrate 5000000"),
-        ({"data_bit_rate": 2_000_000}, "data bit rate 2000000", "set link.data_bit_rate"),
-        ({"state": "BUS-OFF"}, "bus-off", "sudo ip link set can0 type can restart"),
-        ({"state": "ERROR-PASSIVE"}, "error-passive", "termination"),
-        ({"modes": ("LISTEN-ONLY", "FD")}, "nobody will hear", "listen-only off"),
-    ],
-)
-def test_a_controller_to_be_set_up_otherwise(
-    network: Network, changes: dict[str, Any], said: str, command: str
-) -> None:
-    controller = replace(GOOD, **changes)
-    assert_odd(of_controller(network, controller), said, command)
-    if "data_bit_rate" in changes:  # which does not matter on a classic link
-        assert_odd(interface_findings(LinkConfig(channel="can0", fd=False), controller, network()))
-
-
-def test_a_controller_that_is_off_is_not_called_down(network: Network) -> None:
-    off = replace(GOOD, state="BUS-OFF")
-    findings = interface_findings(LinkConfig(channel="can0"), off, network(operstate="down"))
-    assert [f.text for f in findings if f.level is not Level.OK and "bus-off" not in f.text] == []
-
-
 @pytest.mark.vcan
 def test_a_real_virtual_interface(vcan: str) -> None:
-    """The kernel's own folder and iproute2's own answer."""
-    findings = interface_findings(LinkConfig(channel=vcan), read_controller(vcan))
+    """By the kernel's own folder."""
+    findings = interface_findings(LinkConfig(channel=vcan))
     assert [finding.text for finding in findings] == [
         f"{vcan}: up",
         f"{vcan}: mtu 72, CAN FD",

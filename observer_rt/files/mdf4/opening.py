@@ -1,74 +1,36 @@
 """Opens MDF4 files by asammdf, and reads their channels; to be run apart, for it trusts what stands in a file.
 
-Its failures on damaged files become errors that name the file. What goes to the caller are lists, texts, numbers and
-arrays.
+Any failure means a damaged file (`mdf4_apart`). What goes to the caller are lists, texts, numbers and arrays.
 """
 
-import gc
-import logging
-import sys
-import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from asammdf import MDF, Signal
-from asammdf.blocks.v4_blocks import FileHistory
 from numpy.typing import NDArray
 
 from observer_rt.files.mdf4.reader_process import READABLE
 from observer_rt.foundation.errors import UserError
 
-logging.getLogger("asammdf").setLevel(logging.CRITICAL)  # its complaints come as errors, too
 MAGICS = (b"MDF     ", b"UnFinMF ")  # complete, and as a logger leaves it
 MAJOR_VERSION = b"4."
 _ANY_SIZE = 1 << 62  # bytes
-NO_DATE = datetime.fromtimestamp(0, UTC)
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[MDF]:
-    """A file to read; the many ways in which asammdf fails on a damaged one become a `UserError`.
-
-    One that is not finalised asammdf finalises in a temporary copy.
-    """
+    """A file to read; one that is not finalised asammdf finalises in a temporary copy."""
     with path.open("rb") as stored:
         mark, version = stored.read(len(MAGICS[0])), stored.read(len(MAJOR_VERSION))
     if mark not in MAGICS:
         raise UserError(str(path), "not an MDF file", READABLE)
     if version != MAJOR_VERSION:
         raise UserError(str(path), f"is of MDF {version.decode('ascii', 'replace')}, not 4", READABLE)
-    try:
-        with MDF(path) as file:
-            yield file
-    except UserError:
-        raise
-    except Exception as error:  # asammdf fails in many ways on a damaged file
-        _discard(error)
-        raise UserError(str(path), f"a damaged MDF file: {error}", READABLE) from None
-
-
-def add_history(file: MDF) -> None:
-    """Name what wrote the file, but not when: the same content gives the same bytes."""
-    file.start_time = NO_DATE
-    history = FileHistory()
-    history.time_stamp = NO_DATE
-    history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
-    file.file_history.append(history)
-
-
-def _discard(error: Exception) -> None:
-    """Drop the half-read file: asammdf's destructor fails on it, which would print a traceback later on."""
-    hook = sys.unraisablehook
-    sys.unraisablehook = lambda _: None
-    try:
-        traceback.clear_frames(error.__traceback__)
-        gc.collect()
-    finally:
-        sys.unraisablehook = hook
+    with MDF(path) as file:
+        yield file
 
 
 def refuse_outside(file: MDF, group: int) -> None:
@@ -131,7 +93,7 @@ def parts(
 ) -> Iterator[dict[str, NDArray[Any]]]:
     """Time [s] and channels of one group by name, so many samples at once; NaN where a sample is marked invalid.
 
-    A channel that holds no plain numbers is empty. Raises `UserError` where fewer samples are read than there are.
+    A channel that holds no plain numbers is empty. Raises `ValueError` where fewer samples are read than there are.
     """
     with opened(path) as file:
         refuse_outside(file, group)

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from io import StringIO
 from pathlib import Path
 from typing import Any, Self
@@ -86,12 +87,15 @@ class Mdf4Writer(TableWriter):
 
     def __init__(self, path: Path, columns: Sequence[WrittenColumn]) -> None:
         from asammdf import MDF
-
-        from observer_rt.files.mdf4.opening import add_history
+        from asammdf.blocks.v4_blocks import FileHistory
 
         super().__init__(path, columns)
         self._file = self._stack.enter_context(MDF(version="4.10"))
-        add_history(self._file)
+        history = FileHistory()
+        # what wrote the file, but not when
+        self._file.start_time = history.time_stamp = datetime.fromtimestamp(0, UTC)
+        history.comment = "<FHcomment><TX>created</TX><tool_id>observer-rt</tool_id></FHcomment>"
+        self._file.file_history.append(history)
         self._is_begun = False
 
     def write(self, arrays: Sequence[NDArray[Any]]) -> None:

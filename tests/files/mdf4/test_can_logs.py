@@ -150,7 +150,9 @@ def test_a_channel_that_is_no_number(tmp_path: Path) -> None:
         Field("BusChannel", 0, offset=2.5)
     ]
     write_logger_file(path, mixture(".mf4", 5), fields, MIDNIGHT)
-    with pytest.raises(UserError, match=r"damaged MDF file: the BusChannel of its frames is 2\.5"):
+    with pytest.raises(
+        UserError, match=r"damaged MDF file: ValueError: the BusChannel of its frames is 2\.5"
+    ):
         list(open_log(path))
 
 

@@ -1,6 +1,5 @@
 """MDF4 recordings: exact round trip, units read from the channels, errors that name the channel."""
 
-import gc
 from pathlib import Path
 
 import numpy as np
@@ -115,13 +114,9 @@ def test_other_files(tmp_path: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.7, 0.99])
-def test_truncated_file(tmp_path: Path, share: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    ignored: list[object] = []
-    monkeypatch.setattr("sys.unraisablehook", ignored.append)
+def test_truncated_file(tmp_path: Path, share: float) -> None:
     path = tmp_path / "x.mf4"
     write_recording(path, Recording(TIME, VALUES, VALUES, VALUES))
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     assert str(path) in message(path)
-    gc.collect()
-    assert not ignored  # nothing of asammdf's reaches the user's screen

@@ -48,7 +48,7 @@ def convert(
     holds_frames = is_log(source)
     suffix = target.suffix.lower()
     takes_signals = suffix in SIGNALS_WRITTEN
-    if target.exists() and target.samefile(source):
+    if source.exists() and target.exists() and target.samefile(source):
         raise UserError(str(target), "is the file to be converted", "name another file")
     check_output("OUT", target, force, suffixes=tuple(dict.fromkeys((*SIGNALS_WRITTEN, *LOGS_WRITTEN))))
     if not holds_frames and not takes_signals:

@@ -91,9 +91,11 @@ class Wander:
         spreads = np.sqrt(2.0 * (variance + SIZES**2)).tolist()
         parts, half = list(zip(self.weights.tolist(), spreads, strict=True)), Z_95 * math.sqrt(variance)
         for _ in range(_STEPS):  # from below, where what lies beyond is convex
-            beyond = sum(weight * math.erfc(half / spread) for weight, spread in parts) - (1.0 - 0.95)
-            slope = sum(weight / spread * math.exp(-((half / spread) ** 2)) for weight, spread in parts)
-            step = 0.5 * math.sqrt(math.pi) * beyond / slope
+            beyond = slope = 0.0
+            for weight, spread in parts:
+                beyond += weight * math.erfc(half / spread)
+                slope += weight / spread * math.exp(-((half / spread) ** 2))
+            step = 0.5 * math.sqrt(math.pi) * (beyond - (1.0 - 0.95)) / slope
             half += step
             if abs(step) < _CLOSE * half:
                 break

@@ -77,7 +77,8 @@ class Believing:
         if not learned.is_prior:
             learned = replace(learned, belief=explanation.prior)
         elif kind.mode is Mode.LASTING:  # else a wrong ring-down is taken for the colour of the noise
-            learned = self._with_noise(learned, explanation)
+            noise = self._noise(explanation)
+            learned = replace(learned, at_rest=noise.at_rest, colour=noise.colour)
         return Possibility(log_weight, learned, kind.mode)
 
     def _learned(self, explanation: Explanation) -> LearnedInjector:
@@ -89,27 +90,26 @@ class Believing:
         belief = held.prior.updated(information, cost.vector / temper)
         likely, active = shrink(belief), before.active if fit is None else fit.active
         theta, active = best_subset(likely.mean, likely.covariance, limits.gate, active)
-        learned = LearnedInjector(
+        noise = self._noise(explanation)
+        return LearnedInjector(
             belief=held.considered(belief, information),
             theta=np.clip(theta, limits.lowest, limits.highest),
             statistics=pooled(before.statistics, statistics),
             active=active,
             is_prior=False,
-            colour=before.colour,
-            at_rest=before.at_rest,
+            colour=noise.colour,
+            at_rest=noise.at_rest,
             learned_at=remembered(before.learned_at, self.point),
         )
-        return self._with_noise(learned, explanation)
 
-    def _with_noise(self, learned: LearnedInjector, explanation: Explanation) -> LearnedInjector:
-        """Adds what the event shows of the noise while the needle is shut."""
-        reading, fit = explanation.reading, explanation.fit
+    def _noise(self, explanation: Explanation) -> Noise:
+        """Noise while the needle is shut, by the hypothesis and by the event."""
+        learned, reading, fit = explanation.hypothesis.learned, explanation.reading, explanation.fit
         key = id(learned.at_rest), id(reading)
         if key not in self._noises:
             unfiltered = reading.unfiltered if fit is None else fit.unfiltered
             self._noises[key] = noise_after(learned, reading.window, unfiltered, reading.follows, self.reader)
-        at_rest, colour = self._noises[key]
-        return replace(learned, at_rest=at_rest, colour=colour)
+        return self._noises[key]
 
 
 def noise_after(

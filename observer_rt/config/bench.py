@@ -41,9 +41,8 @@ _Sections = TypeVar("_Sections", bound=Section)
 
 _OFF_BUS = frozenset({"recording", "signals", "sampling", "model", "noise", "learning"})  # what files need
 
-_SHOWN = 8
 Content = Mapping[str, Any]
-"""Entries of a bench, by the keys that lead to it; of databases a digest of their content."""
+"""Sections of a bench by their names, and of its databases the SHA-256, by their paths."""
 
 
 @dataclass(frozen=True)
@@ -245,34 +244,15 @@ def _require_file(location: str, path: Path, others: str = "") -> None:
 
 
 def content_of(bench: Bench) -> Content:
-    """Content of a bench, with its injector files and databases as they are now."""
-    said = _flat("", bench.config.model_dump())
+    """Sections of a bench, with its injector files and databases as they are now."""
+    content = dict(bench.config)
     for injector in bench.injectors:
         prefix = f"injectors.{injector.name}." if injector.name else ""
-        said |= _flat(prefix, injector.config.model_dump())
-        said |= _flat(f"{prefix}model: ", injector.parameters.model_dump())  # by whichever file it is stated
-    return said | {str(path): (file_hash(path),) for path in bench.databases}
+        sections = {**dict(injector.config), "injector file": injector.parameters}
+        content |= {f"{prefix}{name}": section for name, section in sections.items()}
+    return content | {str(path): file_hash(path) for path in bench.databases}
 
 
 def changes(before: Content, after: Content) -> list[str]:
-    """Keys whose entries differ, each with its new entry."""
-    pairs = {key: (before.get(key), after.get(key)) for key in [*before, *after]}
-    lines = [
-        f"{key}: other content" if isinstance(now, tuple) else f"{key} {_shown(was)} -> {_shown(now)}"
-        for key, (was, now) in pairs.items()
-        if was != now
-    ]
-    return lines if len(lines) <= _SHOWN else [*lines[:_SHOWN], f"{len(lines) - _SHOWN} more"]
-
-
-def _shown(value: Any) -> str:
-    return "(left out)" if value is None else str(value)
-
-
-def _flat(prefix: str, value: Any) -> dict[str, Any]:
-    """Values by the keys that lead to them."""
-    if not isinstance(value, Mapping):
-        return {prefix: value}
-    join = "." if prefix and not prefix.endswith((".", " ")) else ""
-    parts = (_flat(f"{prefix}{join}{name}", below) for name, below in value.items())
-    return {key: leaf for part in parts for key, leaf in part.items()}
+    """Sections and files whose content differs."""
+    return [key for key in {**before, **after} if before.get(key) != after.get(key)]

@@ -13,7 +13,20 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from observer_rt.foundation.errors import UserError, did_you_mean
 
 Schema = Mapping[str, Any]
-_UNITS = {"_hz": "Hz", "_s": "s", "_ms": "ms", "_us": "us", "_mpa": "MPa", "_um": "um", "bit_rate": "bit/s"}
+_TYPES = {
+    "boolean": "true or false, without quotes",
+    "string": "a text in quotes",
+    "integer": "a whole number",
+    "number": "a number",
+    "array": "a list in brackets",
+    "object": "a section",
+}
+_LIMITS = {
+    "minimum": "of at least",
+    "exclusiveMinimum": "above",
+    "maximum": "up to",
+    "exclusiveMaximum": "below",
+}
 
 _Model = TypeVar("_Model", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -49,9 +62,20 @@ class EntrySchema:
         return [choice for kind in self._kinds for choice in kind.get("enum", ())]
 
     def in_words(self) -> str:
-        """The allowed values as text, such as `a number from 2 to 50 ms`."""
-        key = next((part for part in reversed(self.keys) if isinstance(part, str)), "")
-        return " or ".join(_in_words(key, kind, self._of(kind.get("items", {}))) for kind in self._kinds)
+        """The allowed values as text, such as `a number from 2 to 50`."""
+        return " or ".join(map(self._of_kind, self._kinds))
+
+    def _of_kind(self, kind: Schema) -> str:
+        if "enum" in kind or "const" in kind:
+            return f"one of {', '.join(map(json.dumps, kind.get('enum', [kind.get('const')])))}"
+        if kind.get("maxLength") == 1:
+            return "one character in quotes"
+        if self._of(kind.get("items", {}))[0].get("type") == "object":
+            return f"[[{self.keys[-1]}]], with two brackets"
+        if "minimum" in kind and "maximum" in kind:
+            return f"{_TYPES[kind['type']]} from {kind['minimum']:.10g} to {kind['maximum']:.10g}"
+        limits = [f"{word} {kind[name]:.10g}" for name, word in _LIMITS.items() if name in kind]
+        return " ".join([_TYPES[kind.get("type", "object")], " and ".join(limits)]).strip()
 
     def _below(self, part: int | str) -> Iterator[Schema]:
         """Schemas of the entries one key, or one list index, further down."""
@@ -73,50 +97,6 @@ class EntrySchema:
         if "$ref" in schema:
             return self._of(self.root["$defs"][schema["$ref"].rpartition("/")[2]])
         return [kind for choice in schema.get("anyOf", ()) for kind in self._of(choice)] or [schema]
-
-
-def _in_words(key: str, kind: Schema, items: list[Schema]) -> str:
-    match kind:
-        case {"enum": choices}:
-            return f"one of {', '.join(map(json.dumps, choices))}"
-        case {"const": value}:
-            return json.dumps(value)
-        case {"type": "boolean"}:
-            return "true or false, without quotes"
-        case {"type": "string", "maxLength": 1}:
-            return "one character in quotes"
-        case {"type": "string"}:
-            return f'a text in quotes, such as {key} = "..."'
-        case {"type": "integer" | "number" as number}:
-            return f"a {'whole ' if number == 'integer' else ''}number{_limits(key, kind)}"
-        case {"type": "array", "prefixItems": places}:
-            return f"a list of {len(places)} numbers"
-        case {"type": "array"}:
-            match items[0].get("type"):
-                case "object":
-                    return f"[[{key}]], with two brackets"
-                case "string":
-                    return f'a list of texts, such as {key} = ["A", "B"]'
-            return f"a list of numbers, such as {key} = [3]"
-    return f"a section, [{key}]"
-
-
-def _limits(key: str, kind: Schema) -> str:
-    """Limits of a number, with its unit as its key states it."""
-    unit = next((f" {unit}" for end, unit in _UNITS.items() if key.lower().endswith(end)), "")
-    if "minimum" in kind and "maximum" in kind:
-        return f" from {kind['minimum']:.10g} to {kind['maximum']:.10g}{unit}"
-    limits = [
-        f"{word} {kind[name]:.10g}{unit}"
-        for name, word in (
-            ("minimum", "of at least"),
-            ("exclusiveMinimum", "above"),
-            ("maximum", "up to"),
-            ("exclusiveMaximum", "below"),
-        )
-        if name in kind
-    ]
-    return f" {' and '.join(limits)}" if limits else unit and f" of{unit}"
 
 
 class Section(BaseModel):

@@ -14,7 +14,7 @@ from observer_rt.identification.fit.calibrate import (
     write_fitted,
 )
 from observer_rt.identification.fit.cross_validation import sensor_gain, without_gain
-from observer_rt.identification.fit.masses import MeasuredMasses, masses_without
+from observer_rt.identification.fit.masses import MeasuredMass
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.baseline import Baseline
@@ -36,7 +36,7 @@ class FittedModel:
 def fitted_model(
     start: InjectorParameters,
     measurements: Sequence[Measurement],
-    weighed: Mapping[int, MeasuredMasses],
+    weighed: Mapping[int, MeasuredMass],
     digests: dict[str, str],
     progress: Callable[[float], None],
     calibration: StatedAccuracy = EXACT,
@@ -49,7 +49,8 @@ def fitted_model(
     gain = sensor_gain(measurements, calibration)
     if gain != 0.0:
         level = calibration.level(gain)
-        measurements, weighed = without_gain(measurements, gain, level), masses_without(weighed, level)
+        measurements = without_gain(measurements, gain, level)
+        weighed = {number: one.by(level) for number, one in weighed.items()}
     done = calibrate(start, measurements, weighed, progress)
     baseline = baseline_of(done, digests)
     observer = observer_remainder(done.injector, baseline, [one.recording for one in measurements])

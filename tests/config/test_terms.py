@@ -51,7 +51,7 @@ def test_a_coefficient_in_another_unit_of_its_kind(tmp_path: Path) -> None:
     ("old", "new", "key", "said"),
     [
         ('"line_pressure"', '"line_presure"', "equation", "'line_pressure'"),
-        ("sqrt(", "squrt(", "law", "column 5: unknown name 'squrt' did you mean 'sqrt'?"),
+        ("sqrt(", "squrt(", "law", "unknown name 'squrt' did you mean 'sqrt'?"),
         ("sqrt(", "exp(", "law", "what exp() takes is in -"),
         ("closed", "closed * -1", "law", "feeds back"),
         ("c *", "0.1 *", "coefficient", "the law has no c"),

@@ -20,7 +20,6 @@ from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_hash
 from observer_rt.model.parameters import InjectorParameters
 from observer_rt.model.plausibility import implausible as beyond_physics
-from observer_rt.model.plausibility import wrong_entry
 
 
 def refuse_errors(
@@ -126,8 +125,8 @@ def _effects(fitted: BenchInjector) -> Iterator[Said]:
 def plausibility_findings(injector: InjectorParameters) -> Iterator[Said]:
     """A warning for every parameter that no injector has, or one finding that all can be."""
     odd = beyond_physics(injector)
-    cause = wrong_entry(injector, odd) if injector.baseline is not None else ""
     for number in odd:
-        yield False, number.words, cause or "is it in SI units?"
+        entries = number.made_up_for if injector.baseline is not None else ""
+        yield False, number.words, f"check {entries}" if entries else "is it in SI units?"
     if not odd:
         yield "every parameter is one an injector can have"

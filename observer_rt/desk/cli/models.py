@@ -46,9 +46,7 @@ class FitOptions(ModelOptions):
     output: Annotated[Path, Option("Fitted injector file to write.")]
     mass: Annotated[
         Path | None,
-        Option(
-            "Measured masses (CSV: recording,mass_mg[,injection][,sigma_mg]), which fix the absolute level."
-        ),
+        Option("Measured mean masses (CSV: recording,mass_mg[,sigma_mg]), which fix the absolute level."),
     ] = None
     plot: Annotated[Path | None, Option("Figure (png, svg, pdf): line pressure and residuals by phase.")] = (
         None
@@ -65,7 +63,7 @@ def fit(options: FitOptions) -> None:
     from observer_rt.identification.fit.cross_validation import refuse_clipped, warnings
     from observer_rt.identification.fit.document import document_of
     from observer_rt.identification.fit.masses import read_masses
-    from observer_rt.identification.fit.report import print_fit
+    from observer_rt.identification.fit.report import draw_fit, print_fit
     from observer_rt.identification.likelihood import reading
     from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES
     from observer_rt.model.accuracy import EXACT
@@ -82,7 +80,9 @@ def fit(options: FitOptions) -> None:
             check_output(name, path, options.force, suffixes=suffixes)
     paths = reading.without_copies(without_truths(options.recordings, messages), messages)
     read = partial(open_source, bench=decoder, from_channels=options.from_channel, console=messages)
-    most = MOST_SAMPLES if options.mass is None else sys.maxsize  # whole: masses go by the injection's number
+    most = (
+        MOST_SAMPLES if options.mass is None else sys.maxsize
+    )  # whole: a mass is the mean of all injections
     stated = () if decoder is None else effects_on_one_raster(decoder.injector)
     recordings = reading.read_measured(paths, read, messages, most, stated)
     reading.refuse_rates_missing([one.recording for one in recordings])
@@ -98,15 +98,13 @@ def fit(options: FitOptions) -> None:
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
     fitted.write(output, source)
-    done = fitted.done
+    document = document_of(fitted.done, fitted.baseline, warned)
     if plot is not None:
-        from observer_rt.identification.fit.report import draw_fit
-
-        draw_fit(plot, done)
+        draw_fit(plot, fitted.done)
     if options.json:
-        print(json.dumps(document_of(done, fitted.baseline, warned).as_json(), indent=2))
+        print(json.dumps(document.as_json(), indent=2))
     else:
-        print_fit(done, results())
+        print_fit(document, results())
     say(messages, f"{output}: written" + ("" if plot is None else f"; {plot}: figure"))
 
 

@@ -7,8 +7,7 @@ from typing import Any
 import pandas as pd
 
 from observer_rt.desk.fitted_model import FittedModel
-from observer_rt.identification.fit.document import FitDocument, document_of
-from observer_rt.identification.fit.report import verdict_words
+from observer_rt.identification.fit.document import FitDocument, document_of, verdict_words
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -126,7 +126,7 @@ class Injector:
         recordings : path, DataFrame, mapping of arrays, Recording, or a list of them
             At several rail pressures and durations, of one sample rate.
         masses : path, optional
-            CSV of measured masses, `recording,mass_mg[,injection][,sigma_mg]`, which fix the absolute level.
+            CSV of measured mean masses, `recording,mass_mg[,sigma_mg]`, which fix the absolute level.
 
         Returns
         -------
@@ -144,7 +144,7 @@ class Injector:
 
         with noted() as notes:
             sources = sources_of(recordings, self.bench, notes.console)
-            # Whole: masses go by the injection's number.
+            # Whole: a mass is the mean of all injections.
             most = MOST_SAMPLES if masses is None else sys.maxsize
             measured = self._measured(sources, notes, most)
             refuse_rates_missing([one.recording for one in measured])

@@ -20,7 +20,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.cross_validation import Fold, folds_of, share_between_samples, thinned
-from observer_rt.identification.fit.masses import MeasuredMasses, own_accuracy
+from observer_rt.identification.fit.masses import MeasuredMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,
     OPTIONAL_GROUPS,
@@ -103,7 +103,7 @@ def choose(tried: Sequence[FittedStructure | FailedStructure]) -> Choice | None:
             judged_by(one).mean,
         ),
     )
-    return Choice(best, tried, as_good, _reason(best, lowest, candidates, as_good))
+    return Choice(best, tried, as_good, _reason(best, as_good))
 
 
 def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool:
@@ -114,34 +114,15 @@ def _is_as_good(unexplained: UnexplainedSignal, best: UnexplainedSignal) -> bool
     )
 
 
-def _reason(
-    best: FittedStructure,
-    lowest: FittedStructure,
-    candidates: Sequence[FittedStructure],
-    as_good: Sequence[FittedStructure],
-) -> str:
+def _reason(best: FittedStructure, as_good: Sequence[FittedStructure]) -> str:
     unseen = judged_by(best)
-    where = "of recordings left out" if best.held_out is not None else "of the only injection there is"
-    worse = [one for one in candidates if one not in as_good]
-    words = [
+    where = "of recordings left out" if best.held_out is not None else "of all there is"
+    words = (
         f"{best.structure.name}: chi2 {where} {unseen.mean:.2f} in the mean of the phases, "
         f"{unseen.chi2[unseen.worst]:.2f} at worst ({unseen.worst.name.lower()})"
-    ]
-    if lowest is not best:
-        words.append(
-            f"{lowest.structure.name} has the lowest ({judged_by(lowest).mean:.2f}), but not {MARGIN - 1.0:.0%} "
-            "less, and the simpler is taken"
-        )
-    equal = [one for one in as_good if one is not best and one is not lowest]
-    words += [f"{one.structure.name} does as well ({judged_by(one).mean:.2f})" for one in equal]
-    if worse:
-        second = min(worse, key=lambda one: judged_by(one).mean)
-        left = judged_by(second)
-        phase = max(Phase, key=lambda p: np.nan_to_num(left.chi2[p] / max(unseen.chi2[p], 1.0)))
-        words.append(
-            f"the next, {second.structure.name}, leaves {left.chi2[phase]:.3g} in phase {phase.name.lower()}"
-        )
-    return "; ".join(words)
+    )
+    others = [f"{one.structure.name} ({judged_by(one).mean:.2f})" for one in as_good if one is not best]
+    return words + (f"; no simpler, and hardly better: {', '.join(others)}" if others else "")
 
 
 class FlowLevel(StrEnum):
@@ -206,7 +187,7 @@ class CalibrationResult:
     @property
     def left(self) -> UnexplainedSignal:
         """Residuals of the line pressure."""
-        return self.comparison.after
+        return self.comparison.left
 
     @property
     def above_gate(self) -> tuple[Phase, ...]:
@@ -245,14 +226,15 @@ class CalibrationResult:
         # An area, of a diameter.
         by_fit = sum(2.0 * float(sigma) for one, sigma in determined if one is INERTANCE)
         weighed = [fold.weighed for fold in self.fitted.calibration.folds if fold.weighed is not None]
+        own = [one.sigma / one.mass for one in weighed]
         by_rate = math.hypot(GAIN_ERROR, 0.01 * self.file.accuracy.fuel_density_percent)
-        return math.hypot(by_fit, own_accuracy(weighed) if weighed else by_rate)
+        return math.hypot(by_fit, float(np.median(own)) if own else by_rate)
 
 
 def calibrate(
     file: InjectorParameters,
     recordings: Sequence[Measurement],
-    weighed: Mapping[int, MeasuredMasses],
+    weighed: Mapping[int, MeasuredMass],
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> CalibrationResult:

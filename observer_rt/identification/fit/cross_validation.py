@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.identification.fit.masses import MeasuredMasses
+from observer_rt.identification.fit.masses import MeasuredMass
 from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
 from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct, events_by_point
 from observer_rt.model.accuracy import StatedAccuracy
@@ -32,41 +32,35 @@ class Fold:
     """Data that are left out to judge a fit by: a recording, or some events of the only one.
 
     measurement: its events shortened; recording: number of its recording; weights: how
-    many injections of the recording each event stands for (events,); weighed: masses, None where none are measured.
+    many injections of the recording each event stands for (events,); weighed: mean mass, None: not
+    measured.
     """
 
     measurement: Measurement
     recording: int
     weights: NDArray[np.float64]
-    weighed: MeasuredMasses | None = None
+    weighed: MeasuredMass | None = None
 
     def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Modelled masses (events,) [kg] beside the measured ones, in standard deviations (m,)."""
+        """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,), or (0,)."""
         if self.weighed is None:
             return np.zeros(0)
-        single = self.weighed.single
-        residuals = [
-            (mass - single[first][0]) / single[first][1]
-            for event, mass in zip(self.measurement.events, masses, strict=True)
-            if (first := event.openings[0].first) in single
-        ]
-        if self.weighed.mean is not None:
-            mean, sigma = self.weighed.mean
-            residuals.append((float(np.average(masses, weights=self.weights)) - mean) / sigma)
-        return np.array(residuals)
+        mean = np.average(masses, weights=self.weights)
+        return np.array([(mean - self.weighed.mass) / self.weighed.sigma])
 
 
-def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeasuredMasses]) -> tuple[Fold, ...]:
+def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeasuredMass]) -> tuple[Fold, ...]:
     """Every recording as a fold; of a single one its operating points, or else its events by halves.
 
-    weighed: by the number of the recording.
+    A single one whose mass was measured stays whole: the mass is that of all its injections. weighed: by the number
+    of the recording.
     """
     short = []
     for recording in recordings:
         tail = round(RING_DOWN * recording.recording.sample_rate)
         events = tuple(replace(e, end=min(e.end, e.openings[-1].last + tail)) for e in recording.events)
         short.append(replace(recording, events=events))
-    if len(short) > 1 or len(short[0].events) == 1:
+    if len(short) > 1 or len(short[0].events) == 1 or weighed:
         groups = [(number, list(recording.events)) for number, recording in enumerate(short)]
     else:
         points = events_by_point(short[0])

@@ -1,4 +1,4 @@
-"""The document of `fit --json`: verdict, structures, parameters and residuals, in printed units."""
+"""The document of a fit, which `--json` writes and the screen shows: figures in printed units, and its words."""
 
 from collections.abc import Sequence
 from typing import Annotated, Literal
@@ -12,20 +12,37 @@ from observer_rt.identification.fit.calibrate import (
     TOLERATED,
     CalibrationResult,
     FittedNumber,
+    FlowLevel,
     judged_by,
 )
-from observer_rt.identification.fit.report import (
-    level_words,
-    oddities,
-    phase_name,
-    recording_name,
-    verdict_words,
-)
-from observer_rt.identification.fit.residuals import InjectedMass, Pair, Residual
+from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples
+from observer_rt.identification.fit.residuals import Pair, RecordingMass, Residual
 from observer_rt.identification.fit.search import FailedStructure, FittedStructure
 from observer_rt.model.baseline import Baseline
+from observer_rt.model.plausibility import ImplausibleNumber, implausible
 
 Whole = Annotated[Baseline, PlainSerializer(lambda one: one.model_dump(mode="json"))]
+_SEAT = "check the lift's calibration and the seat's geometry, and run `discover` on these recordings"
+_TRY = {
+    Phase.STANDSTILL: "with the needle shut there is more than white noise: give the line pressure as "
+    "it was sampled, not smoothed, interpolated or resampled; else look for an offset that drifts",
+    Phase.OPENING: _SEAT,
+    Phase.OPEN: "check the chamber pressure, and run `discover` on these recordings: cavitation, or a coefficient "
+    "of the seat that depends on the lift, shows here",
+    Phase.CLOSING: _SEAT,
+    Phase.AFTER: "the line rings otherwise than any structure tried (friction that depends on frequency is in none): "
+    "check line.length, and where along the line the pressure is measured",
+}
+_FOREIGN = 500.0  # chi2 that no wrong number of the file leaves
+_OF_FOREIGN = (
+    "most probably the signals do not belong together: a lift that is later or earlier than the pressures (another "
+    "clock, a delay of its channel; 0.1 ms does this), or a line pressure of another place, or of the wrong sign; "
+    "compare them in --plot. Lengths and diameters wrong by less than a factor of two are not the cause: the fit "
+    "makes up for them. Or the injector of these recordings has changed, its nozzle or seat: fit to those of when it "
+    "was healthy, then `observer-rt discover` names what changed"
+)
+_OF_INSTANTS = "; if samples are means over the sample period, state it (warning above)"
+_FITTED = "; line.diameter stands for A_L/(rho_L L_L) and was fitted with it"
 
 
 class TriedStructure(DocumentPart):
@@ -40,47 +57,34 @@ class TriedStructure(DocumentPart):
     converged: bool = False
 
 
-class DeterminedDirection(DocumentPart):
-    """Standard deviation of a combination of logarithms of parameters; share: of each, by symbol."""
-
-    sigma: Number
-    share: dict[str, Number]
-
-
 class FitDocument(Document):
     """Result of `observer-rt fit`. mass_share: standard deviation of a mass, as a share, that comes of the model."""
 
     verdict: Literal["adequate", "inadequate"]
     verdict_words: str
-    gate_chi2: float
-    tolerated_share: float
     inadequate_phases: tuple[str, ...]
     structure: dict[str, str] = Field(description="the one chosen, and why")
     structures: tuple[TriedStructure, ...]
     parameters: dict[str, FittedNumber]
     kept: dict[str, dict[str, float | str]] = Field(description="left to the file: value, unit")
-    directions: tuple[DeterminedDirection, ...]
     level: dict[str, str] = Field(description="what the absolute level of flow rests on")
     residuals: tuple[Residual, ...]
     open_loop_rms_MPa: Pair  # noqa: N815
-    injections: tuple[InjectedMass, ...]
+    masses: tuple[RecordingMass, ...]
     mass_share: Number
-    line_pressure_offsets_MPa: dict[str, Number]  # noqa: N815
+    line_pressure_offsets_MPa: tuple[Number, ...] = Field(description="of each recording in `masses`")  # noqa: N815
     baseline: Whole
     warnings: tuple[str, ...]
+    oddities: tuple[str, ...]
 
 
 def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[str]) -> FitDocument:
     """Puts a fit into printed units."""
     structure, comparison = done.fitted.structure, done.comparison
-    names = [recording_name(done, number) for number in range(len(done.measurements))]
-    folds = zip(done.fitted.calibration.folds, done.offsets.tolist(), strict=True)
     return FitDocument(
         schema=1,
         verdict="inadequate" if done.inadequate else "adequate",
         verdict_words=verdict_words(done),
-        gate_chi2=GATE,
-        tolerated_share=TOLERATED,
         inadequate_phases=tuple(map(phase_name, done.inadequate)),
         structure={
             "name": structure.name,
@@ -91,18 +95,15 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         structures=tuple(map(_tried, done.choice.tried)),
         parameters=done.sizes,
         kept={one.name: {"value": one.of(done.injector) / one.si, "unit": one.unit} for one in done.kept},
-        directions=tuple(
-            DeterminedDirection(sigma=one.sigma, share=dict(one.share))
-            for one in done.fitted.certainty.directions
-        ),
         level={"from": done.level, "words": level_words(done)},
         residuals=comparison.residuals,
         open_loop_rms_MPa=comparison.open_loop,
-        injections=comparison.masses,
+        masses=comparison.masses,
         mass_share=done.mass_share,
-        line_pressure_offsets_MPa={names[fold.recording]: offset for fold, offset in folds},
+        line_pressure_offsets_MPa=tuple(done.offsets.tolist()),
         baseline=baseline,
-        warnings=(*warnings, *oddities(done)),
+        warnings=tuple(warnings),
+        oddities=tuple(oddities(done)),
     )
 
 
@@ -118,3 +119,76 @@ def _tried(structure: FittedStructure | FailedStructure) -> TriedStructure:
         free=tuple(parameter.name for parameter in structure.calibration.free),
         converged=structure.minimum.converged,
     )
+
+
+def phase_name(phase: Phase) -> str:
+    """In lower case."""
+    return phase.name.lower()
+
+
+def level_words(done: CalibrationResult) -> str:
+    """Describes what fixes the absolute level of flow."""
+    if done.level is FlowLevel.RATE:
+        return f"fixed by the measured injection rate{_FITTED}"
+    if done.level is FlowLevel.MASS:
+        return f"fixed by the measured masses{_FITTED}"
+    return (
+        "rests one to one on A_L/(rho_L L_L) of the file (line.diameter, line.length, fluid.density_line): pressures "
+        "alone do not determine it. If that is 5 % too large, so are all masses and the fitted alpha_H, alpha_S, V_S "
+        "and V_L/K_L. A measured rate (column injection_rate) or one measured mass (--mass) fixes it"
+    )
+
+
+def verdict_words(done: CalibrationResult) -> str:
+    """Adequate or not, where, and what to try; with which numbers no injector has."""
+    odd = ", ".join(one.name for one in _beyond_physics(done))
+    return _fit_words(done) + (f". IMPLAUSIBLE: {odd}; correct the file and fit again" if odd else "")
+
+
+def _fit_words(done: CalibrationResult) -> str:
+    left = done.left
+    if not done.inadequate:
+        words = (
+            f"adequate: chi2 at most {left.chi2[left.worst]:.2f} ({phase_name(left.worst)}; limit {GATE:g})"
+        )
+        if done.above_gate:
+            most = max(map(done.comparison.share, done.above_gate))
+            words += (
+                f", which these sensors show: it is {most:.2%} of the swing of the line pressure, and up to "
+                f"{TOLERATED:.1%} moves no mass that matters"
+            )
+        return words
+    where = ", ".join(f"{phase_name(phase)} {left.chi2[phase]:.3g}" for phase in done.inadequate)
+    return f"INADEQUATE: chi2 above {GATE:g} in {where}. To try: {_to_try(done)}"
+
+
+def _to_try(done: CalibrationResult) -> str:
+    """By the most probable cause."""
+    worst = done.inadequate[0]
+    if done.left.chi2[worst] > _FOREIGN:
+        return _OF_FOREIGN
+    if Phase.STANDSTILL in done.inadequate:
+        return _TRY[Phase.STANDSTILL]
+    slow = max(map(share_between_samples, done.measurements)) > WORTH_A_WORD
+    return _TRY[worst] + (_OF_INSTANTS if slow else "")
+
+
+def oddities(done: CalibrationResult) -> list[str]:
+    """Fitted numbers that physics does not allow, with the entry of the file that is probably wrong; those at an end
+    of the range tried."""
+    free = done.fitted.calibration.free
+    odd = _beyond_physics(done)
+    result = [f"implausible: {one.words}; check {one.made_up_for or one.name}" for one in odd]
+    for parameter in free:
+        value = parameter.of(done.injector)
+        if value < 1.01 * parameter.lowest or value > 0.99 * parameter.highest:
+            result.append(
+                f"{parameter.name} = {value / parameter.si:.4g} {parameter.unit} is at the end of the range tried"
+            )
+    return result
+
+
+def _beyond_physics(done: CalibrationResult) -> list[ImplausibleNumber]:
+    """Implausible numbers among the parameters fitted."""
+    names = {one.name for one in done.fitted.calibration.free}
+    return [one for one in implausible(done.injector) if one.name in names]

@@ -26,7 +26,6 @@ _DIFFERENCE = 1e-3  # of a finite difference: of the logarithm, and of an offset
 _MOST_KEPT = 64  # residuals cached of a fold: those of a linearisation
 UNDETERMINED = 1.0 / 3.0  # of what was unknown before: a parameter known no better is left to the file
 LARGEST_SIGMA = 3.0  # of a logarithm, in an interval
-_WEAK_SHARE = 0.3  # of a weak direction, from which a parameter is named in it
 
 
 @dataclass(frozen=True)
@@ -302,33 +301,15 @@ def _joined(groups: Sequence[tuple[NDArray[np.float64], float]]) -> Residuals:
     )
 
 
-@dataclass(frozen=True)
-class Direction:
-    """An eigenvector of the information on the logarithms of the parameters: a combination that is determined
-    together.
-
-    sigma: standard deviation along it, inf where nothing is determined; share: of each parameter, by symbol.
-    """
-
-    sigma: float
-    share: tuple[tuple[str, float], ...]
-
-    @property
-    def words(self) -> str:
-        """Main parameters as a product of powers."""
-        return " ".join(f"{symbol}^{share:.2f}" for symbol, share in self.share if abs(share) > _WEAK_SHARE)
-
-
 @dataclass(frozen=True, eq=False)
 class Certainty:
     """Certainty of the parameters by the data alone, the offsets unknown.
 
-    sigmas: of the logarithms (p,), inf where nothing is determined; directions: from the most to the least certain.
+    sigmas: on their scales (p,), very large where nothing is determined.
     """
 
     free: tuple[FreeParameter, ...]
     sigmas: NDArray[np.float64]
-    directions: tuple[Direction, ...]
 
     @property
     def undetermined(self) -> FreeParameter | None:
@@ -346,11 +327,4 @@ def certainty(calibration: Calibration, at: Quadratic, inflation: float) -> Cert
     marginal = own - cross @ np.linalg.pinv(offsets, hermitian=True) @ cross.T
     values, vectors = np.linalg.eigh(marginal / inflation)
     information = np.maximum(values, np.finfo(float).eps * max(float(values[-1]), 1.0))
-    sigmas = np.sqrt(np.sum(vectors**2 / information, axis=1))
-    main = np.take_along_axis(vectors, np.argmax(np.abs(vectors), axis=0)[None], axis=0)
-    symbols, signed = [one.symbol for one in calibration.free], vectors * np.sign(main)
-    directions = tuple(
-        Direction(1.0 / math.sqrt(information[i]), tuple(zip(symbols, signed[:, i].tolist(), strict=True)))
-        for i in range(p)[::-1]
-    )
-    return Certainty(calibration.free, sigmas, directions)
+    return Certainty(calibration.free, np.sqrt(np.sum(vectors**2 / information, axis=1)))

@@ -1,10 +1,10 @@
 """Compares the residuals of the file's model and the fitted one, by signal and phase, and on folds left out."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
-from typing import Annotated
+from functools import cached_property, partial
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,6 @@ from observer_rt.identification.likelihood.likelihood import (
     pool_of,
 )
 from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mass, measured_mass, simulated
-from observer_rt.identification.likelihood.reading import is_chosen
-from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
 
 Pair = Annotated[
@@ -165,67 +163,51 @@ class Residual(DocumentPart):
     chi2: Pair
 
 
-class InjectedMass(DocumentPart):
-    """Masses of an injection: fitted, by the file's model, measured; null without a measurement.
-
-    time_s: when the needle opens; null in a recording so long that some injections were chosen.
-    """
+class RecordingMass(DocumentPart):
+    """Mean mass of the injections of a recording, or of a part of it; measured: null without a measurement."""
 
     recording: str
-    time_s: Number
     rail_pressure_MPa: Number  # noqa: N815 - units as printed
-    mass_mg: Number
-    file_mass_mg: Number
+    mass_mg: Pair
     measured_mass_mg: Number
 
 
 @dataclass(frozen=True, eq=False)
-class FoldOverlay:
-    """A fold with the models run open loop from the opening on; before: empty where the file's has no solution."""
+class ModelOnFolds:
+    """A model on the recordings as they are, their rail pressure not averaged.
 
-    fold: Fold
-    before: Sequence[SimulatedInjection]
-    after: Sequence[SimulatedInjection]
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """The file's model and the fitted one on the recordings as they are, their rail pressure not averaged.
-
-    after: of the line pressure, by the fitted model; innovation: standard deviation of a sample of it [Pa]; swing:
-    rms of the line pressure against the rail's while the needle is open [Pa]; open_loop: rms of the line pressure
-    from the opening on, with nothing corrected [MPa].
+    pressure_scale [Pa], density [kg/m3]: of the model; runs: of every fold, open loop from each opening on.
     """
-
-    residuals: tuple[Residual, ...]
-    after: UnexplainedSignal
-    innovation: float
-    swing: float
-    open_loop: dict[str, float | None]
-    masses: tuple[InjectedMass, ...]
-    overlays: Sequence[FoldOverlay]
-
-    def share(self, phase: Phase) -> float:
-        """Residuals in a phase beyond noise, over what the flow does to the line pressure."""
-        return self.after.excess[phase] * self.innovation / self.swing
-
-
-@dataclass(frozen=True, eq=False)
-class _ModelOnFolds:
-    """A model on all folds."""
 
     folds: Sequence[Fold]
     pool: Pool
     judged: Sequence[JudgedModel]
-    models: Sequence[EffectiveModel]
-    simulated: Sequence[Sequence[SimulatedInjection]]
+    pressure_scale: float
+    density: float
+    runs: Sequence[Sequence[SimulatedInjection]]
+
+    @classmethod
+    def of(
+        cls, injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
+    ) -> Self | None:
+        """None where it has no finite solution. offsets: of the line-pressure sensor in each fold [MPa]."""
+        calibration = Calibration(injector, (), folds)
+        judged = calibration.judge_all(offsets)
+        if judged is None:
+            return None
+        models = [calibration.model(offsets, number) for number in range(len(folds))]
+        runs = [simulated(fold.measurement, model) for fold, model in zip(folds, models, strict=True)]
+        c = models[0].coefficients
+        pool = pool_of(calibration.recordings, judged)
+        return cls(folds, pool, judged, c.pressure_scale, c.density, runs)
 
     def chi2(self, signal: Signal, phase: Phase) -> float:
+        """Of means of 8 samples."""
         return unexplained(self.pool[signal]).chi2[phase]
 
     def rms(self, signal: Signal, phase: Phase) -> float:
         """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
-        sigma = math.sqrt(self.pool[signal].variance(phase))
+        sigma = math.sqrt(self.pool[signal].variance(phase)) / signal.si
         if signal is Signal.INJECTION_RATE:
             return sigma * float(np.mean([fold.measurement.rate_noise for fold in self.folds]))
         return sigma * self.innovation
@@ -233,102 +215,108 @@ class _ModelOnFolds:
     @property
     def innovation(self) -> float:
         """Standard deviation of a sample's innovation, by noise alone [Pa]."""
-        scale = self.models[0].coefficients.pressure_scale
-        return scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
+        return self.pressure_scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
 
     def open_loop(self) -> float:
+        """Root mean square of the line pressure's error from the opening on, with nothing corrected [MPa]."""
         errors = [
             one.line_pressure - fold.measurement.recording.line_pressure[one.samples]
-            for fold, runs in zip(self.folds, self.simulated, strict=True)
+            for fold, runs in zip(self.folds, self.runs, strict=True)
             for one in runs
         ]
-        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) / MEGAPASCAL
+
+    def mass(self, number: int) -> float:
+        """Mean mass of a fold's injections [mg]."""
+        fold = self.folds[number]
+        masses = [mass(fold.measurement, one, self.density) for one in self.runs[number]]
+        return float(np.average(masses, weights=fold.weights)) / MILLIGRAM
+
+    def measured_mass(self, number: int) -> float:
+        """The same as it was measured, by itself or by the rate; nan where it was not."""
+        fold = self.folds[number]
+        if fold.weighed is not None:
+            return fold.weighed.mass / MILLIGRAM
+        masses = [measured_mass(fold.measurement, one, self.density) for one in self.runs[number]]
+        return float(np.average(masses, weights=fold.weights)) / MILLIGRAM
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The fitted model and the file's on the same folds. before: None where the file's has no solution."""
+
+    before: ModelOnFolds | None
+    after: ModelOnFolds
+
+    @cached_property
+    def left(self) -> UnexplainedSignal:
+        """What the fitted model leaves of the line pressure."""
+        return unexplained(self.after.pool[Signal.LINE_PRESSURE])
+
+    def share(self, phase: Phase) -> float:
+        """Residuals in a phase beyond noise, over what the flow does to the line pressure."""
+        return self.left.excess[phase] * self.after.innovation / self._swing
+
+    @cached_property
+    def _swing(self) -> float:
+        """Root mean square of the line pressure against the rail's while the needle is open [Pa]."""
+        drops = [
+            (recording.rail_pressure - recording.line_pressure)[opening.first : opening.last + 1]
+            for measurement in (fold.measurement for fold in self.after.folds)
+            for recording in (measurement.recording,)
+            for event in measurement.events
+            for opening in event.openings
+        ]
+        return float(np.sqrt(np.mean(np.concatenate(drops) ** 2)))
+
+    def _both(self, figure: Callable[..., float], *of: Signal | Phase | int) -> dict[str, float | None]:
+        before = None if self.before is None else figure(self.before, *of)
+        return {"file": before, "fitted": figure(self.after, *of)}
+
+    @cached_property
+    def residuals(self) -> tuple[Residual, ...]:
+        """Of every signal in every phase there is."""
+        return tuple(
+            Residual(
+                signal=signal,
+                phase=phase.name.lower(),
+                rms=self._both(ModelOnFolds.rms, signal, phase),
+                unit=signal.unit,
+                chi2=self._both(ModelOnFolds.chi2, signal, phase),
+            )
+            for signal, statistics in self.after.pool.items()
+            for phase in Phase
+            if statistics.samples[phase] > 0
+        )
+
+    @property
+    def open_loop(self) -> dict[str, float | None]:
+        """See `ModelOnFolds.open_loop`."""
+        return self._both(ModelOnFolds.open_loop)
+
+    @property
+    def masses(self) -> tuple[RecordingMass, ...]:
+        """Of every fold."""
+        return tuple(
+            RecordingMass(
+                recording=str(fold.measurement.recording.path or fold.recording),
+                rail_pressure_MPa=fold.measurement.rail_pressure / MEGAPASCAL,
+                mass_mg=self._both(ModelOnFolds.mass, number),
+                measured_mass_mg=self.after.measured_mass(number),
+            )
+            for number, fold in enumerate(self.after.folds)
+        )
 
 
 def compared(
     file: InjectorParameters, fitted: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
 ) -> Comparison:
     """offsets: of the line-pressure sensor in each fold [MPa]."""
-    after = _seen(fitted, offsets, folds)
+    after = ModelOnFolds.of(fitted, offsets, folds)
     if after is None:
         raise ArithmeticError("the fitted model has no finite solution on the recordings it was fitted to")
     try:
-        before = _seen(file, offsets, folds)
+        before = ModelOnFolds.of(file, offsets, folds)
     except UserError:
         before = None  # too few samples for its sac: nothing to compare with
-
-    def both(figure: Callable[..., float], *of: Signal | Phase, si: float = 1.0) -> dict[str, float | None]:
-        return {
-            "file": None if before is None else figure(before, *of) / si,
-            "fitted": figure(after, *of) / si,
-        }
-
-    return Comparison(
-        tuple(
-            Residual(
-                signal=signal,
-                phase=phase.name.lower(),
-                rms=both(_ModelOnFolds.rms, signal, phase, si=signal.si),
-                unit=signal.unit,
-                chi2=both(_ModelOnFolds.chi2, signal, phase),
-            )
-            for signal, statistics in after.pool.items()
-            for phase in Phase
-            if statistics.samples[phase] > 0
-        ),
-        unexplained(after.pool[Signal.LINE_PRESSURE]),
-        after.innovation,
-        _swing(folds),
-        both(_ModelOnFolds.open_loop, si=MEGAPASCAL),
-        tuple(_masses(before, after)),
-        [
-            FoldOverlay(fold, () if before is None else before.simulated[i], after.simulated[i])
-            for i, fold in enumerate(folds)
-        ],
-    )
-
-
-def _swing(folds: Sequence[Fold]) -> float:
-    drops = [
-        (fold.measurement.recording.rail_pressure - fold.measurement.recording.line_pressure)[
-            opening.first : opening.last + 1
-        ]
-        for fold in folds
-        for event in fold.measurement.events
-        for opening in event.openings
-    ]
-    return float(np.sqrt(np.mean(np.concatenate(drops) ** 2)))
-
-
-def _seen(
-    injector: InjectorParameters, offsets: NDArray[np.float64], folds: Sequence[Fold]
-) -> _ModelOnFolds | None:
-    calibration = Calibration(injector, (), folds)
-    judged = calibration.judge_all(offsets)
-    if judged is None:
-        return None
-    models = [calibration.model(offsets, number) for number in range(len(folds))]
-    runs = [simulated(fold.measurement, model) for fold, model in zip(folds, models, strict=True)]
-    return _ModelOnFolds(folds, pool_of(calibration.recordings, judged), judged, models, runs)
-
-
-def _masses(before: _ModelOnFolds | None, after: _ModelOnFolds) -> Iterator[InjectedMass]:
-    for number, fold in enumerate(after.folds):
-        measurement, density = fold.measurement, after.models[number].coefficients.density
-        single = {} if fold.weighed is None else fold.weighed.single
-        for i, simulated_injection in enumerate(after.simulated[number]):
-            first = simulated_injection.event.openings[0].first
-            weighed = (
-                single[first][0]
-                if first in single
-                else measured_mass(measurement, simulated_injection, density)
-            )
-            by_file = math.nan if before is None else mass(measurement, before.simulated[number][i], density)
-            yield InjectedMass(
-                recording=str(measurement.recording.path or fold.recording),
-                time_s=math.nan if is_chosen(measurement) else float(measurement.recording.time[first]),
-                rail_pressure_MPa=measurement.rail_pressure / MEGAPASCAL,
-                mass_mg=mass(measurement, simulated_injection, density) / MILLIGRAM,
-                file_mass_mg=by_file / MILLIGRAM,
-                measured_mass_mg=weighed / MILLIGRAM,
-            )
+    return Comparison(before, after)

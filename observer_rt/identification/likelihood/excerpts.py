@@ -20,7 +20,6 @@ from observer_rt.identification.likelihood.measurement import (
     JudgedEvent,
     LeftOut,
     Measurement,
-    MissingSamples,
     events_of,
     measurement_of,
     measurements,
@@ -104,12 +103,12 @@ def measured(
     if source.grid_samples <= most:
         return measurements([source.collected()])[0]
     refuse_slow(source)
-    chosen, gaps = _ChosenEvents(most), MissingSamples()
-    complete = 0
+    chosen = _ChosenEvents(most)
+    samples = missing = complete = 0
     left_out: list[LeftOut] = []
     for block in _blocks(source.on_one_grid()):
-        new = gaps.samples - block.first
-        gaps.take(missing_samples(block)[new:])
+        missing += int(np.count_nonzero(missing_samples(block)[samples - block.first :]))
+        samples = block.first + block.samples
         openings = openings_of(block)
         events, others = events_of(block, openings)
         complete += len(events)
@@ -117,8 +116,9 @@ def measured(
         starts = [opening.first - round(LEAD * block.sample_rate) for opening in openings]
         for event in events:
             chosen.take(_excerpt(block, event, starts))
-        progress(block.first + block.samples)
-    return _joined(source, chosen.excerpts(), FoundInjections(gaps, complete, tuple(left_out)))
+        progress(samples)
+    found = FoundInjections(samples, missing, complete, tuple(left_out))
+    return _joined(source, chosen.excerpts(), found)
 
 
 def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:

@@ -32,37 +32,6 @@ LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
 SHORTEST_OPENING = 0.05e-3  # s
 
 
-class MissingSamples:
-    """Counts samples, those that are missing, and the gaps these make, while a recording is read."""
-
-    def __init__(self) -> None:
-        self.samples = 0
-        """Samples of the recording."""
-        self.missing = 0
-        """Samples that are missing."""
-        self.count = 0
-        """Number of gaps."""
-        self.longest = 0
-        """[samples]"""
-        self._open = 0  # samples of a gap that may go on
-
-    def take(self, missing: NDArray[np.bool_]) -> None:
-        """Go on with further samples (n,)."""
-        edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
-        lengths = edges[1::2] - edges[::2]
-        self.samples += missing.size
-        self.missing += int(lengths.sum())
-        self.count += lengths.size
-        if self._open and missing.size:
-            if missing[0]:
-                lengths[0] += self._open
-                self.count -= 1
-            self._open = 0
-        if lengths.size:
-            self.longest = max(self.longest, int(lengths.max()))
-            self._open = int(lengths[-1]) if missing[-1] else 0
-
-
 @dataclass(frozen=True)
 class JudgedEvent:
     """Openings closer than EVENT_GAP: x~ runs from sample `start`, innovations count in [counted, end).
@@ -100,9 +69,13 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class FoundInjections:
-    """Injections of a recording. complete: injections that can be judged; left_out: others."""
+    """Injections of a recording of so many samples, of which some are `missing`.
 
-    gaps: MissingSamples
+    complete: injections that can be judged; left_out: others.
+    """
+
+    samples: int
+    missing: int
     complete: int
     left_out: tuple[LeftOut, ...]
 
@@ -161,9 +134,9 @@ def _of_recording(recording: Recording) -> Measurement:
     refuse_slow(recording)
     openings = openings_of(recording)
     events, left_out = events_of(recording, openings)
-    gaps = MissingSamples()
-    gaps.take(missing_samples(recording))
-    return measurement_of(recording, openings, events, FoundInjections(gaps, len(events), left_out))
+    missing = int(np.count_nonzero(missing_samples(recording)))
+    found = FoundInjections(recording.samples, missing, len(events), left_out)
+    return measurement_of(recording, openings, events, found)
 
 
 def refuse_slow(recording: Sampled) -> None:

@@ -15,7 +15,6 @@ from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.files import file_errors, file_hash
 from observer_rt.foundation.progress import progress_bar
-from observer_rt.foundation.units import MILLISECOND
 from observer_rt.identification.likelihood.excerpts import MOST_SAMPLES, measured
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.baseline import Baseline
@@ -121,8 +120,8 @@ def coverage(measurement: Measurement) -> str:
     recording, injections = measurement.recording, measurement.injections
     judged, left_out = len(measurement.events), injections.left_out
     lines = [
-        f"{recording.path or 'recording'}: {injections.gaps.samples} samples at {recording.sample_rate:g} Hz, "
-        f"{_gaps(measurement)}, {judged} of {injections.complete + len(left_out)} injections judged"
+        f"{recording.path or 'recording'}: {injections.samples} samples at {recording.sample_rate:g} Hz, "
+        f"{injections.missing or 'none'} missing, {judged} of {injections.complete + len(left_out)} injections judged"
     ]
     if chosen := chosen_words(measurement):
         lines.append(f"  {chosen}")
@@ -147,12 +146,3 @@ def chosen_words(measurement: Measurement) -> str:
         f"{judged} of {complete} complete injections chosen, spread evenly over each operating point: no more than "
         f"{MOST_SAMPLES} samples of a recording are kept"
     )
-
-
-def _gaps(measurement: Measurement) -> str:
-    gaps = measurement.injections.gaps
-    if not gaps.count:
-        return "no gap"
-    longest = gaps.longest * measurement.interval / MILLISECOND
-    number = "1 gap" if gaps.count == 1 else f"{gaps.count} gaps"
-    return f"{number} of {gaps.missing} samples in all, the longest {longest:.3g} ms"

@@ -1,17 +1,12 @@
-"""The language of laws, from text to tree; errors are reported with their column, and with what was expected there.
+"""The language of laws, from text to tree: few of Python's expressions, ^ for powers, and units, as in `100[MPa]`.
 
-comparison = sum [(">" | "<") sum]
-sum        = product {("+" | "-") product}
-product    = signed {("*" | "/") signed}
-signed     = "-" signed | power
-power      = part ["^" ["-"] number]
-part       = number ["[" unit "]"] | name | function "(" comparison {"," comparison} ")" | "(" comparison ")"
+Errors are reported with the part of the law at fault.
 """
 
-import math
+import ast
 import re
-from itertools import pairwise
-from typing import NamedTuple, NoReturn
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
 
 from observer_rt.foundation.errors import UserError, did_you_mean
 from observer_rt.model.terms.law import (
@@ -19,7 +14,6 @@ from observer_rt.model.terms.law import (
     LAGGED,
     PAIRS,
     RINGING,
-    SIGNS,
     TABLE,
     Call,
     Coefficient,
@@ -36,200 +30,130 @@ from observer_rt.model.terms.term import UNIT_NAMES, VARIABLES, unit_named
 LONGEST = 300  # characters
 DEEPEST = 30  # parentheses within parentheses
 COEFFICIENT = "c"
-_TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s*\[(?P<unit>[^\]]*)\])?"
-    r"|(?P<name>[A-Za-z_]\w*)|(?P<sign>[-+*/^(),<>])|(?P<end>$)|(?P<other>.))"
-)
+LARGEST = 1e300
+_FOREIGN = re.compile(r"[^\w\s.+\-*/^(),<>\[\]]")
+_OPERATIONS: dict[type[ast.AST], Operation] = {
+    ast.Add: Operation.ADD,
+    ast.Sub: Operation.SUBTRACT,
+    ast.Mult: Operation.MULTIPLY,
+    ast.Div: Operation.DIVIDE,
+    ast.Gt: Operation.GREATER,
+    ast.Lt: Operation.LESS,
+}
 _FUNCTIONS = (*FUNCTIONS, LAGGED, RINGING, TABLE)
-_ALL_NAMES = (*VARIABLES, *_FUNCTIONS, COEFFICIENT)
-
-
-class _Token(NamedTuple):
-    kind: str
-    text: str
-    column: int
-    unit: str = ""
+_ARGUMENTS = {LAGGED: 2, RINGING: 3} | {one.name.lower(): 2 for one in PAIRS}
+_REMEDY = "correct the law: numbers, variables and functions, joined by + - * / ^ > <"
 
 
 def parse(text: str) -> Law:
-    """The law a text states. Raises `UserError` naming the column, the error and what was expected."""
+    """The law a text states. Raises `UserError` naming the part at fault, and what was expected."""
     if len(text) > LONGEST:
-        raise UserError(
-            f"column {LONGEST}", f"the law is longer than {LONGEST} characters", "make it shorter"
-        )
-    parser = _Parser(text)
-    law = parser.comparison()
-    if parser.token.kind != "end":
-        parser.refuse("an operator (+ - * / ^ > <) or the end")
-    return law
+        raise UserError("law", f"is longer than {LONGEST} characters", "make it shorter")
+    if foreign := _FOREIGN.search(text):
+        raise UserError(f"column {foreign.start() + 1}", f"'{foreign[0]}' is in no law", _REMEDY)
+    if max(accumulate((one == "(") - (one == ")") for one in text) if text else [0]) > DEEPEST:
+        raise UserError("law", f"has more than {DEEPEST} nested parentheses", "make it simpler")
+    python = re.sub(r"\s", " ", text).replace("^", "**")
+    try:
+        return _law(ast.parse(f"({python})", mode="eval").body)
+    except SyntaxError as error:
+        before = python[: max((error.offset or 0) - 2, 0)]
+        raise UserError(f"column {len(before) - before.count('**') + 1}", error.msg, _REMEDY) from None
 
 
-class _Parser:
-    def __init__(self, text: str) -> None:
-        self._text, self._position, self._depth = text, 0, 0
-        self.token = self._next()
+def _refused(node: ast.expr, problem: str, remedy: str = _REMEDY) -> UserError:
+    return UserError(f"'{_text(node)}'", problem, remedy)
 
-    def refuse(self, expected: str) -> NoReturn:
-        """Raise `UserError` for the token at hand."""
-        actual = "the law ends" if self.token.kind == "end" else f"found '{self.token.text}'"
-        raise UserError(f"column {self.token.column}", f"{actual}, expected {expected}", "correct the law")
 
-    def comparison(self) -> Law:
-        """Parse a comparison and all that binds tighter. Raises `UserError` for one nested too deep or no law."""
-        self._depth += 1
-        if self._depth > DEEPEST:
-            raise UserError(
-                f"column {self.token.column}", f"more than {DEEPEST} nested parentheses", "make it simpler"
-            )
-        law = self._sum()
-        if sign := self._taken("<", ">"):
-            law = Call(SIGNS[sign], (law, self._sum()))
-            if self.token.text in ("<", ">"):
-                self.refuse("no second comparison: put one in parentheses")
-        self._depth -= 1
-        return law
+def _text(node: ast.expr) -> str:
+    return ast.unparse(node).replace(" ** ", "^")
 
-    def _sum(self) -> Law:
-        law = self._product()
-        while sign := self._taken("+", "-"):
-            law = Call(SIGNS[sign], (law, self._product()))
-        return law
 
-    def _product(self) -> Law:
-        law = self._signed()
-        while sign := self._taken("*", "/"):
-            law = Call(SIGNS[sign], (law, self._signed()))
-        return law
-
-    def _signed(self) -> Law:
-        minuses = 0
-        while self._taken("-"):
-            minuses += 1
-        is_number = self.token.kind == "number"
-        law = self._power()
-        if minuses and is_number and isinstance(law, Number):
-            law, minuses = Number(-law.value, law.unit), minuses - 1
-        for _ in range(minuses):
-            law = Call(Operation.NEGATE, (law,))
-        return law
-
-    def _power(self) -> Law:
-        law = self._part()
-        if self._taken("^"):
-            sign = -1.0 if self._taken("-") else 1.0
-            exponent = self._number("a number as exponent")
-            if exponent.unit:
-                self.refuse("an exponent without a unit")
-            law = Call(Operation.POWER, (law, Number(sign * exponent.value)))
-            if self.token.text == "^":
-                self.refuse("no second exponent: put the power in parentheses")
-        return law
-
-    def _part(self) -> Law:
-        if self.token.kind == "number":
-            return self._number("")
-        if self.token.kind == "name":
-            return self._named()
-        if not self._taken("("):
-            self.refuse("a number, a name or '('")
-        law = self.comparison()
-        self._demand(")")
-        return law
-
-    def _number(self, expected: str) -> Number:
-        token = self.token
-        if token.kind != "number":
-            self.refuse(expected)
-        value = float(token.text)
-        if not math.isfinite(value):
-            self.refuse("a smaller number")
-        if token.unit and unit_named(token.unit) is None:
-            raise UserError(
-                f"column {token.column}",
-                f"unknown unit '{token.unit}'",
-                f"{did_you_mean(token.unit, UNIT_NAMES)}units: {', '.join(UNIT_NAMES)}, "
-                "multiplied by *, divided by /, raised by ^",
-            )
-        self.token = self._next()
-        return Number(value, token.unit)
-
-    def _named(self) -> Law:
-        token = self.token
-        self.token = self._next()
-        if token.text in _FUNCTIONS:
-            return self._call(token)
-        if token.text == COEFFICIENT:
+def _law(node: ast.expr) -> Law:
+    """The law of an expression. Raises `UserError` for what is in no law."""
+    if (number := _literal(node)) is not None:
+        return number
+    match node:
+        case ast.Name(name) if name == COEFFICIENT:
             return Coefficient()
-        if token.text not in VARIABLES:
-            raise UserError(
-                f"column {token.column}",
-                f"unknown name '{token.text}'",
-                f"{did_you_mean(token.text, _ALL_NAMES)}variables: {', '.join(VARIABLES)}; "
-                f"functions: {', '.join(_FUNCTIONS)}; c is the coefficient",
+        case ast.Name(name) if name in VARIABLES:
+            return Quantity(VARIABLES[name])
+        case ast.Call(ast.Name(name), [_, *_] as arguments, []) if name in _FUNCTIONS:
+            return _call(node, name, arguments)
+        case ast.Name(name) | ast.Call(ast.Name(name)):
+            meant = did_you_mean(name, (*VARIABLES, *_FUNCTIONS, COEFFICIENT))
+            known = (
+                f"variables: {', '.join(VARIABLES)}; functions: {', '.join(_FUNCTIONS)}; c is the coefficient"
             )
-        return Quantity(VARIABLES[token.text])
+            raise _refused(node, f"unknown name '{name}'", meant + known)
+        case ast.UnaryOp(ast.USub(), operand):
+            return Call(Operation.NEGATE, (_law(operand),))
+        case ast.BinOp(base, ast.Pow(), power):
+            exponent = _number(power, "an exponent")
+            if exponent.unit:
+                raise _refused(power, "an exponent has no unit")
+            return Call(Operation.POWER, (_law(base), exponent))
+        case ast.BinOp(left, operator, right) | ast.Compare(left, [operator], [right]):
+            if (operation := _OPERATIONS.get(type(operator))) is not None:
+                return Call(operation, (_law(left), _law(right)))
+    raise _refused(node, "is in no law")
 
-    def _call(self, function: _Token) -> Law:
-        self._demand("(")
-        arguments = [self.comparison()]
-        if function.text == LAGGED:
-            law: Law = Lag(arguments[0], self._positive(function, "time of the lag", "ms"))
-        elif function.text == RINGING:
-            frequency = self._positive(function, "frequency", "kHz")
-            damping = self._positive(function, "damping", "-")
-            if damping >= 1.0:
-                raise UserError(f"column {function.column}", "nothing rings", "give a damping below 1")
-            law = Resonance(arguments[0], frequency, damping)
-        elif function.text == TABLE:
-            law = self._table(arguments[0])
-        else:
-            if FUNCTIONS[function.text] in PAIRS:
-                self._demand(",")
-                arguments.append(self.comparison())
-            law = Call(FUNCTIONS[function.text], tuple(arguments))
-        self._demand(")")
-        return law
 
-    def _positive(self, function: _Token, what: str, unit: str) -> float:
-        """A further argument, a number above 0, in a unit."""
-        self._demand(",")
-        number = self._number(f"the {what} in {unit}, a number")
-        named, wanted = unit_named(number.unit or unit), unit_named(unit)
-        if not number.value > 0.0 or named is None or wanted is None or named[1] != wanted[1]:
-            raise UserError(f"column {function.column}", f"no {what}", f"give it in {unit}, above 0")
-        return number.value * named[0] / wanted[0]
+def _literal(node: ast.expr) -> Number | None:
+    """A number with its unit and its sign, where the node is one."""
+    match node:
+        case ast.UnaryOp(ast.USub(), (ast.Constant() | ast.Subscript()) as number) if (
+            number.col_offset == node.col_offset + 1  # else it stands in parentheses
+        ):
+            value = _literal(number)
+            return None if value is None else Number(-value.value, value.unit)
+        case ast.Subscript(ast.Constant() as number, unit) if (value := _literal(number)) is not None:
+            name = _text(unit).replace(" ", "")
+            if unit_named(name) is None:
+                known = f"units: {', '.join(UNIT_NAMES)}, multiplied by *, divided by /, raised by ^"
+                raise _refused(node, f"unknown unit '{name}'", did_you_mean(name, UNIT_NAMES) + known)
+            return Number(value.value, name)
+        case ast.Constant(int() | float() as stated) if not isinstance(stated, bool):
+            if abs(stated) > LARGEST:
+                raise _refused(node, "is too large", "give a smaller number")
+            return Number(float(stated))
+    return None
 
-    def _table(self, argument: Law) -> LawTable:
-        """The points and values behind a table's argument."""
-        numbers: list[Number] = []
-        while self._taken(","):
-            sign = -1.0 if self._taken("-") else 1.0
-            number = self._number("a point or a value of the table, a number")
-            numbers.append(Number(sign * number.value, number.unit))
-        points, values = tuple(numbers[::2]), tuple(numbers[1::2])
-        if len(values) < 2 or len(points) != len(values):
-            self.refuse("a point and a value of it, two times or more")
-        if any(number.reckoned >= other.reckoned for number, other in pairwise(points)):
-            raise UserError(
-                f"column {self.token.column}", "the points of the table do not rise", "put them in order"
-            )
-        return LawTable(argument, points, values)
 
-    def _taken(self, *signs: str) -> str:
-        """The sign at hand, where it is one of these; then it is behind us."""
-        sign = self.token.text
-        if self.token.kind != "sign" or sign not in signs:
-            return ""
-        self.token = self._next()
-        return sign
+def _number(node: ast.expr, what: str) -> Number:
+    if (number := _literal(node)) is None:
+        raise _refused(node, f"is not {what}", "give a number")
+    return number
 
-    def _demand(self, sign: str) -> None:
-        if not self._taken(sign):
-            self.refuse(f"'{sign}'")
 
-    def _next(self) -> _Token:
-        match = _TOKEN.match(self._text, self._position)
-        assert match is not None  # the last alternatives take anything
-        kind = "number" if match["number"] else str(match.lastgroup)
-        self._position = match.end()
-        return _Token(kind, match[kind], match.start(kind) + 1, (match["unit"] or "").strip())
+def _call(node: ast.expr, name: str, arguments: Sequence[ast.expr]) -> Law:
+    needed = _ARGUMENTS.get(name, 1)
+    if name != TABLE and len(arguments) != needed:
+        raise _refused(node, f"has {len(arguments)} arguments", f"give {name}() {needed}")
+    first, further = _law(arguments[0]), arguments[1:]
+    if name == LAGGED:
+        return Lag(first, _positive(further[0], "the time of a lag", "ms"))
+    if name == RINGING:
+        frequency = _positive(further[0], "the frequency of a resonance", "kHz")
+        damping = _positive(further[1], "the damping of a resonance", "-")
+        if damping >= 1.0:
+            raise _refused(further[1], "nothing rings", "give a damping below 1")
+        return Resonance(first, frequency, damping)
+    if name != TABLE:
+        return Call(FUNCTIONS[name], (first, *map(_law, further)))
+    numbers = [_number(one, "a point or a value of a table") for one in further]
+    points, values = tuple(numbers[::2]), tuple(numbers[1::2])
+    if len(values) < 2 or len(points) != len(values):
+        raise _refused(node, "is too short", "give a point and a value of it, two times or more")
+    if any(number.reckoned >= other.reckoned for number, other in pairwise(points)):
+        raise _refused(node, "its points do not rise", "put them in order")
+    return LawTable(first, points, values)
+
+
+def _positive(node: ast.expr, what: str, unit: str) -> float:
+    """A number above 0, in a unit."""
+    number = _number(node, what)
+    named, wanted = unit_named(number.unit or unit), unit_named(unit)
+    if not number.value > 0.0 or named is None or wanted is None or named[1] != wanted[1]:
+        raise _refused(node, f"is not {what}", f"give it in {unit}, above 0")
+    return number.value * named[0] / wanted[0]

@@ -146,8 +146,8 @@ def test_hang_up_takes_over_a_bench_file_that_was_changed(
             while True:
                 notifications.append(manager.recv(1000).decode())
     assert outcome.code == 0
-    assert "sampling.bridge_ms: 50 is not allowed; remedy: write a number from 0 to 5 ms" in outcome.err
-    assert "is taken over: sampling.bridge_ms 0.5 -> 0.75" in outcome.err
+    assert "sampling.bridge_ms: 50 is not allowed; remedy: write a number from 0 to 5" in outcome.err
+    assert "is taken over: sampling\n" in outcome.err
     assert outcome.err.count("stop: stopped after") == 2
     assert (notifications[0], notifications[-1]) == ("READY=1", "STOPPING=1")
     assert notifications.count("STOPPING=1") == 1

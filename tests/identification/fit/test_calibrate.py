@@ -10,7 +10,8 @@ from observer_rt.desk.simulation.simulate import Simulation
 from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import CalibrationResult, FlowLevel, calibrate
 from observer_rt.identification.fit.cross_validation import folds_of
-from observer_rt.identification.fit.masses import MeasuredMasses
+from observer_rt.identification.fit.document import level_words, verdict_words
+from observer_rt.identification.fit.masses import MeasuredMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,
     STRUCTURES,
@@ -19,7 +20,6 @@ from observer_rt.identification.fit.problem import (
     certainty,
     with_values,
 )
-from observer_rt.identification.fit.report import level_words, verdict_words
 from observer_rt.identification.likelihood.bounded_fit import linearise
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.identification.likelihood.open_loop import mass, simulated
@@ -43,7 +43,7 @@ def _measured(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
 
 
 def _fit(
-    measured: Sequence[Measurement], file: InjectorParameters, **weighed: MeasuredMasses
+    measured: Sequence[Measurement], file: InjectorParameters, **weighed: MeasuredMass
 ) -> CalibrationResult:
     by_number = {int(name[1:]): one for name, one in weighed.items()}
     return calibrate(file, measured, by_number, lambda _: None, LUMPS)
@@ -84,7 +84,7 @@ def test_parameters_are_found_within_their_intervals(by_pressures: CalibrationRe
 
 def test_the_structure_of_the_plant_is_chosen_and_the_model_adequate(by_pressures: CalibrationResult) -> None:
     assert by_pressures.fitted.structure.outflow is LineOutflow.NOZZLE
-    assert "one lump, drained by the seat flow, leaves" in by_pressures.choice.reason
+    assert [one.structure.outflow for one in by_pressures.choice.as_good] == [LineOutflow.NOZZLE]
     assert by_pressures.inadequate == ()
     assert verdict_words(by_pressures).startswith("adequate")
 
@@ -146,7 +146,6 @@ def test_without_a_rate_the_inertance_is_seen_not_to_be_told() -> None:
         calibration, linearise(calibration.residuals, calibration.centre, here, calibration.ranges), 1.0
     )
     assert sure.undetermined is not None
-    assert sure.directions[-1].sigma > 20.0 * sure.directions[-2].sigma
 
 
 def test_what_is_faster_than_the_cells_carry_is_averaged() -> None:
@@ -177,11 +176,8 @@ def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
 @pytest.mark.slow
 def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
-    fitted = _fit(_measured(made), NOMINAL).comparison.masses[:3]
-    true = MILLIGRAM * np.mean(np.array([one.mass_mg for one in fitted], float))
-    done = _fit(
-        _measured(made), _wrong_inertance(), n0=MeasuredMasses({}, (float(true), 0.003 * float(true)))
-    )
+    true = MILLIGRAM * float(_fit(_measured(made), NOMINAL).comparison.masses[0].mass_mg["fitted"] or 0.0)
+    done = _fit(_measured(made), _wrong_inertance(), n0=MeasuredMass(true, 0.003 * true))
     assert done.level is FlowLevel.MASS
     assert abs(_mass_error(done.injector)) < 0.005
 
@@ -226,4 +222,4 @@ def test_one_injection_is_fitted_with_nothing_held_out() -> None:
     measured = _measured(simulations([(100e6, 1.9e-3)], injections=1))
     done = _fit(measured, off_by_ten_percent())
     assert done.fitted.held_out is None
-    assert "of the only injection there is" in done.choice.reason
+    assert "of all there is" in done.choice.reason

@@ -8,8 +8,8 @@ import pytest
 from observer_rt.desk.simulation.simulate import SimulatedNoise
 from observer_rt.files.signals.recording import Recording
 from observer_rt.identification.fit.calibrate import calibrate
+from observer_rt.identification.fit.document import oddities, verdict_words
 from observer_rt.identification.fit.problem import LOSS, NOZZLE, SAC, SEAT, STIFFNESS, STRUCTURES, with_values
-from observer_rt.identification.fit.report import oddities, verdict_words
 from observer_rt.identification.likelihood.measurement import measurements, openings_of
 from tests.identification.fit.healthy import NOMINAL, simulations
 
@@ -80,4 +80,6 @@ def test_an_entry_far_from_the_truth_is_named() -> None:
     done = calibrate(file, measured_recordings, {}, lambda _: None, STRUCTURES[:1])
     assert verdict_words(done).startswith("adequate")
     assert "IMPLAUSIBLE: fluid.bulk_modulus_line" in verdict_words(done)
-    assert any("line.length is probably too long" in line for line in oddities(done))
+    assert any(
+        "check line.volume (K_L counts only as K_L/V_L), line.length" in line for line in oddities(done)
+    )

@@ -2,17 +2,14 @@
 
 import io
 from dataclasses import replace
-from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 from rich.console import Console
 
 from observer_rt.files.signals.stream import HeldSignals, SignalStream
 from observer_rt.files.tables import signals_of
-from observer_rt.identification.likelihood.measurement import MissingSamples, measurements
+from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.identification.likelihood.reading import coverage, read_measured, without_copies
 from tests.device import simulated
 from tests.identification.discovery.hidden import recordings
@@ -61,18 +58,8 @@ def test_gaps_and_what_they_cost_are_named() -> None:
     lift[opening.first + 20 : opening.first + 29] = np.nan
     (measurement,) = measurements([replace(recording, rail_pressure=rail, needle_lift=lift)])
     first, second = coverage(measurement).splitlines()
-    assert first.endswith("2 gaps of 36 samples in all, the longest 0.27 ms, 1 of 2 injections judged")
+    assert first.endswith("36 missing, 1 of 2 injections judged")
     assert second == (
         f"  left out, samples are missing in it or beside it: at {recording.time[opening.first]:.4f} s"
     )
-    assert coverage(complete).endswith("samples at 100000 Hz, no gap, 2 of 2 injections judged")
-
-
-@given(missing=st.lists(st.booleans(), max_size=40), cuts=st.sets(st.integers(0, 40)))
-def test_gaps_of_parts_are_counted_as_of_the_whole(missing: list[bool], cuts: set[int]) -> None:
-    gaps = MissingSamples()
-    for start, end in pairwise([0, *sorted(min(cut, len(missing)) for cut in cuts), len(missing)]):
-        gaps.take(np.array(missing[start:end], np.bool_))
-    lengths = [len(list(run)) for is_gap, run in groupby(missing) if is_gap]
-    result = gaps.samples, gaps.missing, gaps.count, gaps.longest
-    assert result == (len(missing), sum(missing), len(lengths), max(lengths, default=0))
+    assert coverage(complete).endswith("samples at 100000 Hz, none missing, 2 of 2 injections judged")

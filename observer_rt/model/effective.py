@@ -31,7 +31,7 @@ NO_PROGRAM = np.empty((0, 2))
 class Coefficients(NamedTuple):
     """Coefficients of the compiled right-hand side; rates in 1/s for states normalised by (24)."""
 
-    line: Any  # a `Line`
+    line: Any  # such as a `LumpLine`
     seat: Seat
     nozzle: Nozzle
     sac: Sac

@@ -1,11 +1,12 @@
-"""Models of the feed line: their interface, and the line as one lump, (19)-(20). Their laws are in core.model.
+"""Models of the feed line, and the line as one lump, (19)-(20). Their laws are in core.model.
 
 The whole state is x = [p_L at the closed end, Q_L into it, p_S, the line's further states], normalised by (24).
-`line.model` of the injector file chooses one by name; another is in `wave_line.py`.
+`line.model` of the injector file chooses one by name. Every one has the members of `LumpLine`; another is in
+`wave_line.py`.
 """
 
 import math
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,81 +20,12 @@ if TYPE_CHECKING:
 STIFFNESS_PRESSURE = 100e6  # Pa, at which a pressure-dependent bulk modulus is K_L
 
 
-class Line(Protocol):
-    """A line as numbers, its fields. Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S."""
-
-    kind: ClassVar[int]  # by which the core steps it: a number of `core/model/interval.pxi`
-    of_stiffness: ClassVar[tuple[str, ...]]  # coefficients in proportion to the bulk modulus
-    of_inertance: ClassVar[tuple[str, ...]]  # in inverse proportion to the inertance
-    averaged: ClassVar[bool]  # its last state is the integral of p_L [s], see `begin_mean`
-    resolved: ClassVar[float]  # s over which means of p_L are a pipe's, shorter waves are not; 0: it has none
-    _fields: ClassVar[tuple[str, ...]]
-    a4: float  # in proportion to the loss factor
-    leak: float  # past the guide at p_0, in units of Q_0, times a1
-    air: float  # K g / p_0 of 1/K_eff = 1/K + g/p
-    servo: float  # control flow at p_0, in units of Q_0, times a1
-    displaced: float  # by 1 m/s of the needle, likewise
-    outflow: float  # of its closed end, in units of Q_0, as terms change it
-    loss: float  # of pressure along it, in units of p_0, as terms change it
-
-    @property
-    def further(self) -> int:
-        """States beyond p_L and Q_L."""
-
-    @property
-    def a1(self) -> float: ...
-    @property
-    def a2_nozzle(self) -> float: ...
-    @property
-    def a2_seat(self) -> float: ...
-
-    @classmethod
-    def of(
-        cls, parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
-    ) -> "Line":
-        """The line of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
-
-    @property
-    def mode(self) -> float:
-        """Angular frequency [rad/s] of the line's slowest motion, which p_L mostly shows."""
-
-    @property
-    def fastest(self) -> float:
-        """Angular frequency [rad/s] that RK4 must follow; 0 of a line with steps of its own."""
-
-    @property
-    def impedance(self) -> float:
-        """p_L that goes with an x_2 of 1 in that motion."""
-
-    @property
-    def by_rail(self) -> NDArray[np.float64]:
-        """Derivative of x' [1/s] with respect to the rail pressure, (states,)."""
-
-    def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """Variances of the further states of a line that rings; flow: that of x_2."""
-
-    def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The line at rest over an interval [s]: its states' (m, m) matrix, the effect of the rail pressure (m,)."""
-
-    def substeps(self, of_sac: int, interval: float) -> int:
-        """Steps of the sac in a sample interval [s]; of_sac: those that RK4 would need for it."""
-
-    def strain(self, interval: float) -> float:
-        """Number that must stay below 1 for the line's own steps in an interval [s] to be stable."""
-
-    def stepping(self, interval: float) -> str:
-        """Description of the resolution of the line's own steps, for an engineer; empty of one that RK4 steps."""
-
-    def with_mean(self) -> "Line":
-        """Line averaged over the sample period, for samples that are means."""
-
-
 def stiffened(line: Any, r: float) -> Any:
     """A line whose bulk modulus is 1 + r times what it was."""
     return line._replace(**{name: getattr(line, name) * (1.0 + r) for name in line.of_stiffness})
 
 
-_LINES: dict[str, type[Line]] = {}
+_LINES: dict[str, Any] = {}
 
 
 def register(name: str, line: type[Any]) -> None:
@@ -110,8 +42,8 @@ def known_line(name: str) -> str:
 
 def line_of(
     parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
-) -> Line:
-    """The line an injector's file names, see `Line.of`."""
+) -> Any:
+    """The line an injector's file names, see `LumpLine.of`."""
     return _LINES[parameters.line.model].of(parameters, departures, nozzle_flow, seat_flow)
 
 
@@ -135,21 +67,21 @@ class _LumpCoefficients(NamedTuple):
 
 
 class LumpLine(_LumpCoefficients):
-    """See `Line`."""
+    """A line as numbers, its fields. Its closed end obeys p_L' ~ a1 x_2 - a2_nozzle q_H - a2_seat q_S."""
 
     __slots__ = ()
-    kind = LUMP
-    further = 0
-    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "servo", "displaced")
-    of_inertance = ("a3", "a4")
-    averaged = False
-    resolved = 0.0
+    kind = LUMP  # by which the core steps it: a number of `core/model/interval.pxi`
+    further = 0  # states beyond p_L and Q_L
+    of_stiffness = ("a1", "a2_nozzle", "a2_seat", "leak", "servo", "displaced")  # in proportion to K_L
+    of_inertance = ("a3", "a4")  # in inverse proportion to the inertance
+    averaged = False  # its last state is the integral of p_L [s], see `begin_mean`
+    resolved = 0.0  # s over which means of p_L are a pipe's, shorter waves are not; 0: it has none
 
     @classmethod
     def of(
         cls, parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
     ) -> "LumpLine":
-        """See `line.Line.of`."""
+        """The line of an injector; nozzle_flow, seat_flow: Q_H and Q_S [m3/s] at a normalised flow of 1."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         drained_by_nozzle = parameters.line_outflow == "nozzle"
@@ -170,32 +102,35 @@ class LumpLine(_LumpCoefficients):
 
     @property
     def mode(self) -> float:
-        """Angular frequency [rad/s] of the lump's only motion."""
+        """Angular frequency [rad/s] of the line's slowest motion, which p_L mostly shows."""
         return math.sqrt(self.a1 * self.a3)
 
     @property
     def fastest(self) -> float:
-        """Angular frequency [rad/s] of inertance against compliance, the mode's."""
+        """Angular frequency [rad/s] that RK4 must follow; 0 of a line with steps of its own."""
         return self.mode
 
     @property
     def impedance(self) -> float:
-        """Amplitude of p_L over that of x_2."""
+        """p_L that goes with an x_2 of 1 in that motion."""
         return math.sqrt(self.a1 / self.a3)
 
     @property
     def by_rail(self) -> NDArray[np.float64]:
-        """See `Line`."""
+        """Derivative of x' [1/s] with respect to the rail pressure, (states,)."""
         result = np.zeros(3 + self.further)
         result[1] = self.a3
         return result
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """Empty, for the lump has no further states that ring."""
+        """Variances of the further states of a line that rings; flow: that of x_2."""
         return np.zeros(self.further)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Exact without friction."""
+        """The line at rest over an interval [s]: its states' (m, m) matrix, the effect of the rail pressure (m,).
+
+        Exact without friction.
+        """
         angle = self.mode * interval
         cosine, sine, impedance = math.cos(angle), math.sin(angle), self.impedance
         return (
@@ -204,19 +139,19 @@ class LumpLine(_LumpCoefficients):
         )
 
     def substeps(self, of_sac: int, interval: float) -> int:
-        """Steps of the sac, with which RK4 steps the line, too."""
+        """Steps of the sac in a sample interval [s]; of_sac: those that RK4 would need for it."""
         return of_sac
 
     def strain(self, interval: float) -> float:
-        """Zero, for the lump has no steps of its own."""
+        """Number that must stay below 1 for the line's own steps in an interval [s] to be stable."""
         return 0.0
 
     def stepping(self, interval: float) -> str:
-        """Empty, for the lump has no steps of its own."""
+        """Description of the resolution of the line's own steps, for an engineer; empty of one that RK4 steps."""
         return ""
 
     def with_mean(self) -> "MeanLumpLine":
-        """See `Line`."""
+        """Line averaged over the sample period, for samples that are means."""
         return MeanLumpLine(*self)
 
 

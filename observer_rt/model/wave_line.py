@@ -95,7 +95,7 @@ class _WaveCoefficients(NamedTuple):
 
 
 class WaveLine(_WaveCoefficients):
-    """See `line.Line`."""
+    """As of `LumpLine`."""
 
     __slots__ = ()
     kind = WAVE
@@ -113,7 +113,7 @@ class WaveLine(_WaveCoefficients):
     def of(
         cls, parameters: "InjectorParameters", departures: "Departures", nozzle_flow: float, seat_flow: float
     ) -> "WaveLine":
-        """See `line.Line.of`."""
+        """As of `LumpLine`."""
         fluid, line, scaling = parameters.fluid, parameters.line, parameters.scaling
         compliance = fluid.bulk_modulus_line / line.volume / scaling.pressure  # K_L/(V_L p_0), 1/m3
         inertia = line.area * scaling.pressure / (fluid.density_line * line.length * scaling.flow)
@@ -172,7 +172,7 @@ class WaveLine(_WaveCoefficients):
 
     @property
     def by_rail(self) -> NDArray[np.float64]:
-        """See `line.Line`."""
+        """As of `LumpLine`."""
         result = np.zeros(3 + self.further)
         result[flow_at(1, int(self.cells))] = self.a3
         return result
@@ -184,12 +184,12 @@ class WaveLine(_WaveCoefficients):
         return steps * (substeps if substeps <= MOST_OF_A_STEP else 1)
 
     def strain(self, interval: float) -> float:
-        """See `line.Line`."""
+        """As of `LumpLine`."""
         step = interval / steps_in(interval)
         return float((self.crossing * step) ** 2 + 2.0 * self.damping * step)
 
     def stepping(self, interval: float) -> str:
-        """See `line.Line`."""
+        """As of `LumpLine`."""
         step = interval / steps_in(interval)
         return (
             f"a line of {self.cells:.0f} cells, of which sound crosses {self.crossing * step:.2g} in its step of "
@@ -197,7 +197,7 @@ class WaveLine(_WaveCoefficients):
         )
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """See `line.Line`."""
+        """As of `LumpLine`."""
         cells = int(self.cells)
         pressures = np.full(cells - 1, flow * self.impedance**2)
         return np.concatenate([pressures, np.full(cells - 1, flow), np.zeros(1 + MEMORIES)])
@@ -259,7 +259,7 @@ class WaveLine(_WaveCoefficients):
             flows[first + k, first + k] += keep
 
     def with_mean(self) -> "MeanWaveLine":
-        """See `line.Line`."""
+        """As of `LumpLine`."""
         return MeanWaveLine(*self)
 
 
@@ -275,7 +275,7 @@ class MeanWaveLine(WaveLine):
         return super().further + 1
 
     def further_variance(self, flow: float) -> NDArray[np.float64]:
-        """See `line.Line`."""
+        """As of `LumpLine`."""
         return np.append(super().further_variance(flow), 0.0)
 
     def transition(self, interval: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

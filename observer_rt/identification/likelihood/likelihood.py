@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,6 @@ from observer_rt.identification.likelihood.windows import (
 from observer_rt.model.baseline import HealthyShape
 from observer_rt.model.effective import EffectiveModel, InputTerms
 from observer_rt.model.hydraulics import Seat
-from observer_rt.model.line import Line
 from observer_rt.model.stability import MAX_SUBSTEPS, in_stable_cells, substeps_needed
 
 GAIN_ERROR = 0.005  # standard deviation of a measured rate's gain, once a recording
@@ -69,7 +69,7 @@ class RecordingLikelihood:
         rate = measurement.recording.sample_rate
         needed = substeps_needed(nominal.injector, rate, nominal.departures)
         self._substeps = max(needed, min(needed + SPARE_SUBSTEPS, MAX_SUBSTEPS))
-        self._gains: dict[tuple[Line, float, float], GainSchedule] = {}
+        self._gains: dict[tuple[Any, float, float], GainSchedule] = {}
         self._nominal = nominal
         self._nominal_rail = rail_on_time(measurement, nominal.inputs)
         self._lift_noise = LiftNoise(measurement, self._with_lift_lag)

@@ -49,15 +49,6 @@ class Operation(IntEnum):
     MAX = 16
 
 
-SIGNS = {
-    ">": Operation.GREATER,
-    "<": Operation.LESS,
-    "+": Operation.ADD,
-    "-": Operation.SUBTRACT,
-    "*": Operation.MULTIPLY,
-    "/": Operation.DIVIDE,
-    "^": Operation.POWER,
-}
 FUNCTIONS = {operation.name.lower(): operation for operation in Operation if operation >= Operation.SQRT}
 PAIRS = (Operation.MIN, Operation.MAX)  # the functions of two arguments
 
@@ -281,16 +272,15 @@ _NUMPY: Mapping[Operation, Callable[..., Any]] = {
 }
 
 
-_BINDING = {
-    Operation.GREATER: _COMPARISON,
-    Operation.LESS: _COMPARISON,
-    Operation.ADD: _ADDITION,
-    Operation.SUBTRACT: _ADDITION,
-    Operation.MULTIPLY: _FACTOR,
-    Operation.DIVIDE: _FACTOR,
-    Operation.POWER: _RAISED,
+_SIGNS = {  # and how tightly they bind
+    Operation.GREATER: (">", _COMPARISON),
+    Operation.LESS: ("<", _COMPARISON),
+    Operation.ADD: ("+", _ADDITION),
+    Operation.SUBTRACT: ("-", _ADDITION),
+    Operation.MULTIPLY: ("*", _FACTOR),
+    Operation.DIVIDE: ("/", _FACTOR),
+    Operation.POWER: ("^", _RAISED),
 }
-_SIGN_OF = {operation: sign for sign, operation in SIGNS.items()}
 
 
 def _printed(law: Law) -> tuple[str, int]:
@@ -316,8 +306,8 @@ def _printed(law: Law) -> tuple[str, int]:
             return f"-({number})", _MINUS
         case Call(Operation.NEGATE, (argument,)):
             return f"-{_within(argument, _MINUS)}", _MINUS
-        case Call(operation, (left, right)) if operation in _BINDING:
-            binding, sign = _BINDING[operation], _SIGN_OF[operation]
+        case Call(operation, (left, right)) if operation in _SIGNS:
+            sign, binding = _SIGNS[operation]
             if operation is Operation.POWER:
                 return f"{_within(left, _WHOLE)}^{right}", binding
             least = max(binding, _ADDITION)  # a comparison is in none

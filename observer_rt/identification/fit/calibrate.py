@@ -30,7 +30,7 @@ from observer_rt.identification.fit.problem import (
     values_of,
     with_values,
 )
-from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, worst_folds
+from observer_rt.identification.fit.residuals import Comparison, UnexplainedSignal, compared, pooled
 from observer_rt.identification.fit.search import (
     FINE_EVENTS,
     ROUGH_EVENTS,
@@ -334,7 +334,12 @@ def write_fitted(path: Path, file: InjectorFile, done: CalibrationResult, baseli
 
 def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     """Makes the section [baseline] of the file. hashes: SHA-256 of the recordings by name."""
-    recordings, left = done.measurements, worst_folds(done.fitted.calibration, done.fitted.judged)
+    recordings, calibration = done.measurements, done.fitted.calibration
+    # what the model gets wrong goes with the operating point: of each phase, the fold with the most left
+    left = [
+        pooled([fold], [judged])
+        for fold, judged in zip(calibration.recordings, done.fitted.judged, strict=True)
+    ]
     noise = {
         "rail_pressure_MPa": [one.noise.rail_pressure / MEGAPASCAL for one in recordings],
         "line_pressure_MPa": [one.noise.line_pressure / MEGAPASCAL for one in recordings],
@@ -351,9 +356,9 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
         sample_rate_Hz=rounded(recordings[0].recording.sample_rate),
         injections=sum(len(fold.measurement.events) for fold in done.fitted.calibration.folds),
         rail_pressure_MPa=_rounded_pair((min(pressures), max(pressures))),
-        variance=_by_phase(left.variance),
-        chi2=_by_phase(left.chi2),
-        colour=_by_phase(left.colour),
+        variance=_largest([one.variance for one in left]),
+        chi2=_largest([one.chi2 for one in left]),
+        colour=_largest([one.colour for one in left]),
         noise=NoiseFigures(**{name: rounded(sum(of) / len(of)) for name, of in noise.items()}),
         ci95={
             one.name: _rounded_pair(one.interval(one.of(done.injector), float(sigma)))
@@ -366,8 +371,10 @@ def baseline_of(done: CalibrationResult, hashes: dict[str, str]) -> Baseline:
     )
 
 
-def _by_phase(figures: Mapping[Phase, float]) -> PhaseFigures:
-    return PhaseFigures.of({phase.name: rounded(value) for phase, value in figures.items()})
+def _largest(figures: Sequence[Mapping[Phase, float]]) -> PhaseFigures:
+    return PhaseFigures.of(
+        {phase.name: rounded(float(np.fmax.reduce([one[phase] for one in figures]))) for phase in Phase}
+    )
 
 
 def _remainder(done: CalibrationResult) -> HealthyRemainder:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Annotated, Self
 
@@ -36,19 +36,40 @@ Pair = Annotated[
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class UnexplainedSignal:
-    """Residuals of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples.
+    """Residuals of a signal: mean squares by phase, 1 where it leaves noise alone; nan without samples."""
 
-    chi2: of means of 8 samples, which coloured residuals fill (of samples where a phase is shorter); excess: rms of
-    what these means are beyond noise, in standard deviations of a sample; variance: of samples; colour: the larger
-    of means of 8 and of 20.
-    """
+    statistics: PhaseStatistics
 
-    chi2: Mapping[Phase, float]
-    excess: Mapping[Phase, float]
-    variance: Mapping[Phase, float]
-    colour: Mapping[Phase, float]
+    def _by_phase(self, figure: Callable[[Phase], float]) -> dict[Phase, float]:
+        return {phase: figure(phase) if self.statistics.samples[phase] > 0 else math.nan for phase in Phase}
+
+    @cached_property
+    def chi2(self) -> Mapping[Phase, float]:
+        """Of means of 8 samples, which coloured residuals fill; of samples where a phase is shorter."""
+
+        def of(phase: Phase) -> float:
+            blocks = self.statistics.blocks[phase, 0]
+            squares = self.statistics.block_squares[phase, 0]
+            return float(squares / blocks) if blocks else self.statistics.variance(phase)
+
+        return self._by_phase(of)
+
+    @property
+    def variance(self) -> Mapping[Phase, float]:
+        """Of samples."""
+        return self._by_phase(self.statistics.variance)
+
+    @property
+    def colour(self) -> Mapping[Phase, float]:
+        """The larger of means of 8 and of 20 samples."""
+        return self._by_phase(self.statistics.colour)
+
+    def excess(self, phase: Phase) -> float:
+        """Root mean square of what chi2 is of beyond noise, in standard deviations of a sample."""
+        samples = BLOCKS[0] if self.statistics.blocks[phase, 0] else 1
+        return math.sqrt(max(self.chi2[phase] - 1.0, 0.0) / samples)
 
     @property
     def mean(self) -> float:
@@ -61,45 +82,9 @@ class UnexplainedSignal:
         return max(self.chi2, key=lambda phase: np.nan_to_num(self.chi2[phase]))
 
 
-def unexplained(statistics: PhaseStatistics) -> UnexplainedSignal:
-    """In figures."""
-    seen = [phase for phase in Phase if statistics.samples[phase] > 0]
-    nothing = dict.fromkeys(Phase, math.nan)
-    return UnexplainedSignal(
-        nothing | {phase: _chi2(statistics, phase) for phase in seen},
-        nothing | {phase: _excess(statistics, phase) for phase in seen},
-        nothing | {phase: statistics.variance(phase) for phase in seen},
-        nothing | {phase: statistics.colour(phase) for phase in seen},
-    )
-
-
-def _chi2(statistics: PhaseStatistics, phase: Phase) -> float:
-    blocks = statistics.blocks[phase, 0]
-    return float(statistics.block_squares[phase, 0] / blocks) if blocks else statistics.variance(phase)
-
-
-def _excess(statistics: PhaseStatistics, phase: Phase) -> float:
-    samples = BLOCKS[0] if statistics.blocks[phase, 0] else 1
-    return math.sqrt(max(_chi2(statistics, phase) - 1.0, 0.0) / samples)
-
-
 def pooled(recordings: Sequence[RecordingLikelihood], judged: Sequence[JudgedModel]) -> UnexplainedSignal:
     """Pools the line pressure of folds."""
-    return unexplained(pool_of(recordings, judged)[Signal.LINE_PRESSURE])
-
-
-def worst_folds(calibration: Calibration, judged: Sequence[JudgedModel]) -> UnexplainedSignal:
-    """In each phase that of the fold with the most left: what the model gets wrong goes with the operating point."""
-    of_folds = [
-        pooled([recorded], [one]) for recorded, one in zip(calibration.recordings, judged, strict=True)
-    ]
-
-    def largest(figures: Sequence[Mapping[Phase, float]]) -> dict[Phase, float]:
-        return {phase: float(np.fmax.reduce([one[phase] for one in figures])) for phase in Phase}
-
-    return UnexplainedSignal(
-        *(largest([getattr(one, each.name) for one in of_folds]) for each in fields(UnexplainedSignal))
-    )
+    return UnexplainedSignal(pool_of(recordings, judged)[Signal.LINE_PRESSURE])
 
 
 @dataclass(frozen=True)
@@ -203,7 +188,7 @@ class ModelOnFolds:
 
     def chi2(self, signal: Signal, phase: Phase) -> float:
         """Of means of 8 samples."""
-        return unexplained(self.pool[signal]).chi2[phase]
+        return UnexplainedSignal(self.pool[signal]).chi2[phase]
 
     def rms(self, signal: Signal, phase: Phase) -> float:
         """In the signal's unit: normalised mean square times the standard deviation it was normalised by."""
@@ -251,11 +236,11 @@ class Comparison:
     @cached_property
     def left(self) -> UnexplainedSignal:
         """What the fitted model leaves of the line pressure."""
-        return unexplained(self.after.pool[Signal.LINE_PRESSURE])
+        return UnexplainedSignal(self.after.pool[Signal.LINE_PRESSURE])
 
     def share(self, phase: Phase) -> float:
         """Residuals in a phase beyond noise, over what the flow does to the line pressure."""
-        return self.left.excess[phase] * self.after.innovation / self._swing
+        return self.left.excess(phase) * self.after.innovation / self._swing
 
     @cached_property
     def _swing(self) -> float:

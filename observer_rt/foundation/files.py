@@ -93,7 +93,6 @@ INJECTOR_FILE = _kind("an injector file", rb"^\[(fluid|line|seat|nozzle|chamber)
 BENCH_FILE = _kind("a bench file", rb"^\[{1,2}(dbc|link|links|signals|outputs|recording|injectors)[].]")
 TABLE = _kind("a table of samples", rb"\A(\xef\xbb\xbf)?time_s,")
 FINDINGS = _kind("the findings of `discover`", rb'\A\{\s*"schema":\s*\d')
-PLAN = _kind("the plan of `discover`", rb"\Astep,rail_pressure_MPa,")
 REPRODUCED = _kind("a table of `reproduce`", rb"\Av_H,x3_mse_")
 _BY_SUFFIX = {
     ".csv": TABLE,

@@ -162,7 +162,7 @@ COMMANDS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "reproduce": ("offline", "--out reproduced"),
     },
     "Discovery": {
-        "discover": ("models", "--model injector.toml --out found --plan worn_1.csv worn_2.csv"),
+        "discover": ("models", "--model injector.toml --out found worn_1.csv worn_2.csv"),
         "effects": ("models", "channel_skew seat_area"),
     },
     "Many recordings": {

@@ -142,23 +142,16 @@ class DiscoverOptions(ModelOptions):
         int | None, Option("Number of the proposed law that the amended model is to have.", "N", 0)
     ] = None
     force: shared.Force = False
-    plan: Annotated[
-        bool,
-        Option(
-            "Also plan what to measure next: operating points that decide between what is left, as a schedule (CSV)."
-        ),
-    ] = False
 
 
 def discover(options: DiscoverOptions) -> None:
     """Find the physical effect the model is missing, its size and how sure that is; write the amended model."""
     from observer_rt.desk.discover_inputs import inputs_of_evidence, inputs_of_recordings
     from observer_rt.desk.evaluation.healthy_events import learned_laws, observer_remainder
-    from observer_rt.desk.simulation.simulate import two_injections
     from observer_rt.identification.discovery import amend, folder
     from observer_rt.identification.discovery import discover as discovery
     from observer_rt.identification.discovery.findings import FINDINGS
-    from observer_rt.identification.discovery.report.text import as_text, print_plan
+    from observer_rt.identification.discovery.report.text import as_text
     from observer_rt.identification.likelihood.reading import coverage
 
     require("jinja2", "matplotlib")
@@ -199,9 +192,6 @@ def discover(options: DiscoverOptions) -> None:
             findings = discovery.answer(task, progress)
         except KeyboardInterrupt:
             raise InterruptionError("interrupted; nothing was written") from None
-    if options.plan:
-        with progress_bar(messages, "planning what to measure next", 1.0) as progress:
-            findings = discovery.planned(findings, task, two_injections, progress)
     findings = replace(findings, seconds=time.monotonic() - begin)
     document = folder.write_findings(out, task, findings, amendable)
     if findings.not_accepted:
@@ -210,13 +200,7 @@ def discover(options: DiscoverOptions) -> None:
         print(document)
     else:
         say(results(), as_text(findings))
-        if options.plan:
-            print_plan(findings.plan, results())
-        written = {
-            amend.AMENDED: findings.amended_model is not None,
-            folder.PLAN: findings.plan is not None,
-        }
-        more = [name for name, is_there in written.items() if is_there]
+        more = [] if findings.amended_model is None else [amend.AMENDED]
         say(messages, f"{out}: {', '.join([folder.REPORT, FINDINGS, *more])}")
 
 

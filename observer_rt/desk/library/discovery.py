@@ -12,13 +12,10 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from observer_rt.config.injector_file import InjectorFile
-from observer_rt.desk.library.notes import screen
-from observer_rt.desk.simulation.simulate import two_injections
 from observer_rt.foundation.outputs import make_folder
-from observer_rt.foundation.progress import progress_bar
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.amend import AMENDED
-from observer_rt.identification.discovery.discover import DiscoveryTask, planned
+from observer_rt.identification.discovery.discover import DiscoveryTask
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.folder import REPORT, check_answer_folder, write_findings
 from observer_rt.identification.discovery.law_words import law_text
@@ -89,12 +86,6 @@ class DiscoveryResult:
         with TemporaryDirectory() as folder:
             self._write(Path(folder))
             return self.load(Path(folder) / AMENDED)
-
-    def plan(self) -> pd.DataFrame:
-        """Plan what to measure next: operating points that decide between candidates, the best first."""
-        with progress_bar(screen, "planning what to measure next", 1.0) as progress:
-            plan = planned(self.findings, self.task, two_injections, progress).plan
-        return pd.DataFrame([] if plan is None else [one.model_dump() for one in plan.measurements])
 
     def report(self, folder: str | PathLike[str], force: bool = False) -> Path:
         """Write report, findings and amended model into a folder.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from observer_rt.config.effects import effect_named, parameter_named, value_in_bounds
 from observer_rt.core.plant.plant import show_slowly
 from observer_rt.desk.simulation.plant import Progress, Truth, run_plant
-from observer_rt.desk.simulation.schedule import Schedule, make_schedule, strokes
+from observer_rt.desk.simulation.schedule import Schedule, strokes
 from observer_rt.files.signals.recording import TRUTH_SUFFIX, Recording
 from observer_rt.files.signals.table_writers import (
     INJECTION_RATE,
@@ -116,29 +116,6 @@ def simulate(
     time = np.arange(round(schedule.duration * sample_rate) + 1) / sample_rate
     truth = run_plant(model, strokes(schedule, parameters), time, schedule.rail_pressure(time), progress)
     return Simulation(_measure(truth, model, noise, measured_rate, seed), truth)
-
-
-def two_injections(
-    model: EffectiveModel, rail_pressure: float, energizing: float, pause: float, sample_rate: float
-) -> Recording:
-    """Two equal injections of a model without noise, injection rate and all.
-
-    rail_pressure: as its sensor shows it [Pa]; energizing time [s]; pause: after the first energizing [s];
-    sample_rate [Hz]. The lift that its sensor shows is that of the injector file.
-    Raises `UserError` where the needle has not closed in the pause.
-    """
-    seen, needle = model.inputs, model.injector.needle
-    true = {name: getattr(needle, name) * seen.lift_factor for name in ("opening_speed", "closing_speed")}
-    lift = model.injector.seat.max_lift * seen.lift_factor + seen.lift_shift
-    moved = model.injector.model_copy(
-        update={
-            "needle": needle.model_copy(update=true),
-            "seat": model.injector.seat.model_copy(update={"max_lift": lift}),
-        }
-    )
-    pressure = rail_pressure * seen.rail_factor + seen.rail_shift
-    schedule = make_schedule([pressure], 2, energizing + pause, [energizing])
-    return simulate(moved, schedule, sample_rate, measured_rate=True, model=model).recording
 
 
 def truth_path(recording: Path) -> Path:

@@ -1,11 +1,10 @@
-"""Runs a discovery: checks, finds, names, adds and shows, and plans the measurement that would decide."""
+"""Runs a discovery: checks, finds, names, adds and shows."""
 
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from functools import partial
 
 from observer_rt.engine.learning.healthy import NOT_FITTED, Healthy, is_same_rate
 from observer_rt.engine.learning.learned_curves import LearnedCurve
@@ -30,9 +29,9 @@ from observer_rt.identification.discovery.search.adequacy import healthy_of_fit
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.laws import first_guess
 from observer_rt.identification.discovery.search.proposals import variance_by_phase
-from observer_rt.identification.discovery.search.results import Cell, Discovery, Part, Verdict, probabilities
+from observer_rt.identification.discovery.search.results import Cell, Discovery, Part, Verdict
 from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
-from observer_rt.identification.discovery.sentences import candidate_words, headline
+from observer_rt.identification.discovery.sentences import headline
 from observer_rt.identification.discovery.standstill import standstill_checks
 from observer_rt.identification.likelihood.appearance import with_healthy_offset
 from observer_rt.identification.likelihood.bounded_fit import NORMAL_975
@@ -40,8 +39,6 @@ from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.identification.likelihood.operating_points import by_operating_point
 from observer_rt.identification.likelihood.reading import chosen_words, refuse_rates_missing
-from observer_rt.identification.planning.plan import MeasurementPlan, Planner, SimulateInjections, points_for
-from observer_rt.identification.planning.separation import Rival, known_of
 from observer_rt.model.baseline import Baseline, HealthyRemainder, Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import effective_model
@@ -213,65 +210,6 @@ def _remainder(
         origin=ORIGIN,
         date=date.today().isoformat(),
     )
-
-
-def planned(
-    findings: Findings, task: DiscoveryTask, simulate: SimulateInjections, progress: Callable[[float], None]
-) -> Findings:
-    """Adds what to measure next to findings; progress is given the share done."""
-    plan = next_measurement(
-        findings,
-        task.measured,
-        effective_model(task.parameters),
-        findings.baseline or NOT_FITTED,
-        simulate,
-        progress,
-    )
-    return replace(findings, plan=plan)
-
-
-def next_measurement(
-    discovery: Discovery,
-    measured: Sequence[Measurement],
-    nominal: EffectiveModel,
-    healthy: Healthy,
-    simulate: SimulateInjections,
-    progress: Callable[[float], None],
-) -> MeasurementPlan | None:
-    """Plans what to measure next after a discovery in recordings; None where the answer is not ambiguous.
-
-    healthy: what the model leaves of the healthy injector; progress is given the share done.
-    """
-    if discovery.verdict is not Verdict.AMBIGUOUS:
-        return None
-    rivals = rivals_of(discovery, nominal)
-    measured = [with_healthy_offset(one, healthy) for one in measured]
-    known_recordings = known_of(measured, joint_likelihood(measured, nominal, healthy.shape), rivals)
-    planner = Planner(
-        rivals, nominal, known_recordings, simulate, lambda behind: probabilities([0.0, *behind])[0]
-    )
-    return planner.plan(points_for(measured), len(os.sched_getaffinity(0)), progress)
-
-
-def rivals_of(discovery: Discovery, nominal: EffectiveModel) -> list[Rival]:
-    """Explanations that an ambiguous answer leaves, the leading one first."""
-    tied = (discovery.named.ids, *discovery.rivals)
-    left = [(_words(one), one) for ids in tied for one in discovery.ranking if one.ids == ids]
-    left += [(one.sentence, one.candidate) for one in discovery.proposals]
-    return [
-        Rival(
-            words,
-            partial(one.hypothesis.model, nominal),
-            one.theta,
-            one.hypothesis.ranges(),
-            one.price - left[0][1].price,
-        )
-        for words, one in left
-    ]
-
-
-def _words(candidate: Candidate) -> str:
-    return candidate_words(candidate) if candidate.ids else "the model as it is"
 
 
 def _remembered(nominal: EffectiveModel, recordings: Sequence[Measurement]) -> tuple[Healthy, str]:

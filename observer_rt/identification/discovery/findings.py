@@ -29,7 +29,6 @@ from observer_rt.identification.discovery.search.results import Cell, Discovery,
 from observer_rt.identification.discovery.search.search import indistinguishable
 from observer_rt.identification.discovery.standstill import StandstillFigure
 from observer_rt.identification.likelihood.operating_points import distinct
-from observer_rt.identification.planning.plan import MeasurementPlan
 from observer_rt.model.baseline import Remainder
 from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.effects import VOCABULARY
@@ -182,9 +181,8 @@ class Findings(Discovery):
     operating point; files: names of the recordings; judged_in_part: which of these were too long to be judged as a
     whole, and how injections were chosen from them; points: their operating points, each counted as a recording;
     fitted_on, held_out: of these; seconds: it took; baseline: what the model leaves of the healthy injector, None
-    where nothing is known of it; healthy: names of healthy recordings; plan: what to measure next, None where that
-    was not asked or nothing is left to decide; learned: laws of nozzle and seat, as the network learned them from the
-    recordings; folder: that all this is written to.
+    where nothing is known of it; healthy: names of healthy recordings; learned: laws of nozzle and seat, as the
+    network learned them from the recordings; folder: that all this is written to.
     """
 
     schema: Literal[1] = 1
@@ -218,7 +216,6 @@ class Findings(Discovery):
     remainder: Annotated[Remainder | None, Entry(lambda one, _: one is not None, bool), key("in_part")] = None
     injections: tuple[InjectionGap, ...] = ()
     masses: tuple[MassChange, ...] = ()
-    plan: MeasurementPlan | None = None
     learned: tuple[Annotated[LearnedCurve, Entry(lambda curve, _: curve.columns, LearnedEntry)], ...] = ()
     folder: Inside[str] = ""
 

@@ -22,15 +22,13 @@ from observer_rt.identification.discovery.findings import (
     ModelSource,
 )
 from observer_rt.identification.discovery.report.page import report
-from observer_rt.identification.planning.plan import write_schedule
 
-REPORT, PLAN = "report.html", "plan.csv"
-ANSWER = (REPORT, FINDINGS, AMENDED, PLAN)
+REPORT = "report.html"
+ANSWER = (REPORT, FINDINGS, AMENDED)
 _KINDS = {
     REPORT: None,
     FINDINGS: files.FINDINGS,
     AMENDED: None,
-    PLAN: files.PLAN,
 }
 
 
@@ -73,9 +71,6 @@ def write_findings(folder: Path, task: DiscoveryTask, findings: Findings, inject
     with file_errors(folder):
         write_text(folder / FINDINGS, text + "\n")
         write_text(folder / REPORT, report(written))
-        (folder / PLAN).unlink(missing_ok=True)
-        if written.plan is not None:
-            write_schedule(folder / PLAN, written.plan)
         if written.amended_model is not None:
             cells = stable_cells(task.parameters, written.in_force, task.measured)
             write_amended(

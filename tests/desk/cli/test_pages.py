@@ -204,29 +204,6 @@ def test_from_unknown_to_the_daemon(
     assert [row for row in rows if row not in table] == []
 
 
-@pytest.mark.slow
-def test_the_plan_of_the_page(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    page = Page("docs/discovery.md")
-    simulate, discover = (words_of(line)[0] for line in page.commands[7:9])
-    command.done(*simulate)
-    printed = " ".join(command.done(*discover, "--force").out.split())
-    (row,) = re.findall(r"^ +(1 +60 .* pressures and lift .*)$", page.text, re.MULTILINE)
-    assert " ".join(row.split()) in printed
-    steps = Path("planned/plan.csv").read_text(encoding="utf-8").splitlines()
-    assert steps[:2] == [
-        "step,rail_pressure_MPa,energizing_ms,pause_ms,injections,measure",
-        "1,60,0.4,2,10,pressures and lift",
-    ]
-    plan = json.loads(Path("planned/findings.json").read_text(encoding="utf-8"))["plan"]
-    assert len(plan["measurements"]) == len(steps) - 1
-    report = Path("planned/report.html").read_text(encoding="utf-8")
-    assert "What to measure next" in report
-    assert all(words in report for words in plan["rivals"])
-    command.done(*discover[:1], *discover[2:], "--force")  # without --plan
-    assert not Path("planned/plan.csv").exists()
-
-
 LIBRARY = Page("docs/library.md")
 PROGRAMS = LIBRARY.fenced("python")
 

@@ -1,8 +1,5 @@
-"""The answer and the next measurement in words and as a table, for the screen and the report."""
+"""The answer in words, for the screen and the report."""
 
-from rich.console import Console
-
-from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.units import MEGAPASCAL
 from observer_rt.identification.discovery.findings import Findings
 from observer_rt.identification.discovery.law_words import law_text
@@ -15,20 +12,7 @@ from observer_rt.identification.discovery.sentences import (
     standing_words,
     visible_words,
 )
-from observer_rt.identification.planning.plan import DECIDED, MeasurementPlan
 from observer_rt.model.effects import VOCABULARY
-
-HEADINGS = (
-    "step",
-    "rail MPa",
-    "energizing ms",
-    "pause ms",
-    "injections",
-    "measure",
-    "apart",
-    "confidence",
-    "mass mg",
-)
 
 
 def as_text(findings: Findings) -> str:
@@ -103,45 +87,3 @@ def gap_lines(findings: Findings) -> list[str]:
                 f"  {gap.words}: the model given is {gap.before:.2g} {gap.unit} off, if this is right"
             )
     return lines
-
-
-def plan_words(plan: MeasurementPlan | None) -> str:
-    """The open question, and whether a measurement would decide it."""
-    if plan is None:
-        return "nothing to plan: the answer is not ambiguous"
-    left = "; or ".join(plan.rivals)
-    if not plan.measurements:
-        return f"to decide between {left}: no operating point could be simulated"
-    best = plan.measurements[0].confidence
-    if best < DECIDED:
-        return (
-            f"to decide between {left}: no operating point would (confidence now {plan.confidence:.2f}, {best:.2f} "
-            "expected after the best)"
-        )
-    return f"to decide between {left} (confidence now {plan.confidence:.2f}), measure one of these, the best first:"
-
-
-def plan_rows(plan: MeasurementPlan) -> list[tuple[str, ...]]:
-    """Cells under HEADINGS, a step a row; mass: of an injection, as each explanation has it."""
-    return [
-        (
-            f"{step}",
-            f"{one.rail_pressure_MPa:g}",
-            f"{one.energizing_ms:g}",
-            f"{one.pause_ms:g}",
-            f"{one.injections}",
-            one.measure.value,
-            "" if one.separation is None else f"{one.separation:.0f}",
-            f"{one.confidence:.2f}",
-            " / ".join(f"{mass:.2f}" for mass in one.masses_mg),
-        )
-        for step, one in enumerate(plan.measurements, 1)
-    ]
-
-
-def print_plan(plan: MeasurementPlan | None, console: Console) -> None:
-    """Prints a plan."""
-    say(console, plan_words(plan))
-    if plan is not None and plan.measurements:
-        numbers = [place for place, heading in enumerate(HEADINGS) if heading != "measure"]
-        console.print(plain_table(HEADINGS, plan_rows(plan), right=numbers))

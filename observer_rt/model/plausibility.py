@@ -1,4 +1,4 @@
-"""Plausible ranges of an injector's numbers, and the entries one of which is wrong if a fitted number lies beyond.
+"""Plausible ranges of an injector's numbers, and the entries to check if a fitted number lies beyond.
 
 The ranges of geometry are generous, from small car injectors to those of large ships: a value beyond them is most
 often in other units than SI. Numbers that a fit determines have physical ranges, because a fit hides wrong geometry

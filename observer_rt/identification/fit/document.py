@@ -16,7 +16,7 @@ from observer_rt.identification.fit.calibrate import (
     judged_by,
 )
 from observer_rt.identification.fit.cross_validation import WORTH_A_WORD, share_between_samples
-from observer_rt.identification.fit.residuals import Pair, RecordingMass, Residual
+from observer_rt.identification.fit.residuals import RecordingMass, Residual
 from observer_rt.identification.fit.search import FailedStructure, FittedStructure
 from observer_rt.model.baseline import Baseline
 from observer_rt.model.plausibility import ImplausibleNumber, implausible
@@ -54,7 +54,6 @@ class TriedStructure(DocumentPart):
     chi2: dict[str, Number] | None = None
     chi2_mean: Number = None
     free: tuple[str, ...] = ()
-    converged: bool = False
 
 
 class FitDocument(Document):
@@ -69,7 +68,6 @@ class FitDocument(Document):
     kept: dict[str, dict[str, float | str]] = Field(description="left to the file: value, unit")
     level: dict[str, str] = Field(description="what the absolute level of flow rests on")
     residuals: tuple[Residual, ...]
-    open_loop_rms_MPa: Pair  # noqa: N815
     masses: tuple[RecordingMass, ...]
     mass_share: Number
     line_pressure_offsets_MPa: tuple[Number, ...] = Field(description="of each recording in `masses`")  # noqa: N815
@@ -97,7 +95,6 @@ def document_of(done: CalibrationResult, baseline: Baseline, warnings: Sequence[
         kept={one.name: {"value": one.of(done.injector) / one.si, "unit": one.unit} for one in done.kept},
         level={"from": done.level, "words": level_words(done)},
         residuals=comparison.residuals,
-        open_loop_rms_MPa=comparison.open_loop,
         masses=comparison.masses,
         mass_share=done.mass_share,
         line_pressure_offsets_MPa=tuple(done.offsets.tolist()),
@@ -117,7 +114,6 @@ def _tried(structure: FittedStructure | FailedStructure) -> TriedStructure:
         chi2={phase_name(phase): left.chi2[phase] for phase in Phase},
         chi2_mean=left.mean,
         free=tuple(parameter.name for parameter in structure.calibration.free),
-        converged=structure.minimum.converged,
     )
 
 

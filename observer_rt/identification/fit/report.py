@@ -16,10 +16,10 @@ from observer_rt.foundation.console import plain_table, say
 from observer_rt.foundation.figures import FOUND, GIVEN, LOOK, MEASURED, NotebookFigure, save_figure
 from observer_rt.foundation.units import MEGAPASCAL, MILLISECOND
 from observer_rt.identification.fit.calibrate import GATE, CalibrationResult
-from observer_rt.identification.fit.cross_validation import Fold, spread
+from observer_rt.identification.fit.cross_validation import spread
 from observer_rt.identification.fit.document import FitDocument, phase_name, verdict_words
-from observer_rt.identification.likelihood.measurement import open_time, rail_pressure_before
-from observer_rt.identification.likelihood.open_loop import SimulatedInjection
+from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
+from observer_rt.identification.likelihood.open_loop import SimulatedInjection, simulated
 from observer_rt.identification.likelihood.operating_points import point_name
 
 _MOST = 6  # overlays
@@ -43,9 +43,9 @@ def print_fit(fit: FitDocument, console: Console) -> None:
     ]
     names = ("structure", *map(phase_name, Phase), "free", "")
     console.print(plain_table(names, structures, right=range(1, 7), folds=(0,)))
-    for one in fit.structures:
-        if one.failed:
-            say(console, f"not fitted: {one.name}: it {one.failed}")
+    for structure in fit.structures:
+        if structure.failed:
+            say(console, f"not fitted: {structure.name}: it {structure.failed}")
     say(console, f"chosen: {fit.structure['reason']}\n")
     say(console, "parameters")
     parameters = [
@@ -72,8 +72,6 @@ def print_fit(fit: FitDocument, console: Console) -> None:
     ]
     names = ("signal", "phase", "rms", "", "", "unit", "chi2", "", "")
     console.print(plain_table(names, residuals, right=(2, 3, 4, 6, 7, 8), folds=()))
-    open_loop = " ".join(_arrow(fit.open_loop_rms_MPa))
-    say(console, f"line pressure with nothing corrected from the opening on: rms {open_loop} MPa")
     for line in _masses(fit):
         say(console, line)
     say(console, f"\nabsolute level: {fit.level['words']}")
@@ -119,18 +117,23 @@ def fit_figure(done: CalibrationResult) -> Figure:
         grid = figure.add_gridspec(rows + 1, _COLUMNS, height_ratios=[1.0] * rows + [1.15])
         for number, fold in enumerate(shown):
             axes = figure.add_subplot(grid[number // _COLUMNS, number % _COLUMNS])
-            by_file = None if before is None else before.runs[fold][0]
-            _overlay(axes, after.folds[fold], by_file, after.runs[fold][0], legend=number == 0)
+            measurement = after.folds[fold].measurement
+            by_file = None if before is None else simulated(measurement, before.models[fold])[0]
+            _overlay(axes, measurement, by_file, simulated(measurement, after.models[fold])[0], number == 0)
         _phases(figure.add_subplot(grid[rows, :]), done)
         figure.suptitle(f"{done.fitted.structure.name}: {verdict_words(done).split('. ')[0]}", fontsize=11)
     return figure
 
 
 def _overlay(
-    axes: Axes, fold: Fold, before: SimulatedInjection | None, after: SimulatedInjection, legend: bool
+    axes: Axes,
+    measurement: Measurement,
+    before: SimulatedInjection | None,
+    after: SimulatedInjection,
+    legend: bool,
 ) -> None:
-    """The first injection of a fold."""
-    recording, interval = fold.measurement.recording, fold.measurement.interval
+    """The first injection of a fold, with nothing corrected from the opening on."""
+    recording, interval = measurement.recording, measurement.interval
     shown = after.samples[: round(_SHOWN / interval)]
     since = (shown - shown[0]) * interval / MILLISECOND
     axes.plot(since, recording.line_pressure[shown] / MEGAPASCAL, color=MEASURED, lw=0.8, label="measured")

@@ -28,7 +28,7 @@ from observer_rt.identification.likelihood.likelihood import (
     Signal,
     pool_of,
 )
-from observer_rt.identification.likelihood.open_loop import SimulatedInjection, mass, measured_mass, simulated
+from observer_rt.model.effective import EffectiveModel
 from observer_rt.model.parameters import InjectorParameters
 
 Pair = Annotated[
@@ -161,15 +161,13 @@ class RecordingMass(DocumentPart):
 class ModelOnFolds:
     """A model on the recordings as they are, their rail pressure not averaged.
 
-    pressure_scale [Pa], density [kg/m3]: of the model; runs: of every fold, open loop from each opening on.
+    models: with the offset of each fold.
     """
 
     folds: Sequence[Fold]
     pool: Pool
     judged: Sequence[JudgedModel]
-    pressure_scale: float
-    density: float
-    runs: Sequence[Sequence[SimulatedInjection]]
+    models: Sequence[EffectiveModel]
 
     @classmethod
     def of(
@@ -181,10 +179,7 @@ class ModelOnFolds:
         if judged is None:
             return None
         models = [calibration.model(offsets, number) for number in range(len(folds))]
-        runs = [simulated(fold.measurement, model) for fold, model in zip(folds, models, strict=True)]
-        c = models[0].coefficients
-        pool = pool_of(calibration.recordings, judged)
-        return cls(folds, pool, judged, c.pressure_scale, c.density, runs)
+        return cls(folds, pool_of(calibration.recordings, judged), judged, models)
 
     def chi2(self, signal: Signal, phase: Phase) -> float:
         """Of means of 8 samples."""
@@ -200,30 +195,12 @@ class ModelOnFolds:
     @property
     def innovation(self) -> float:
         """Standard deviation of a sample's innovation, by noise alone [Pa]."""
-        return self.pressure_scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
-
-    def open_loop(self) -> float:
-        """Root mean square of the line pressure's error from the opening on, with nothing corrected [MPa]."""
-        errors = [
-            one.line_pressure - fold.measurement.recording.line_pressure[one.samples]
-            for fold, runs in zip(self.folds, self.runs, strict=True)
-            for one in runs
-        ]
-        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) / MEGAPASCAL
+        scale = self.models[0].coefficients.pressure_scale
+        return scale * float(np.mean([math.exp(one.log_sigma) for one in self.judged]))
 
     def mass(self, number: int) -> float:
         """Mean mass of a fold's injections [mg]."""
-        fold = self.folds[number]
-        masses = [mass(fold.measurement, one, self.density) for one in self.runs[number]]
-        return float(np.average(masses, weights=fold.weights)) / MILLIGRAM
-
-    def measured_mass(self, number: int) -> float:
-        """The same as it was measured, by itself or by the rate; nan where it was not."""
-        fold = self.folds[number]
-        if fold.weighed is not None:
-            return fold.weighed.mass / MILLIGRAM
-        masses = [measured_mass(fold.measurement, one, self.density) for one in self.runs[number]]
-        return float(np.average(masses, weights=fold.weights)) / MILLIGRAM
+        return float(np.average(self.judged[number].masses, weights=self.folds[number].weights)) / MILLIGRAM
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,11 +252,6 @@ class Comparison:
         )
 
     @property
-    def open_loop(self) -> dict[str, float | None]:
-        """See `ModelOnFolds.open_loop`."""
-        return self._both(ModelOnFolds.open_loop)
-
-    @property
     def masses(self) -> tuple[RecordingMass, ...]:
         """Of every fold."""
         return tuple(
@@ -287,7 +259,7 @@ class Comparison:
                 recording=str(fold.measurement.recording.path or fold.recording),
                 rail_pressure_MPa=fold.measurement.rail_pressure / MEGAPASCAL,
                 mass_mg=self._both(ModelOnFolds.mass, number),
-                measured_mass_mg=self.after.measured_mass(number),
+                measured_mass_mg=math.nan if fold.weighed is None else fold.weighed.mass / MILLIGRAM,
             )
             for number, fold in enumerate(self.after.folds)
         )

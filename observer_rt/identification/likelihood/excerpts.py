@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer_rt.core.stream.stream import LOOK_BACK, dead_band
-from observer_rt.files.signals.recording import Chunk, Recording
+from observer_rt.files.signals.recording import Chunk
 from observer_rt.files.signals.stream import SignalStream, copied, cut, followed
 from observer_rt.identification.likelihood.measurement import (
+    APART,
     COUNTED_LEAD,
     LEAD,
     MARGIN,
@@ -21,6 +22,7 @@ from observer_rt.identification.likelihood.measurement import (
     LeftOut,
     Measurement,
     events_of,
+    joined,
     measurement_of,
     measurements,
     missing_samples,
@@ -35,7 +37,6 @@ from observer_rt.identification.likelihood.white_noise import white_noise
 MOST_SAMPLES = 1 << 19  # stored of a recording: 5 s at 100 kHz, some 100 injections of a longer one
 BLOCK = 1 << 18  # samples looked at together
 STANDSTILL = 30e-3  # s stored after the last closing
-APART = 10e-3  # s between two excerpts: no sample belongs to both
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +118,8 @@ def measured(
         for event in events:
             chosen.take(_excerpt(block, event, starts))
         progress(samples)
-    found = FoundInjections(samples, missing, complete, tuple(left_out))
-    return _joined(source, chosen.excerpts(), found)
+    injections = FoundInjections(samples, missing, complete, tuple(left_out))
+    return _joined(source, chosen.excerpts(), injections)
 
 
 def _blocks(chunks: Iterator[Chunk]) -> Iterator[Chunk]:
@@ -169,14 +170,10 @@ def _joined(source: SignalStream, excerpts: Sequence[_Excerpt], injections: Foun
     for excerpt in excerpts:
         events.append(excerpt.event.moved(begin))
         begin += excerpt.samples
-    names = ["rail_pressure", "needle_lift", "line_pressure", *source.optional]
-    signals = {name: np.full(max(begin, 2), np.nan) for name in names}
-    begin = 0
-    for excerpt in excerpts:
-        for name, values in excerpt.part.signals.items():
-            signals[name][begin : begin + values.size] = values
-        begin += excerpt.samples
-    time = np.arange(max(begin, 2)) / source.sample_rate
-    recording = Recording(time, path=source.path, meaning=source.meaning, notes=source.notes, **signals)
+    names = ("rail_pressure", "needle_lift", "line_pressure", *source.optional)
+    parts = [excerpt.part.signals for excerpt in excerpts] or [dict.fromkeys(names, np.zeros(0))]
+    recording = joined(
+        parts, source.sample_rate, path=source.path, meaning=source.meaning, notes=source.notes
+    )
     openings = [opening for event in events for opening in event.openings]
     return measurement_of(recording, openings, tuple(events), injections)

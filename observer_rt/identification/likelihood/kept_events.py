@@ -5,22 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
 from observer_rt.config.injector import Meaning
 from observer_rt.engine.reports.evidence import EvidenceKind
 from observer_rt.files.evidence import SUFFIX, KeptEvent, read_evidence
-from observer_rt.files.signals.recording import Recording
 from observer_rt.foundation.console import say
 from observer_rt.foundation.errors import UserError
-from observer_rt.identification.likelihood.measurement import Measurement, measurements
+from observer_rt.identification.likelihood.measurement import Measurement, joined, measurements
 from observer_rt.identification.likelihood.reading import refuse_sample_rates
 from observer_rt.model.effect import SizedEffect
 from observer_rt.model.effects import VOCABULARY
 
-APART = 10e-3  # s between two events: no sample belongs to both
 FEWEST = 3  # events of a kind that a search can work with
 
 
@@ -91,26 +87,15 @@ def evidence_against(
     others = {other: sum(event.kind is other for event in own) for other in EvidenceKind if other is not kind}
     counts = ", ".join(f"{count} {other}" for other, count in others.items())
     say(console, f"{folder}: {len(chosen)} {kind} events are searched ({counts} events are not)")
-    joined = _joined(chosen, folder)
-    (measurement,) = measurements([joined])
+    recordings = [event.recording for event in chosen]
+    refuse_sample_rates(recordings)
+    names = ("rail_pressure", "needle_lift", "line_pressure")
+    parts = [{name: each.arrays[name] for name in names} for each in recordings]
+    meaning = Meaning(chosen[-1].belief["meaning"])
+    (measurement,) = measurements([joined(parts, recordings[0].sample_rate, path=folder, meaning=meaning)])
     measurement = replace(measurement, stated=_stated(chosen[-1]))
     hashes = {str(folder): _digest([event.sha256 for event in chosen])}
     return KeptEvidence(kind, model, Path(chosen[-1].belief["injector_file"]), measurement, hashes)
-
-
-def _joined(chosen: Sequence[KeptEvent], folder: Path) -> Recording:
-    """One recording of all events, with missing samples between two of them."""
-    recordings = [event.recording for event in chosen]
-    refuse_sample_rates(recordings)
-    rate = recordings[0].sample_rate
-    gap = np.full(round(APART * rate), np.nan)
-
-    def one_after_another(name: str) -> NDArray[np.float64]:
-        return np.concatenate([part for each in recordings for part in (each.arrays[name], gap)])
-
-    rail, lift, line = map(one_after_another, ("rail_pressure", "needle_lift", "line_pressure"))
-    meaning = Meaning(chosen[-1].belief["meaning"])
-    return Recording(np.arange(lift.size) / rate, rail, lift, line, path=folder, meaning=meaning)
 
 
 def _stated(event: KeptEvent) -> tuple[SizedEffect, ...]:

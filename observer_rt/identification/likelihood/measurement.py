@@ -1,8 +1,9 @@
 """Recordings as discovery sees them: noise, gaps, openings, and the stretches of samples that are judged."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ RATE_FLOOR = 0.01 * MM3_PER_MS
 _GUESSED_LIFT_NOISE = 0.4 * MICROMETRE  # where too few samples tell
 LOWEST_SAMPLE_RATE = 10e3  # Hz, below which the line mode is not seen
 SHORTEST_OPENING = 0.05e-3  # s
+APART = 10e-3  # s between two parts of a recording: no sample belongs to both
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class FoundInjections:
-    """Injections of a recording of so many samples, of which some are `missing`.
+    """Injections of a recording of so many samples, some of them `missing`.
 
     complete: injections that can be judged; left_out: others.
     """
@@ -135,8 +137,8 @@ def _of_recording(recording: Recording) -> Measurement:
     openings = openings_of(recording)
     events, left_out = events_of(recording, openings)
     missing = int(np.count_nonzero(missing_samples(recording)))
-    found = FoundInjections(recording.samples, missing, len(events), left_out)
-    return measurement_of(recording, openings, events, found)
+    injections = FoundInjections(recording.samples, missing, len(events), left_out)
+    return measurement_of(recording, openings, events, injections)
 
 
 def refuse_slow(recording: Sampled) -> None:
@@ -269,6 +271,19 @@ def _noise(recording: Recording, openings: Sequence[Opening]) -> tuple[NoiseLeve
     if recording.injection_rate is None:
         return levels, float("nan")
     return levels, max(white_noise(recording.injection_rate, shut), RATE_FLOOR)
+
+
+def joined(parts: Sequence[Mapping[str, NDArray[np.float64]]], sample_rate: float, **of: Any) -> Recording:
+    """One recording of the signals of several, by name, nothing being available between them.
+
+    of: further fields of the recording.
+    """
+    gap = np.full(round(APART * sample_rate), np.nan)
+    signals: dict[str, Any] = {
+        name: np.concatenate([samples for part in parts for samples in (part[name], gap)])
+        for name in parts[0]
+    }
+    return Recording(np.arange(signals["needle_lift"].size) / sample_rate, **signals, **of)
 
 
 def shut_mask(samples: int, openings: Sequence[Opening], settled: int) -> NDArray[np.bool_]:

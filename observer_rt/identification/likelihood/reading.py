@@ -132,15 +132,10 @@ def coverage(measurement: Measurement) -> str:
     return "\n".join(lines)
 
 
-def is_chosen(measurement: Measurement) -> bool:
-    """Whether not all injections are judged, so that times are not those of the recording."""
-    return len(measurement.events) != measurement.injections.complete
-
-
 def chosen_words(measurement: Measurement) -> str:
     """Describes how injections were chosen of a recording too long to be judged whole; empty for others."""
     judged, complete = len(measurement.events), measurement.injections.complete
-    if not is_chosen(measurement):
+    if judged == complete:
         return ""
     return (
         f"{judged} of {complete} complete injections chosen, spread evenly over each operating point: no more than "

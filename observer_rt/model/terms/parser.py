@@ -70,7 +70,7 @@ def _text(node: ast.expr) -> str:
 
 
 def _law(node: ast.expr) -> Law:
-    """The law of an expression. Raises `UserError` for what is in no law."""
+    """The law of an expression. Raises `UserError` for any other."""
     if (number := _literal(node)) is not None:
         return number
     match node:
@@ -82,10 +82,10 @@ def _law(node: ast.expr) -> Law:
             return _call(node, name, arguments)
         case ast.Name(name) | ast.Call(ast.Name(name)):
             meant = did_you_mean(name, (*VARIABLES, *_FUNCTIONS, COEFFICIENT))
-            known = (
+            names = (
                 f"variables: {', '.join(VARIABLES)}; functions: {', '.join(_FUNCTIONS)}; c is the coefficient"
             )
-            raise _refused(node, f"unknown name '{name}'", meant + known)
+            raise _refused(node, f"unknown name '{name}'", meant + names)
         case ast.UnaryOp(ast.USub(), operand):
             return Call(Operation.NEGATE, (_law(operand),))
         case ast.BinOp(base, ast.Pow(), power):
@@ -110,8 +110,8 @@ def _literal(node: ast.expr) -> Number | None:
         case ast.Subscript(ast.Constant() as number, unit) if (value := _literal(number)) is not None:
             name = _text(unit).replace(" ", "")
             if unit_named(name) is None:
-                known = f"units: {', '.join(UNIT_NAMES)}, multiplied by *, divided by /, raised by ^"
-                raise _refused(node, f"unknown unit '{name}'", did_you_mean(name, UNIT_NAMES) + known)
+                units = f"units: {', '.join(UNIT_NAMES)}, multiplied by *, divided by /, raised by ^"
+                raise _refused(node, f"unknown unit '{name}'", did_you_mean(name, UNIT_NAMES) + units)
             return Number(value.value, name)
         case ast.Constant(int() | float() as stated) if not isinstance(stated, bool):
             if abs(stated) > LARGEST:

@@ -1,102 +1,27 @@
 """TOML files of the user: read, validated, refused with file, key, remedy and what may stand there instead."""
 
 import json
+import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from observer_rt.foundation.errors import UserError, did_you_mean
 
-Schema = Mapping[str, Any]
-_TYPES = {
-    "boolean": "true or false, without quotes",
+_KINDS = {
+    "bool": "true or false, without quotes",
     "string": "a text in quotes",
-    "integer": "a whole number",
-    "number": "a number",
-    "array": "a list in brackets",
-    "object": "a section",
+    "tuple": "a list in brackets",
+    "mapping": "a section",
+    "model": "a section",
 }
-_LIMITS = {
-    "minimum": "of at least",
-    "exclusiveMinimum": "above",
-    "maximum": "up to",
-    "exclusiveMaximum": "below",
-}
+"""What an entry should be, by the type of a pydantic error; its own words serve for others."""
 
 _Model = TypeVar("_Model", bound=BaseModel)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-
-
-@dataclass(frozen=True)
-class EntrySchema:
-    """Schema of an entry of a file. root, schema: of the whole file, and of this entry."""
-
-    root: Schema
-    schema: Schema
-    keys: tuple[int | str, ...] = ()
-
-    @classmethod
-    def at(cls, model: type[BaseModel], location: Iterable[int | str]) -> "EntrySchema":
-        """Schema at the location of a pydantic error; parts of the location that are no keys are skipped."""
-        root = model.model_json_schema()
-        entry = cls(root, root)
-        for part in location:
-            below = next(entry._below(part), None)
-            if below is not None:
-                entry = cls(root, below, (*entry.keys, part))
-        return entry
-
-    @property
-    def names(self) -> list[str]:
-        """Keys of a section."""
-        return [name for kind in self._kinds for name in kind.get("properties", ())]
-
-    @property
-    def choices(self) -> list[str]:
-        """Choices for a text that must be one of several."""
-        return [choice for kind in self._kinds for choice in kind.get("enum", ())]
-
-    def in_words(self) -> str:
-        """The allowed values as text, such as `a number from 2 to 50`."""
-        return " or ".join(map(self._of_kind, self._kinds))
-
-    def _of_kind(self, kind: Schema) -> str:
-        if "enum" in kind or "const" in kind:
-            return f"one of {', '.join(map(json.dumps, kind.get('enum', [kind.get('const')])))}"
-        if kind.get("maxLength") == 1:
-            return "one character in quotes"
-        if self._of(kind.get("items", {}))[0].get("type") == "object":
-            return f"[[{self.keys[-1]}]], with two brackets"
-        if "minimum" in kind and "maximum" in kind:
-            return f"{_TYPES[kind['type']]} from {kind['minimum']:.10g} to {kind['maximum']:.10g}"
-        limits = [f"{word} {kind[name]:.10g}" for name, word in _LIMITS.items() if name in kind]
-        return " ".join([_TYPES[kind.get("type", "object")], " and ".join(limits)]).strip()
-
-    def _below(self, part: int | str) -> Iterator[Schema]:
-        """Schemas of the entries one key, or one list index, further down."""
-        for kind in self._kinds:
-            if isinstance(part, int):
-                yield from [*kind.get("prefixItems", ())[part:], *filter(None, [kind.get("items")])]
-            elif part in kind.get("properties", ()):
-                yield kind["properties"][part]
-            elif part != "[key]":  # pydantic's mark of a bad name
-                yield from filter(None, [kind.get("additionalProperties")])
-                yield from kind.get("patternProperties", {}).values()
-
-    @cached_property
-    def _kinds(self) -> list[Schema]:
-        """The kinds of value there may be, but for nothing at all."""
-        return [kind for kind in self._of(self.schema) if kind.get("type") != "null"]
-
-    def _of(self, schema: Schema) -> list[Schema]:
-        if "$ref" in schema:
-            return self._of(self.root["$defs"][schema["$ref"].rpartition("/")[2]])
-        return [kind for choice in schema.get("anyOf", ()) for kind in self._of(choice)] or [schema]
 
 
 class Section(BaseModel):
@@ -120,12 +45,37 @@ def validated(
         errors = error.errors()
         # a misspelt key also shows as a missing one: name the cause
         first: Any = next((e for e in errors if e["type"] == "extra_forbidden"), errors[0])
+        keys = _keys(first["loc"], document, is_missing=first["type"] == "missing")
         if first["type"] == "extra_forbidden":
-            *section, key = first["loc"]
-            allowed = EntrySchema.at(model, section)
-            raise unknown_key(location_of(*allowed.keys, key), key, allowed.names) from None
-        allowed = EntrySchema.at(model, first["loc"])
-        raise UserError(location_of(*allowed.keys), *_explanation(first, allowed, kind)) from None
+            raise unknown_key(location_of(*keys), str(keys[-1]), _known_keys(model, keys[:-1])) from None
+        raise UserError(location_of(*keys), *_explanation(first, kind)) from None
+
+
+def _keys(location: Sequence[int | str], document: Any, is_missing: bool) -> list[int | str]:
+    """Keys of a document in the location of a pydantic error, which also names choices between types."""
+    keys: list[int | str] = []
+    for part in location:
+        is_key = isinstance(document, Mapping) and part in document
+        is_item = isinstance(document, list) and isinstance(part, int) and part < len(document)
+        if is_key or is_item:
+            document = document[part]
+            keys.append(part)
+    return [*keys, location[-1]] if is_missing else keys
+
+
+def _known_keys(model: type[BaseModel], keys: Iterable[int | str]) -> Iterable[str]:
+    """Keys of the section that these keys lead to."""
+    for key in keys:
+        if key in model.model_fields:
+            model = _section_in(model.model_fields[str(key)].annotation) or model
+    return model.model_fields
+
+
+def _section_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    sections = (_section_in(argument) for argument in get_args(annotation))
+    return next((section for section in sections if section is not None), None)
 
 
 def place_in(path: Path) -> Callable[..., str]:
@@ -157,11 +107,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise UserError(str(path), f"is not valid TOML: {error}", "mend the line named") from None
 
 
-def _explanation(error: Any, allowed: EntrySchema, kind: str) -> tuple[str, str]:
+def _explanation(error: Any, kind: str) -> tuple[str, str]:
     """Problem and remedy for one pydantic error."""
     if error["type"] == "missing":
-        example = f"`observer-rt run --print-example-{kind}` shows a complete file"
-        return "is missing", f"add it, {allowed.in_words()}; {example}"
+        return "is missing", f"add it; `observer-rt run --print-example-{kind}` shows a complete file"
     value = error.get("input")
     shown = f"{value!r} " if isinstance(value, str | int | float | bool) else ""
     if "[key]" in error["loc"]:  # pydantic's mark of a bad name
@@ -169,5 +118,9 @@ def _explanation(error: Any, allowed: EntrySchema, kind: str) -> tuple[str, str]
     if error["type"] == "value_error":  # of ours, with a remedy
         problem, _, remedy = str(error["ctx"]["error"]).partition("; ")
         return f"{shown}is not allowed: {problem}", remedy or "correct it"
-    meant = did_you_mean(str(value), allowed.choices)
-    return f"{shown}is not allowed", f"{meant}write {allowed.in_words()}"
+    expected = _KINDS.get(error["type"].removesuffix("_type"), "")
+    if expected == _KINDS["tuple"] and isinstance(value, Mapping):
+        expected = f"[[{error['loc'][-1]}]], with two brackets"
+    choices = re.findall(r"'([^']*)'", str(error.get("ctx", {}).get("expected", "")))
+    should = f"it should be {expected}" if expected else error["msg"].replace("Input", "it", 1)
+    return f"{shown}is not allowed", f"{did_you_mean(str(value), choices)}{should}"

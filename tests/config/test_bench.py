@@ -145,7 +145,7 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
             "loss_factor = 8.0",
             "",
             "line.loss_factor",
-            "is missing add it, a number of at least 0; `observer-rt run --print-example-injector`",
+            "is missing add it; `observer-rt run --print-example-injector`",
         ),
         ("[chamber]", "[chambre]", "chambre", "'chamber'"),
     ],

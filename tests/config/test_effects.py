@@ -76,7 +76,7 @@ def test_example_in_the_shipped_file_is_one(tmp_path: Path) -> None:
         ('unit = "-"', 'unit = "%"', "0.parameters.v_H.unit", "'-'"),
         (', unit = "-"', "", "0.parameters.v_H.unit", "add it"),
         ("0.30", "7.0", "0.parameters.v_H.value", "-0.8 to 1.5"),
-        ("0.30", "nan", "0.parameters.v_H.value", "write a number"),
+        ("0.30", "nan", "0.parameters.v_H.value", "should be a finite number"),
         ("ci95 =", "ci =", "0.parameters.v_H.ci", "did you mean 'ci95'?"),
         ("origin =", "origins =", "0.origins", "did you mean 'origin'?"),
         ("[0.29, 0.31]", "[0.29]", "0.parameters.v_H.ci95.1", "add it"),

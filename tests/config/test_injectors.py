@@ -81,7 +81,7 @@ WRONG = {
     "injectors.right.outputs.injecter_id = 3": ("injector_id = 2", "did you mean 'injector_id'?"),
     "injectors.left.signals.needle_lift.link = 'lft'": ('link = "left"', "did you mean 'left'?"),
     "learning.event_gap = 8": ("event_gap_ms = 8", "did you mean 'event_gap_ms'?"),
-    "learning.event_gap_ms = 0": ("event_gap_ms = 8", "write a number from 2 to 50"),
+    "learning.event_gap_ms = 0": ("event_gap_ms = 8", "should be greater than or equal to 2"),
     "injectors.left.link": ("[injectors.left.signals.line_pressure]", "unknown key"),
     "injectors.a b": ("[injectors.right.signals.needle_lift]", "is not allowed"),
     "samplin": ("[sampling]", "did you mean 'sampling'?"),

@@ -59,7 +59,7 @@ def test_a_coefficient_in_another_unit_of_its_kind(tmp_path: Path) -> None:
         ('"mm3/ms/MPa^0.5"', '"litres"', "coefficient.unit", "unknown unit"),
         (", high = 0.5", "", "coefficient", "give both, or neither"),
         ("high = 0.5", "high = 0.35", "coefficient", "between"),
-        ("value = 0.4", "value = nan", "coefficient.value", "write a number"),
+        ("value = 0.4", "value = nan", "coefficient.value", "should be a finite number"),
         ("low =", "lo =", "coefficient.lo", "did you mean 'low'?"),
         ("origin =", "origins =", "origins", "did you mean 'origin'?"),
         ("law =", "laws =", "laws", "did you mean 'law'?"),

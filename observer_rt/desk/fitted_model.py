@@ -14,7 +14,7 @@ from observer_rt.identification.fit.calibrate import (
     write_fitted,
 )
 from observer_rt.identification.fit.cross_validation import sensor_gain, without_gain
-from observer_rt.identification.fit.masses import MeasuredMass
+from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.likelihood.measurement import Measurement
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
 from observer_rt.model.baseline import Baseline
@@ -36,7 +36,7 @@ class FittedModel:
 def fitted_model(
     start: InjectorParameters,
     measurements: Sequence[Measurement],
-    weighed: Mapping[int, MeasuredMass],
+    weighed: Mapping[int, MeanMass],
     digests: dict[str, str],
     progress: Callable[[float], None],
     calibration: StatedAccuracy = EXACT,

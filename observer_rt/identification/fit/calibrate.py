@@ -20,7 +20,7 @@ from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.errors import RunError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
 from observer_rt.identification.fit.cross_validation import Fold, folds_of, share_between_samples, thinned
-from observer_rt.identification.fit.masses import MeasuredMass
+from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,
     OPTIONAL_GROUPS,
@@ -234,7 +234,7 @@ class CalibrationResult:
 def calibrate(
     file: InjectorParameters,
     recordings: Sequence[Measurement],
-    weighed: Mapping[int, MeasuredMass],
+    weighed: Mapping[int, MeanMass],
     progress: Callable[[float], None],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> CalibrationResult:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from observer_rt.foundation.errors import UserError
 from observer_rt.foundation.units import MEGAPASCAL, MICROMETRE
-from observer_rt.identification.fit.masses import MeasuredMass
+from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.likelihood.measurement import Measurement, open_time, rail_pressure_before
 from observer_rt.identification.likelihood.operating_points import POINT_DURATION, distinct, events_by_point
 from observer_rt.model.accuracy import StatedAccuracy
@@ -39,7 +39,7 @@ class Fold:
     measurement: Measurement
     recording: int
     weights: NDArray[np.float64]
-    weighed: MeasuredMass | None = None
+    weighed: MeanMass | None = None
 
     def mass_residuals(self, masses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean of modelled masses (events,) [kg] beside the measured one, in standard deviations (1,), or (0,)."""
@@ -49,7 +49,7 @@ class Fold:
         return np.array([(mean - self.weighed.mass) / self.weighed.sigma])
 
 
-def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeasuredMass]) -> tuple[Fold, ...]:
+def folds_of(recordings: Sequence[Measurement], weighed: Mapping[int, MeanMass]) -> tuple[Fold, ...]:
     """Every recording as a fold; of a single one its operating points, or else its events by halves.
 
     A single one whose mass was measured stays whole: the mass is that of all its injections. weighed: by the number

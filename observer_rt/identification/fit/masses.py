@@ -17,18 +17,18 @@ LARGEST_MASS = 2000.0  # mg
 _EXAMPLE = f"write {RECORDING},{MASS}[,{SIGMA}] with lines such as healthy_60.csv,31.4"
 
 
-class MeasuredMass(NamedTuple):
+class MeanMass(NamedTuple):
     """Mean mass of a recording's injections, and its standard deviation [kg]."""
 
     mass: float
     sigma: float
 
-    def by(self, level: float) -> "MeasuredMass":
+    def by(self, level: float) -> "MeanMass":
         """The mass in units that are `level` times as large."""
-        return MeasuredMass(self.mass / level, self.sigma / level)
+        return MeanMass(self.mass / level, self.sigma / level)
 
 
-def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, MeasuredMass]:
+def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, MeanMass]:
     """Measured masses by the number of the recording.
 
     CSV: `recording` (file name), `mass_mg` (mean of its injections, pilot and main as one), and, where there is such
@@ -42,7 +42,7 @@ def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, Meas
     header = rows[0] if rows else []
     if sorted(header) not in (sorted((RECORDING, MASS)), sorted((RECORDING, MASS, SIGMA))):
         raise UserError(f"{path}, line 1", f"has the columns '{', '.join(header)}'", _EXAMPLE)
-    masses: dict[int, MeasuredMass] = {}
+    masses: dict[int, MeanMass] = {}
     for line, cells in enumerate(rows[1:], start=2):
         location = f"{path}, line {line}"
         if not any(cells):
@@ -56,7 +56,7 @@ def read_masses(path: Path, recordings: Sequence[Measurement]) -> dict[int, Meas
         mass = _number(f"{location}, {MASS}", row[MASS], LARGEST_MASS)
         stated = row.get(SIGMA)
         sigma = _number(f"{location}, {SIGMA}", stated, mass) if stated else SHARE_SIGMA * mass
-        masses[number] = MeasuredMass(mass * MILLIGRAM, sigma * MILLIGRAM)
+        masses[number] = MeanMass(mass * MILLIGRAM, sigma * MILLIGRAM)
     if not masses:
         raise UserError(str(path), "holds no mass", _EXAMPLE)
     return masses

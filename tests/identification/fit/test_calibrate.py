@@ -11,7 +11,7 @@ from observer_rt.foundation.units import MILLIGRAM
 from observer_rt.identification.fit.calibrate import CalibrationResult, FlowLevel, calibrate
 from observer_rt.identification.fit.cross_validation import folds_of
 from observer_rt.identification.fit.document import level_words, verdict_words
-from observer_rt.identification.fit.masses import MeasuredMass
+from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import (
     INERTANCE,
     STRUCTURES,
@@ -42,9 +42,7 @@ def _measured(made: Sequence[Simulation]) -> tuple[Measurement, ...]:
     return measurements([one.recording for one in made])
 
 
-def _fit(
-    measured: Sequence[Measurement], file: InjectorParameters, **weighed: MeasuredMass
-) -> CalibrationResult:
+def _fit(measured: Sequence[Measurement], file: InjectorParameters, **weighed: MeanMass) -> CalibrationResult:
     by_number = {int(name[1:]): one for name, one in weighed.items()}
     return calibrate(file, measured, by_number, lambda _: None, LUMPS)
 
@@ -173,7 +171,7 @@ def test_a_measured_rate_fixes_the_level_of_a_wrong_inertance() -> None:
 def test_one_measured_mass_fixes_the_level_of_a_wrong_inertance() -> None:
     made = simulations()
     true = MILLIGRAM * float(_fit(_measured(made), NOMINAL).comparison.masses[0].mass_mg["fitted"] or 0.0)
-    done = _fit(_measured(made), _wrong_inertance(), n0=MeasuredMass(true, 0.003 * true))
+    done = _fit(_measured(made), _wrong_inertance(), n0=MeanMass(true, 0.003 * true))
     assert done.level is FlowLevel.MASS
     assert abs(_mass_error(done.injector)) < 0.005
 

@@ -29,7 +29,7 @@ from observer_rt.identification.fit.cross_validation import (
     warnings,
     without_gain,
 )
-from observer_rt.identification.fit.masses import MeasuredMass
+from observer_rt.identification.fit.masses import MeanMass
 from observer_rt.identification.fit.problem import STRUCTURES
 from observer_rt.identification.likelihood.measurement import Measurement, measurements
 from observer_rt.model.accuracy import EXACT, StatedAccuracy
@@ -57,7 +57,7 @@ def test_a_thinned_part_stands_for_all_its_injections() -> None:
 
 
 def test_a_mean_mass_is_compared_in_standard_deviations() -> None:
-    fold = folds_of(TWO, {0: MeasuredMass(3.0, 0.5)})[0]
+    fold = folds_of(TWO, {0: MeanMass(3.0, 0.5)})[0]
     residuals = fold.mass_residuals(np.array([1.0, 2.3, 3.0, 4.0, 5.0]))
     assert residuals == pytest.approx([(3.06 - 3.0) / 0.5])
     assert folds_of(TWO, {})[0].mass_residuals(np.ones(5)).size == 0
@@ -67,7 +67,7 @@ def test_one_recording_with_a_mass_is_not_taken_apart() -> None:
     """Its mass is that of all its operating points."""
     schedule = make_schedule([60e6, 100e6], 4, 0.06, [0.6e-3])
     mixed = measurements([simulate(NOMINAL, schedule, 100e3, (), SimulatedNoise()).recording])
-    (fold,) = folds_of(mixed, {0: MeasuredMass(3.0, 0.5)})
+    (fold,) = folds_of(mixed, {0: MeanMass(3.0, 0.5)})
     assert len(fold.measurement.events) == 4
 
 
@@ -170,7 +170,7 @@ def test_recordings_and_masses_become_those_of_the_rail_sensor() -> None:
     level = SENSORS.level(GAIN)
     (first, *_), (other, *_) = without_gain(measured_with(GAIN, 0.0), GAIN, level), measured_with(0.0, 0.0)
     assert first.recording.line_pressure == pytest.approx(other.recording.line_pressure)
-    assert MeasuredMass(41e-6, 1e-7).by(level) == pytest.approx((41e-6 / 1.006, 1e-7 / 1.006))
+    assert MeanMass(41e-6, 1e-7).by(level) == pytest.approx((41e-6 / 1.006, 1e-7 / 1.006))
 
 
 def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -185,7 +185,7 @@ def test_a_fit_by_such_a_sensor_finds_the_injector(tmp_path: Path, monkeypatch: 
 
 def test_a_measured_mass_leaves_its_own_accuracy(tmp_path: Path) -> None:
     seen = measured_with(0.0, 0.0)
-    mass = MeasuredMass(40e-6, 0.003 * 40e-6)
+    mass = MeanMass(40e-6, 0.003 * 40e-6)
     done = calibrate(NOMINAL, seen, {0: mass}, lambda _: None, LUMP)
     write_fitted(tmp_path / "fitted.toml", InjectorFile.read(NOMINAL_INJECTOR), done, baseline_of(done, {}))
     accuracy = load_injector(tmp_path / "fitted.toml").accuracy

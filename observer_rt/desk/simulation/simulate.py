@@ -96,17 +96,15 @@ def simulate(
     measured_rate: bool = False,
     seed: int = 0,
     progress: Progress | None = None,
-    model: EffectiveModel | None = None,
 ) -> Simulation:
     """Simulate a schedule at `sample_rate` [Hz], with the effects in force in `parameters` and `effects` besides.
 
     Without `noise` the recording has neither noise nor quantisation. measured_rate: whether it has the injection rate
-    [m3/s], too; seed: of the noise; progress: takes the share simulated; model: in place of that of parameters and
-    effects, which then say only how the needle moves. The same arguments give the same bits;
+    [m3/s], too; seed: of the noise; progress: takes the share simulated. The same arguments give the same bits;
     every signal has its own random stream, so that one signal more or less leaves the others as they are.
     Raises `UserError` for a sample rate out of range and strokes that overlap.
     """
-    model = model or effective_model(parameters, effects)
+    model = effective_model(parameters, effects)
     if not MIN_SAMPLE_RATE <= sample_rate <= MAX_SAMPLE_RATE:
         raise UserError(
             SAMPLE_RATE_OPTION,

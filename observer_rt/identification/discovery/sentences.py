@@ -2,9 +2,7 @@
 
 from observer_rt.engine.estimation.phases import Phase
 from observer_rt.foundation.units import MEGAPASCAL, MILLIGRAM
-from observer_rt.identification.discovery.law_words import as_if
 from observer_rt.identification.discovery.numbers import sign
-from observer_rt.identification.discovery.search.candidates import Candidate, size_words
 from observer_rt.identification.discovery.search.results import Discovery, Proposal, SmallestVisible, Verdict
 
 PHASE_WORDS = {
@@ -66,15 +64,6 @@ def standing_words(proposal: Proposal) -> str:
 def visible_words(smallest: SmallestVisible) -> str:
     """The smallest size of an effect that would have been seen, such as `v_H = 0.0034`."""
     return f"{smallest.parameter} = {smallest.size:.2g} {sign(smallest.unit)}".rstrip()
-
-
-def candidate_words(candidate: Candidate) -> str:
-    """The effects of a candidate with their sizes and intervals, for a title."""
-    named = (
-        ", ".join((name.replace("_", " "), *size_words(sizes, "")))
-        for name, sizes in candidate.parameters.items()
-    )
-    return " and ".join((*named, *(f"as if {as_if(term)}" for term in candidate.terms)))
 
 
 def choices(discovery: Discovery) -> str:

@@ -159,16 +159,13 @@ def warnings(recordings: Sequence[Measurement]) -> list[str]:
     events = [(one, event) for one in recordings for event in one.events]
     pressures = distinct(rail_pressure_before(event, one.recording) for one, event in events)
     durations = np.array([open_time(event, one.recording) for one, event in events])
-    one_duration = float(np.ptp(durations)) < POINT_DURATION
-    if pressures == 1 and one_duration:
+    lacking = ["one rail pressure"] * (pressures == 1)
+    lacking += ["one energizing time"] * bool(np.ptp(durations) < POINT_DURATION)
+    if lacking:
         result.append(
-            "one operating point only: what is fitted holds there and nowhere else for sure; add recordings at other "
-            "rail pressures and energizing times, such as 60, 100 and 140 MPa by 0.6 and 1.9 ms"
+            f"{' and '.join(lacking)} only: what is fitted holds there and nowhere else for sure; add recordings at "
+            "others, such as 60, 100 and 140 MPa by 0.6 and 1.9 ms"
         )
-    elif pressures == 1:
-        result.append("one rail pressure only: add recordings at others, such as 60 and 140 MPa")
-    elif one_duration:
-        result.append("one energizing time only: add recordings with others, such as 0.6 and 1.9 ms")
     if len(events) < _FEW:
         result.append(f"{len(events)} injections only: intervals are wide; record {_FEW} or more")
     between = max(map(share_between_samples, recordings))

@@ -115,7 +115,7 @@ def test_a_coarse_signal_and_a_zero_at_rest_are_not_clipped(signal: str, change:
 
 def test_one_operating_point_is_warned_of() -> None:
     words = warnings(measurements([RECORDING]))
-    assert any("one operating point only" in one for one in words)
+    assert any("one rail pressure and one energizing time only" in one for one in words)
     assert any("3 injections only" in one for one in words)
 
 

@@ -37,6 +37,7 @@ REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
 SHORTLIST = 40  # of further laws that are linearised again
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
+OTHER_FORM = 5e-3  # of what a name explains, that a curve beside it must gain: .001 at most beside right names
 TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
 _LOSSES = {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE}
 _ALIKE = (
@@ -186,7 +187,7 @@ class Laws:
         """Curves where a name sits that beside it gain what a law costs; the form of a right name leaves nothing."""
         own = [one for one in _EVERY if COMPONENTS[one[0]] is name.hypothesis.effects[0].component]
         explained = self._nothing.statistic - name.statistic
-        least = max(UNNAMED * name.spread, self._is_adequate.remainder * explained)
+        least = max(UNNAMED * name.spread, min(OTHER_FORM, self._is_adequate.remainder) * explained)
         curves = free_curves(own, partial(self._fits.scores, name)) if own else []
         more = (one for one in curves if validated(one, NONE, range(one.knots.size)) > least)
         return [(one.equation, one.axis, one.factor) for one in more]

@@ -77,7 +77,10 @@ class Search:
             best = min(best, self._better(self._laws.made_alone, self._nothing) or best, key=self._rank)
         if len(best.ids) == 1 and (best.terms or adequate):
             self._tried += self._laws.stand_ins(best)
-            best = self._better([one for one in self._tried if len(one.ids) == 1], self._nothing) or best
+            better = self._better([one for one in self._tried if len(one.ids) == 1], self._nothing)
+            if better is None and not best.terms and self._is_adequate(self._nothing):
+                better = self._nothing  # laws explain it better than the name, and are too small to matter
+            best = better or best
         return self._outcome(best, adequate)
 
     def _grown(self, best: Candidate) -> Candidate:
@@ -159,7 +162,7 @@ class Search:
             candidate = self._without_idle(candidate)
             if self._pays(candidate, smaller):
                 return candidate
-            if len(candidate.ids) == 1 and candidate.within_bounds and not candidate.plausible:
+            if len(candidate.ids) == 1 and _matters_not(candidate):
                 # too small to matter, and yet it explains better than what would follow
                 limit = min(limit, candidate.statistic + TIE)
         return None
@@ -202,9 +205,12 @@ class Search:
 
     def _is_too_small(self, singles: Sequence[Candidate]) -> bool:
         """Whether a single explains the recordings by an effect within its dead zone."""
-        return any(
-            one.within_bounds and not one.plausible and self._is_adequate.ratio(one) <= 1.0 for one in singles
-        )
+        return any(_matters_not(one) and self._is_adequate.ratio(one) <= 1.0 for one in singles)
+
+    def _least_that_matters(self) -> float:
+        """-2 log L that single effects must come up to, where one that is too small to matter explains better."""
+        small = (one.statistic for one in self._tried if len(one.ids) == 1 and _matters_not(one))
+        return min(small, default=math.inf) + TIE
 
     def _is_new(self, candidate: Candidate) -> bool:
         """Whether every size differs from what the effect appears to be on the healthy injector."""
@@ -280,9 +286,11 @@ class Search:
         """Explanations of no more effects that might be right instead, one by laws of each equation."""
         accepted = 0.0 if best.ids else self._threshold(best)
         limit = best.price + NEAR + accepted
+        most = math.inf if best.ids else self._least_that_matters()
         once: dict[frozenset[str], Candidate] = {_class_of(best): best}
         for fit in sorted(self._tried, key=attrgetter("price")):
-            explains = fit.price < limit and 0 < len(fit.ids) <= max(1, len(best.ids)) and fit.plausible
+            explains = fit.price < limit and fit.statistic < most
+            explains = explains and 0 < len(fit.ids) <= max(1, len(best.ids)) and fit.plausible
             if explains and _class_of(fit) not in once and self._is_new(fit):
                 once[_class_of(fit)] = fit
         return list(once.values())[1:]
@@ -298,6 +306,11 @@ class Search:
         ranked = sorted(every.values(), key=cost)
         behind = [cost(candidate) - cost(ranked[0]) for candidate in ranked]
         return tuple(zip(ranked, probabilities(behind), strict=True))
+
+
+def _matters_not(candidate: Candidate) -> bool:
+    """Whether a size within its bounds is too small to matter."""
+    return candidate.within_bounds and not candidate.plausible
 
 
 def _class_of(candidate: Candidate) -> frozenset[str]:

@@ -37,7 +37,9 @@ REFITTED, REFITTED_PAIRS = 5, 3  # of the best by score
 PAIR_GAIN, PAIR_SHARE = 30.0, 0.05  # that a pair of one equation must gain over the best single to be fitted
 SHORTLIST = 40  # of further laws that are linearised again
 SHARPENED = 2  # best fits, in which the numbers within laws are fitted, too
-OTHER_FORM = 5e-3  # of what a name explains, that a curve beside it must gain: .001 at most beside right names
+OTHER_FORM = (
+    5e-3  # of what a name explains, that a curve beside it must gain: .001 at most beside right names
+)
 TAILORED_FURTHER = 2  # most promising equations, in which laws of further terms are made to measure
 _LOSSES = {TermEquation.LINE_FLOW, TermEquation.RAIL_PRESSURE}
 _ALIKE = (

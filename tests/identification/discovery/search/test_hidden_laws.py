@@ -17,8 +17,9 @@ from observer_rt.foundation.units import MILLISECOND
 from observer_rt.identification.discovery.search.candidates import Candidate
 from observer_rt.identification.discovery.search.fits import Fitter
 from observer_rt.identification.discovery.search.laws import first_guess
-from observer_rt.identification.discovery.search.search import Search
-from observer_rt.identification.discovery.search.verdict import name_effects
+from observer_rt.identification.discovery.search.results import Verdict
+from observer_rt.identification.discovery.search.search import Search, representatives
+from observer_rt.identification.discovery.search.verdict import SearchOptions, healthy_baseline, name_effects
 from observer_rt.identification.likelihood.likelihood import joint_likelihood
 from observer_rt.identification.likelihood.measurement import measurements
 from observer_rt.model.effects import effective_model
@@ -141,6 +142,36 @@ def test_several_names_do_not_stand_for_one_law() -> None:
     discovery = name_effects(effective_model(NOMINAL), made)
     assert discovery.named.ids == ()
     assert {term.equation for term in discovery.ranking[0].terms} == {TermEquation.SEAT_FLOW}
+
+
+def test_a_name_does_not_stand_for_a_step_beside_a_fitted_model() -> None:
+    """Fuel that stiffens at 100 MPa is nearly one whose stiffness rises with its pressure."""
+    nominal = effective_model(NOMINAL)
+    baseline, _ = healthy_baseline(nominal, measurements(recorded(with_laws())))
+    assert baseline.appears  # so that something may be the model's own error
+    options = SearchOptions(baseline=baseline)
+    discovery = name_effects(nominal, measurements(recorded(with_laws(wax=0.034))), options)
+    assert discovery.verdict is Verdict.UNKNOWN
+    (term,) = discovery.ranking[0].terms
+    assert term.equation is TermEquation.STIFFNESS
+    assert term.coefficient == pytest.approx(0.034, rel=0.05)
+
+
+def test_what_laws_explain_better_is_not_named_though_they_are_too_small() -> None:
+    """A leak that the vocabulary lacks is nearly friction of the line, and moves no mass by .01 mg."""
+    nominal = effective_model(NOMINAL)
+    leak = Faults(guide_leakage=7.5e-15)
+
+    def leaking(bench: Bench) -> Bench:
+        return replace(bench, events=tuple(replace(one, faults=leak) for one in bench.events))
+
+    fitter = Fitter(joint_likelihood(measurements(recorded(leaking)), nominal), nominal)
+    names = [one for one in representatives() if one.id != "guide_leakage"]
+    fitter.measure(names)
+    outcome = Search(fitter, names).run()
+    assert outcome.adequate
+    assert outcome.winner.ids == ()
+    assert outcome.probability(outcome.winner) > 0.9
 
 
 def test_a_third_effect_is_sought_beside_the_nearest_two() -> None:

@@ -142,7 +142,8 @@ class Candidate:
     """A combination of effects fitted to all recordings; the nominal model is the one without effects.
 
     sizes: (p,), SI, effect after effect; statistic: -2 log L, constants left out; spread: mean square of the
-    residuals as that counts it, 1 at least. Of those in a ranking, and of proposals, also half: half widths of the
+    residuals as that counts it, 1 at least; own_error: of -2 log L, what laws gain over a name that may be the fitted
+    model's own error. Of those in a ranking, and of proposals, also half: half widths of the
     95 % intervals (p,); moves: what it does to the model as given; sizes_of_half: fitted to every second operating
     point. Of those in a ranking also held_out: -2 log L so fitted and judged on the others, nan where that was not
     done.
@@ -152,6 +153,7 @@ class Candidate:
     sizes: tuple[float, ...]
     statistic: float
     spread: float = 1.0
+    own_error: float = 0.0
     half: tuple[float, ...] = ()
     sizes_of_half: tuple[float, ...] = ()
     held_out: float = math.nan
@@ -159,10 +161,10 @@ class Candidate:
 
     @property
     def price(self) -> float:
-        """-2 log L, what every number fitted costs, and the prior odds."""
+        """-2 log L, what every number fitted costs, the prior odds, and what may be the model's own error."""
         numbers = PRICE * (len(self.sizes) + sum(self.hypothesis.numbers)) * self.spread
         odds = UNNAMED * bool(self.terms) + FURTHER * max(len(self.ids) - 1, 0)
-        return self.statistic + numbers + odds
+        return self.statistic + numbers + odds + self.own_error
 
     @property
     def key(self) -> tuple[tuple[str, ...], tuple[float, ...]]:

@@ -7,6 +7,7 @@ well, is gone on from.
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from operator import attrgetter
 
 import numpy as np
@@ -26,6 +27,7 @@ STARTS = 3  # candidates gone on from at once
 NAMES = 6  # refitted beside a candidate, of the best by score
 WORTH_FITTING = 10.0  # gain by score from which on a further name is refitted
 PROMISED = 0.5  # of a gain that is needed: a score is linear, and not exact
+MOST_OF_IT = 0.5  # of what a name leaves, that a law must take to stand in its place beside a fitted model
 LED = 0.5  # of what the best explains, that a candidate must explain to be gone on from
 TIE = 16.0  # of -2 log L, within which fits explain as much
 # Of what is explained, that an effect must add; beside a fitted model.
@@ -77,11 +79,24 @@ class Search:
             best = min(best, self._better(self._laws.made_alone, self._nothing) or best, key=self._rank)
         if len(best.ids) == 1 and (best.terms or adequate):
             self._tried += self._laws.stand_ins(best)
+            self._charge_laws()
             better = self._better([one for one in self._tried if len(one.ids) == 1], self._nothing)
             if better is None and not best.terms and self._is_adequate(self._nothing):
                 better = self._nothing  # laws explain it better than the name, and are too small to matter
             best = better or best
         return self._outcome(best, adequate)
+
+    def _charge_laws(self) -> None:
+        """Beside a fitted model laws pay half of what the best name leaves where that explains all.
+
+        The form of a right name leaves the model's own error, of which a law takes a part; where the form is wrong,
+        the right law takes most of it.
+        """
+        names = [one for one in self._tried if len(one.ids) == 1 and not one.terms and one.plausible]
+        left = [self._unexplained(one) for one in names if self._is_adequate(one)]
+        if self._baseline.appears and left:
+            charge = MOST_OF_IT * min(left)
+            self._tried = [replace(one, own_error=charge) if one.terms else one for one in self._tried]
 
     def _grown(self, best: Candidate) -> Candidate:
         """The best there is, from the best name alone, or nothing."""
